@@ -1,0 +1,47 @@
+# `make demo` and `make test` need Python 3.11 or newer, make and a network to PyPI. Nothing else.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+
+.PHONY: help demo test check accuracy speed format clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo      a simulated robot day: pulse test -> battery file -> state of charge -> report (demo/)"
+	@echo "make test      every test"
+	@echo "make check     format and lint, types, the fast tests"
+	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
+	@echo "make speed     time per step -> benchmarks/speed.md"
+
+# One stamp per set of extras: touched again only when pyproject.toml changes.
+$(VENV)/%.stamp: pyproject.toml
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "ohmward needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..."; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@touch $@
+
+demo: $(VENV)/lab.stamp
+	$(BIN)/ohmward demo --out demo
+
+test: $(VENV)/test.stamp
+	$(BIN)/python -m pytest -n auto
+
+check: $(VENV)/dev.stamp
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -n auto -m 'not slow'
+
+format: $(VENV)/dev.stamp
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+accuracy: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/accuracy.py
+
+speed: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/speed.py
+
+clean:
+	rm -rf $(VENV) demo build dist

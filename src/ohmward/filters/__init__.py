@@ -1,0 +1,1 @@
+"""Kalman filters on any model; they know no domain."""

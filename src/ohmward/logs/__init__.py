@@ -1,0 +1,1 @@
+"""One Log type; readers and writers; units, signs, time."""

@@ -1,0 +1,1 @@
+"""Simulated batteries, missions and sensors, clearly named as simulated."""
