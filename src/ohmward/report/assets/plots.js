@@ -1,0 +1,308 @@
+/* Draws the stacks of a report with uPlot: one legend with live values per figure, one x axis per stack.
+   The data of a stack is made by payload.py and embedded beside its figures. */
+(() => {
+  "use strict";
+
+  const PRINT_WIDTH = 660;
+  const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif";
+  const Y_AXIS_SIZE = 52;
+  const Y_LABEL_SIZE = 20;
+  const STEPS = Array.from({ length: 36 }, (_, k) => [1, 2, 5].map((m) => Number(`${m}e${k - 18}`))).flat();
+  const plots = [];
+
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const colour = (name, alpha = "") => css(`c-${name}`) + alpha;
+  const decimalsOf = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const element = (tag, className = "", text = "") => Object.assign(document.createElement(tag), { className, textContent: text });
+
+  /* ---- data: one table [x, y1, y2, ...] per figure; null is a gap, undefined a sample of another series ---- */
+
+  function unpack(differences, perUnit) {
+    let sum = 0;
+    return differences.map((d) => (sum += d) / perUnit);
+  }
+
+  function table(figure, perUnit) {
+    const parts = [
+      ...figure.bands.map((b) => [unpack(b.x, perUnit), b.low, b.high]),
+      ...figure.series.map((s) => [unpack(s.x, perUnit), s.y]),
+    ];
+    return parts.length ? uPlot.join(parts, parts.map((p) => p.map(() => 2))) : [[]];
+  }
+
+  /* ---- options of uPlot ---- */
+
+  function lineOptions(s) {
+    const stroke = () => colour(s.colour);
+    const base = { label: s.label, scale: s.axis, stroke, width: 1.6, points: { show: false } };
+    if (s.style === "points") return { ...base, paths: () => null, points: { show: true, size: 4, width: 0, fill: stroke, space: 0 } };
+    if (s.style === "step") return { ...base, paths: uPlot.paths.stepped({ align: 1 }) };
+    return s.style === "dashed" ? { ...base, dash: [7, 5] } : base;
+  }
+
+  const bandEdge = (b) => ({ label: b.label, scale: "left", stroke: () => colour(b.colour, "55"), width: 1, points: { show: false } });
+
+  function yAxis(scale, side, label) {
+    return {
+      scale,
+      side,
+      label,
+      labelSize: Y_LABEL_SIZE,
+      labelGap: 2,
+      size: Y_AXIS_SIZE,
+      gap: 6,
+      incrs: STEPS,
+      stroke: () => css("soft"),
+      font: FONT,
+      labelFont: FONT,
+      grid: side === 3 ? { stroke: () => css("grid"), width: 1 } : { show: false },
+      ticks: { show: false },
+      values: (u, splits, _axis, _space, step) => splits.map((v) => tickText(v, step, u.scales[scale].distr === 3)),
+    };
+  }
+
+  function tickText(value, step, logarithmic) {
+    if (value === null) return "";
+    if (logarithmic || Math.abs(value) >= 1e6) return String(Number(value.toPrecision(6)));
+    return value.toFixed(decimalsOf(step)).replace("-", "−");
+  }
+
+  function options(stack, figure, last) {
+    const rightOfOthers = stack.figures.some((f) => f.right_label) ? Y_AXIS_SIZE + Y_LABEL_SIZE : 14;
+    const limits = figure.y_limits;
+    const left = figure.log_y ? { distr: 3 } : limits ? { range: limits } : {};
+    return {
+      width: 600,
+      height: figure.height_px + (last ? 22 : 0),
+      padding: [8, figure.right_label ? 0 : rightOfOthers, 0, 0],
+      legend: { show: false },
+      scales: { x: { time: false, auto: false, min: stack.extent[0], max: stack.extent[1] }, left, right: {} },
+      series: [{}, ...figure.bands.flatMap((b) => [bandEdge(b), bandEdge(b)]), ...figure.series.map(lineOptions)],
+      bands: figure.bands.map((b, i) => ({ series: [2 * i + 2, 2 * i + 1], fill: () => colour(b.colour, "2b") })),
+      axes: [
+        {
+          ...yAxis("x", 2, last ? stack.x_label : undefined),
+          size: 26,
+          labelSize: last ? 22 : 0,
+          grid: { stroke: () => css("grid"), width: 1 },
+        },
+        yAxis("left", 3, figure.y_label),
+        { ...yAxis("right", 1, figure.right_label), show: figure.right_label !== "" },
+      ],
+      cursor: {
+        y: false,
+        points: { size: 7, width: 2 },
+        drag: { x: true, y: false, dist: 4 },
+        sync: { key: stack.key, scales: ["x", null], filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
+        bind: {
+          dblclick: () => () => stack.zoom(...stack.extent),
+          mousedown: (u, _target, handler) => (e) => (e.shiftKey ? pan(stack, u, e) : handler(e)),
+        },
+      },
+      hooks: {
+        drawClear: [(u) => drawSpans(u, figure)],
+        draw: [(u) => drawMarkers(u, figure)],
+        setScale: [(u, scale) => scale === "x" && stack.zoom(u.scales.x.min, u.scales.x.max)],
+        setLegend: [(u) => figure.showValues(u)],
+      },
+    };
+  }
+
+  /* ---- spans and markers ---- */
+
+  function drawSpans(u, figure) {
+    const { left, top, width, height } = u.bbox;
+    for (const span of figure.spans) {
+      const from = Math.max(u.valToPos(span.from, "x", true), left);
+      const to = Math.min(u.valToPos(span.to, "x", true), left + width);
+      if (to < left || from > left + width) continue;
+      u.ctx.fillStyle = colour(span.colour, "24");
+      u.ctx.fillRect(from, top, Math.max(to - from, devicePixelRatio), height);
+    }
+  }
+
+  function drawMarkers(u, figure) {
+    const { left, top, width, height } = u.bbox;
+    const { ctx } = u;
+    let free = left;
+    ctx.save();
+    ctx.font = u.axes[0].font[0];
+    ctx.textAlign = "left";
+    ctx.textBaseline = "top";
+    ctx.lineWidth = 1.25 * devicePixelRatio;
+    ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
+    for (const marker of [...figure.markers].sort((a, b) => a.x - b.x)) {
+      const x = u.valToPos(marker.x, "x", true);
+      if (x < left || x > left + width) continue;
+      ctx.strokeStyle = ctx.fillStyle = colour(marker.colour);
+      ctx.beginPath();
+      ctx.moveTo(x, top);
+      ctx.lineTo(x, top + height);
+      ctx.stroke();
+      const text = x + 5 * devicePixelRatio;
+      const end = text + ctx.measureText(marker.label).width;
+      if (text < free || end > left + width) continue;
+      ctx.fillText(marker.label, text, top + 4 * devicePixelRatio);
+      free = end + 8 * devicePixelRatio;
+    }
+    ctx.restore();
+  }
+
+  /* ---- the legend: a button per series and band with its value under the cursor ---- */
+
+  function legend(stack, figure) {
+    const row = element("div", "legend");
+    const place = fixedItem("", "");
+    const bands = figure.bands.map((b, i) => ({ ...b, style: "area", indices: [2 * i + 1, 2 * i + 2] }));
+    const first = 1 + 2 * bands.length;
+    const items = [...figure.series.map((s, i) => ({ ...s, indices: [first + i] })), ...bands];
+    items.forEach((item) => row.append(toggle(figure, item)));
+    const spans = new Map(figure.spans.map((s) => [s.label, s]));
+    spans.forEach((s) => s.label && row.append(fixedItem(s.label, "area", s.colour)));
+    place.append((figure.place = element("output")));
+    row.append(place);
+    figure.showValues = (u) => showValues(u, stack, figure, items);
+    return row;
+  }
+
+  function mark(className, colourName) {
+    const icon = element("i", className);
+    icon.style.setProperty("--colour", `var(--c-${colourName})`);
+    return icon;
+  }
+
+  function toggle(figure, item) {
+    const button = element("button");
+    button.type = "button";
+    button.ariaPressed = "true";
+    button.append(mark(item.style, item.colour), item.label, (item.value = element("output")));
+    button.onclick = () => {
+      button.ariaPressed = String(button.ariaPressed !== "true");
+      item.indices.forEach((i) => figure.plot.setSeries(i, { show: button.ariaPressed === "true" }));
+    };
+    return button;
+  }
+
+  function fixedItem(label, className, colourName) {
+    const item = element("span", "fixed");
+    if (className) item.append(mark(className, colourName));
+    item.append(label);
+    return item;
+  }
+
+  const valueText = (y, decimals) => (decimals === null ? y.toPrecision(4) : y.toFixed(Math.max(decimals, 0))).replace("-", "−");
+
+  function showValues(u, stack, figure, items) {
+    const at = u.cursor.idx;
+    const inside = at != null && u.cursor.left >= 0;
+    figure.place.textContent = inside ? `${stack.x_name} ${u.data[0][at].toFixed(stack.decimals)} ${stack.x_unit}` : "";
+    for (const { value, indices, decimals } of items) {
+      const texts = indices.map((i) => {
+        const y = inside ? u.data[i][u.cursor.idxs[i]] : null;
+        return y == null ? "" : valueText(y, decimals);
+      });
+      value.textContent = texts.length === 2 && texts[0] ? `${texts[0]} … ${texts[1]}` : texts[0];
+    }
+  }
+
+  /* ---- zoom and scroll: drag, shift-drag, ctrl-wheel, sideways wheel, two fingers ---- */
+
+  function zoomer(stack, reset) {
+    let busy = false;
+    return (min, max) => {
+      if (busy || !(max > min)) return;
+      busy = true;
+      stack.figures.forEach(({ plot }) => plot.setScale("x", { min, max }));
+      reset.hidden = min <= stack.extent[0] && max >= stack.extent[1];
+      queueMicrotask(() => (busy = false));
+    };
+  }
+
+  function pan(stack, u, start) {
+    const { min, max } = u.scales.x;
+    const perPixel = (max - min) / u.over.clientWidth;
+    const move = (e) => stack.zoom(min - (e.clientX - start.clientX) * perPixel, max - (e.clientX - start.clientX) * perPixel);
+    const stop = () => document.removeEventListener("mousemove", move);
+    document.addEventListener("mousemove", move);
+    document.addEventListener("mouseup", stop, { once: true });
+  }
+
+  function onWheel(stack, u, e) {
+    const { min, max } = u.scales.x;
+    if (e.ctrlKey) {
+      const at = u.posToVal(e.offsetX, "x");
+      const factor = Math.exp(e.deltaY * 0.004);
+      stack.zoom(...bounded(stack, at - (at - min) * factor, at + (max - at) * factor));
+    } else if (Math.abs(e.deltaX) > Math.abs(e.deltaY)) {
+      const shift = ((max - min) * e.deltaX) / u.over.clientWidth;
+      stack.zoom(min + shift, max + shift);
+    } else return;
+    e.preventDefault();
+  }
+
+  function bounded(stack, min, max) {
+    return [Math.max(min, stack.extent[0]), Math.min(max, stack.extent[1])];
+  }
+
+  function onTouch(stack, u) {
+    const fingers = new Map();
+    let start = null;
+    const positions = () => [...fingers.values()].sort((a, b) => a - b);
+    const down = (e) => {
+      if (e.pointerType !== "touch") return;
+      fingers.set(e.pointerId, e.clientX - u.rect.left);
+      start = positions().map((px) => u.posToVal(px, "x"));
+    };
+    const move = (e) => {
+      if (!fingers.has(e.pointerId)) return;
+      fingers.set(e.pointerId, e.clientX - u.rect.left);
+      const px = positions();
+      if (px.length === 1) u.setCursor({ left: px[0], top: 1 });
+      if (px.length !== 2 || px[1] - px[0] < 10) return;
+      const perPixel = (start[1] - start[0]) / (px[1] - px[0]);
+      const min = start[0] - px[0] * perPixel;
+      stack.zoom(...bounded(stack, min, min + u.over.clientWidth * perPixel));
+    };
+    const up = (e) => fingers.delete(e.pointerId);
+    u.over.addEventListener("pointerdown", down);
+    u.over.addEventListener("pointermove", move);
+    ["pointerup", "pointercancel"].forEach((type) => u.over.addEventListener(type, up));
+  }
+
+  /* ---- the page ---- */
+
+  function build(node, number) {
+    const stack = JSON.parse(node.querySelector("script").textContent);
+    const reset = Object.assign(element("button", "reset", "Reset zoom"), { type: "button", hidden: true });
+    const [, name, unit] = stack.x_label.match(/^(.*?)\s*(?:\[(.*)\])?$/);
+    Object.assign(stack, { key: `stack-${number}`, x_name: name, x_unit: unit ?? "" });
+    stack.decimals = decimalsOf((stack.extent[1] - stack.extent[0]) / 1000);
+    stack.zoom = zoomer(stack, reset);
+    reset.onclick = () => stack.zoom(...stack.extent);
+    node.append(reset);
+    node.querySelectorAll("figure").forEach((holder, i) => {
+      const figure = stack.figures[i];
+      const canvas = element("div");
+      holder.append(legend(stack, figure), canvas);
+      const u = (figure.plot = new uPlot(options(stack, figure, i === stack.figures.length - 1), table(figure, stack.per_unit), canvas));
+      u.over.addEventListener("wheel", (e) => onWheel(stack, u, e), { passive: false });
+      onTouch(stack, u);
+      plots.push({ u, canvas });
+    });
+  }
+
+  const fit = ({ u, canvas }, width = canvas.clientWidth) => width && u.setSize({ width, height: u.height });
+  const redraw = () => plots.forEach(({ u }) => u.redraw(false));
+
+  document.querySelectorAll(".stack").forEach(build);
+  const resized = new ResizeObserver(() => plots.forEach((p) => fit(p)));
+  plots.forEach(({ canvas }) => resized.observe(canvas));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  matchMedia("print").addEventListener("change", redraw);
+  addEventListener("beforeprint", () => plots.forEach((p) => fit(p, PRINT_WIDTH)));
+  addEventListener("afterprint", () => plots.forEach((p) => fit(p)));
+  if (plots.length) {
+    const hint = "Drag to zoom, shift-drag to scroll, double-click to reset; click a name to hide its line.";
+    document.querySelector("main").append(element("p", "hint", hint));
+  }
+})();

@@ -1,0 +1,112 @@
+"""Axes: the x axis that figures share, nice ticks and their labels, how many decimals a number needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.report.figure import TIME, Band, Figure, Series
+
+
+class Unit(NamedTuple):
+    """A unit of time: its name and its length."""
+
+    name: str
+    seconds: float
+
+
+class XAxis(NamedTuple):
+    """An x axis: its label, its extent in its own unit, and that unit in the unit of the data."""
+
+    label: str
+    low: float
+    high: float
+    unit: float
+
+
+def shared_x(figures: Sequence[Figure]) -> XAxis:
+    """The x axis that holds all figures; with `TIME`, in the unit that suits their duration.
+
+    Raises: ValueError when they do not have one x_label.
+    """
+    labels = {f.x_label for f in figures}
+    if len(labels) != 1:
+        raise ValueError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")
+    low, high = _extent(figures)
+    if labels != {TIME}:
+        return XAxis(labels.pop(), low, high, 1.0)
+    name, seconds = time_unit(high - low)
+    return XAxis(f"Time [{name}]", low / seconds, high / seconds, seconds)
+
+
+def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
+    parts: list[Series | Band] = [part for f in figures for part in (*f.series, *f.bands)]
+    xs = [part.x for part in parts if part.x.size]
+    if not xs:
+        return 0.0, 1.0
+    low, high = float(min(x[0] for x in xs)), float(max(x[-1] for x in xs))
+    return (low, high) if low < high else (low - 0.5, high + 0.5)
+
+
+def time_unit(duration_s: float) -> Unit:
+    """The unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
+    if duration_s < 180:
+        return Unit("s", 1.0)
+    return Unit("min", 60.0) if duration_s < 3 * 3600 else Unit("h", 3600.0)
+
+
+def nice_step(span: float, intervals: int) -> float:
+    """The smallest of 1, 2, 5 times a power of ten that divides span > 0 into at most `intervals` intervals."""
+    raw = span / intervals
+    power = 10.0 ** math.floor(math.log10(raw))
+    return next(m * power for m in (1, 2, 5, 10) if m * power >= raw * (1 - 1e-9))
+
+
+def linear_ticks(low: float, high: float, intervals: int = 6) -> np.ndarray:
+    """Multiples of a nice step within [low, high], low < high."""
+    step = nice_step(high - low, intervals)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return np.round(np.arange(first, last + 1) * step, decimals(step))
+
+
+def log_ticks(low: float, high: float) -> np.ndarray:
+    """Powers of ten within [low, high], 0 < low < high; with fewer than two of them, 2 and 5 times them too."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for multiples in ((1,), (1, 2, 5)):
+        ticks = [m * 10.0**e for e in exponents for m in multiples if low <= m * 10.0**e <= high]
+        if len(ticks) >= 2:
+            break
+    return np.array(ticks)
+
+
+def tick_labels(ticks: np.ndarray) -> list[str]:
+    """The ticks as text, all with the same number of decimals; very large or small ones with an exponent."""
+    if ticks.size == 0:
+        return []
+    largest = float(np.abs(ticks).max())
+    if largest >= 1e6 or 0 < largest < 1e-3:
+        return [f"{t:.3g}" for t in ticks]
+    step = float(np.diff(ticks).min()) if ticks.size > 1 else largest or 1.0
+    return [f"{t + 0.0:.{max(decimals(step), 0)}f}" for t in ticks]
+
+
+def decimals(resolution: float) -> int:
+    """Decimals that show multiples of `resolution` > 0 of the form m 10^k; negative for tens, hundreds, ..."""
+    return -math.floor(math.log10(resolution) + 1e-9)
+
+
+def value_decimals(values: np.ndarray, digits: int = 4) -> int:
+    """Decimals that show `digits` digits of the central 98 % of the variation of the values (n,), NaN left out.
+
+    A constant is shown with `digits` digits of itself; a lone spike does not coarsen the rest.
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0
+    low, high = np.quantile(finite, [0.01, 0.99])
+    span = high - low if high - low > 1e-9 * abs(high) else abs(high)
+    span = span or np.abs(finite).max() or 1.0
+    return min(digits + decimals(float(span)), 15)

@@ -1,0 +1,89 @@
+"""The building blocks of a page as HTML text; every text that comes in is escaped."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Final, Literal, get_args
+
+from ohmward.report.figure import Figure
+from ohmward.report.payload import stack
+
+Level = Literal["info", "warning", "error"]
+Cell = str | int | float | None
+
+_LEADING_NUMBER: Final = re.compile(r"([+\-−]?\d[\d.,]*(?:e[+-]?\d+)?\s?%?)(.*)", re.DOTALL)
+
+
+def heading(text: str, anchor: str) -> str:
+    """A section title that links can point to."""
+    return f'<h2 id="{escape(anchor)}">{escape(text)}</h2>'
+
+
+def paragraphs(text: str) -> str:
+    """Paragraphs, split at blank lines."""
+    return "".join(f"<p>{escape(part.strip())}</p>" for part in re.split(r"\n\s*\n", text) if part.strip())
+
+
+def callout(level: Level, text: str) -> str:
+    """A note that stands out; its level is written, not only coloured."""
+    if level not in get_args(Level):
+        raise ValueError(f"level must be one of {', '.join(get_args(Level))}, got {level!r}")
+    return f'<div class="callout {level}" role="note"><b>{level.capitalize()}</b><div>{paragraphs(text)}</div></div>'
+
+
+def numbers(values: Mapping[str, str]) -> str:
+    """A row of key figures: label and value with unit, the leading number large."""
+    cards = (f"<div><dt>{escape(label)}</dt><dd>{_value(value)}</dd></div>" for label, value in values.items())
+    return f'<dl class="numbers">{"".join(cards)}</dl>'
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = "") -> str:
+    """A table; columns of numbers are aligned right, None is shown as a dash.
+
+    Raises: ValueError for a row that is not as long as the header.
+    """
+    for number, row in enumerate(rows):
+        if len(row) != len(header):
+            raise ValueError(f"row {number} has {len(row)} cells, the header has {len(header)}")
+    classes = [' class="number"' if _all_numbers(column) else "" for column in zip(*rows, strict=True)]
+    classes = classes or [""] * len(header)
+    head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))
+    body = "".join(
+        f"<tr>{''.join(f'<td{c}>{escape(_text(cell))}</td>' for cell, c in zip(row, classes, strict=True))}</tr>"
+        for row in rows
+    )
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f'<div class="scroll"><table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def plot(figures: Sequence[Figure]) -> str:
+    """Figures above each other on one x axis; `assets/plots.js` draws them from the embedded data."""
+    captions = "".join(f"<figure><figcaption>{escape(f.title)}</figcaption></figure>" for f in figures)
+    return f'<div class="stack">{captions}<script type="application/json">{embed(stack(figures))}</script></div>'
+
+
+def embed(data: object) -> str:
+    """JSON that is safe inside a script element: no "<" that could close it or open a comment."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _value(text: str) -> str:
+    match = _LEADING_NUMBER.fullmatch(text)
+    if match is None:
+        return f'<b class="word">{escape(text)}</b>'
+    return f"<b>{escape(match[1])}</b><span>{escape(match[2])}</span>"
+
+
+def _text(cell: Cell) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.5g}" if isinstance(cell, float) else str(cell)
+
+
+def _all_numbers(column: Sequence[Cell]) -> bool:
+    present = [cell for cell in column if cell is not None]
+    return bool(present) and all(not isinstance(c, str) or _LEADING_NUMBER.fullmatch(c) is not None for c in present)

@@ -1,0 +1,173 @@
+"""What a plot shows: series, uncertainty bands, markers and spans. No drawing here, and no domain.
+
+figure = Figure(
+    "State of charge", TIME, "State of charge [%]",
+    series=[Series(t, soc, "estimate", role="estimate"), Series(t, truth, "reference", "dashed", "reference")],
+    bands=[Band(t, soc - 2 * std, soc + 2 * std, "95 %")],
+    spans=[Span(600.0, 1800.0, "rest")],
+)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from ohmward.report.palette import MEANING, ROLES, Meaning, Role
+
+TIME: Final = "time"
+"""As `x_label`: x is in seconds; the drawing shows it in s, min or h, chosen by its duration, and says which."""
+
+Style = Literal["line", "points", "step", "dashed"]
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Samples (x_i, y_i) with a label.
+
+    x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
+    style: "line", "points", "step" (each value holds until the next sample) or "dashed".
+    role: what the colour says, see `palette.MEANING`; "auto" takes the next free hue.
+    axis: the y axis that it belongs to, "left" or "right".
+    Raises: ValueError for lengths that differ, descending x, an unknown style, role or axis.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    label: str
+    style: Style = "line"
+    role: Role = "auto"
+    axis: Side = "left"
+
+    def __post_init__(self) -> None:
+        _check_choice("style", self.style, get_args(Style))
+        _check_choice("role", self.role, ROLES)
+        _check_choice("axis", self.axis, get_args(Side))
+        x, y = _columns(self.label, x=self.x, y=self.y)
+        if self.style == "points":
+            order = np.argsort(x, kind="stable")
+            x, y = x[order], y[order]
+        _check_ascending(self.label, x)
+        object.__setattr__(self, "x", x)
+        object.__setattr__(self, "y", y)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
+
+    x: (n,) ascending; low, high: (n,), NaN is a gap.  role: as in `Series`, but not "auto".
+    Raises: ValueError for lengths that differ, descending x, low above high, an unknown role.
+    """
+
+    x: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    label: str
+    role: Meaning = "estimate"
+
+    def __post_init__(self) -> None:
+        _check_choice("role", self.role, tuple(MEANING))
+        x, low, high = _columns(self.label, x=self.x, low=self.low, high=self.high)
+        _check_ascending(self.label, x)
+        if (low > high).any():
+            i = int(np.argmax(low > high))
+            raise ValueError(
+                f"band {self.label!r}: low must not exceed high, got {low[i]:g} > {high[i]:g} at index {i}"
+            )
+        for name, values in (("x", x), ("low", low), ("high", high)):
+            object.__setattr__(self, name, values)
+
+
+class Marker(NamedTuple):
+    """A vertical line at x, in the unit of the figure's x."""
+
+    x: float
+    label: str
+    role: Meaning = "quiet"
+
+
+class Span(NamedTuple):
+    """A shaded stretch of the x axis; spans of one label share one entry of the legend."""
+
+    x_from: float
+    x_to: float
+    label: str
+    role: Meaning = "quiet"
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """One plot.
+
+    x_label: `TIME`, or a name and unit such as "Slip ratio [-]".  y_label, right_label: the same for both y axes.
+    log_y: logarithmic left axis; its values must be positive.  y_limits: fixed left axis instead of one that fits.
+    height_px: of the drawing, legend and title apart.
+    Raises: ValueError for a right series without right_label, values <= 0 on a log axis, limits that do not ascend.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    series: Sequence[Series] = ()
+    bands: Sequence[Band] = ()
+    markers: Sequence[Marker] = ()
+    spans: Sequence[Span] = ()
+    right_label: str = ""
+    log_y: bool = False
+    y_limits: tuple[float, float] | None = None
+    height_px: int = field(default=260, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name in ("series", "bands", "markers", "spans"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for role in [m.role for m in self.markers] + [s.role for s in self.spans]:
+            _check_choice("role", role, tuple(MEANING))
+        if not self.right_label and any(s.axis == "right" for s in self.series):
+            raise ValueError(
+                f"figure {self.title!r}: a series on the right axis needs right_label, for example 'I [A]'"
+            )
+        if self.y_limits is not None and not self.y_limits[0] < self.y_limits[1]:
+            raise ValueError(f"figure {self.title!r}: y_limits must ascend, got {self.y_limits}")
+        if self.log_y:
+            _check_positive(self)
+
+
+def _columns(label: str, **columns: np.ndarray) -> list[np.ndarray]:
+    """The columns as float arrays of one common length; infinite values of y become NaN."""
+    arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+    shapes = {name: a.shape for name, a in arrays.items()}
+    if any(a.ndim != 1 for a in arrays.values()) or len(set(shapes.values())) != 1:
+        raise ValueError(f"series {label!r}: {', '.join(arrays)} must be 1-D and equally long, got {shapes}")
+    return [np.where(np.isfinite(a), a, np.nan) if name != "x" else a for name, a in arrays.items()]
+
+
+def _check_ascending(label: str, x: np.ndarray) -> None:
+    if not np.isfinite(x).all():
+        raise ValueError(f"series {label!r}: x must be finite, drop the samples without an x")
+    back = np.flatnonzero(np.diff(x) < 0)
+    if back.size:
+        i = int(back[0])
+        raise ValueError(
+            f"series {label!r}: x must ascend, got {x[i]:g} before {x[i + 1]:g} at index {i}; sort it, "
+            "make one series of each branch, or use style='points'"
+        )
+
+
+def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
+    if value not in allowed:
+        raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+
+
+def _check_positive(figure: Figure) -> None:
+    left = [(s.label, s.y) for s in figure.series if s.axis == "left"] + [(b.label, b.low) for b in figure.bands]
+    for label, values in left:
+        if (values <= 0).any():
+            raise ValueError(
+                f"figure {figure.title!r}: log_y needs values > 0, {label!r} has {np.nanmin(values):g}; "
+                "set those to NaN, or use a linear axis"
+            )

@@ -1,0 +1,131 @@
+"""A report page: blocks put together to one HTML file that needs no network.
+
+page = (
+    Page("Pulse test", "pack A, 2 h 13 min")
+    .numbers({"Capacity": "3.02 Ah ± 0.01"})
+    .heading("State of charge")
+    .plot(soc, current)
+)
+page.write("report.html")
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from ohmward.report import blocks
+from ohmward.report.figure import Figure
+from ohmward.report.palette import css_variables
+
+
+@dataclass(frozen=True)
+class Page:
+    """A title and the blocks below it. Immutable: every method returns a new page with one block more.
+
+    subtitle: a line under the title.  footer: the last line, as for a time stamp and a version (nothing here reads
+    a clock: equal input gives equal bytes).
+    """
+
+    title: str
+    subtitle: str = ""
+    footer: str = ""
+    body: tuple[str, ...] = ()
+    headings: tuple[str, ...] = ()
+
+    def heading(self, text: str) -> Page:
+        """A section title; pages with several get a table of contents."""
+        page = replace(self, headings=(*self.headings, text))
+        return page._with(blocks.heading(text, _anchor(len(self.headings), text)))
+
+    def text(self, text: str) -> Page:
+        """Paragraphs, split at blank lines."""
+        return self._with(blocks.paragraphs(text))
+
+    def callout(self, level: blocks.Level, text: str) -> Page:
+        """A note that stands out; level: "info", "warning" or "error"."""
+        return self._with(blocks.callout(level, text))
+
+    def numbers(self, values: Mapping[str, str]) -> Page:
+        """A row of key figures: label -> value with unit, such as {"Capacity": "3.02 Ah ± 0.01"}."""
+        return self._with(blocks.numbers(values))
+
+    def table(self, header: Sequence[str], rows: Sequence[Sequence[blocks.Cell]], caption: str = "") -> Page:
+        """A table of texts and numbers; None is shown as a dash."""
+        return self._with(blocks.table(header, rows, caption))
+
+    def plot(self, *figures: Figure) -> Page:
+        """Figures above each other on one x axis: they zoom and scroll together."""
+        return self._with(blocks.plot(figures))
+
+    def html(self) -> str:
+        """The whole page."""
+        code = f"{_asset('vendor/uplot/uPlot.iife.min.js')}\n{_asset('assets/plots.js')}"
+        style = f"{_asset('vendor/uplot/uPlot.min.css')}\n{_theme()}\n{_asset('assets/report.css')}"
+        return Template(_asset("assets/page.html")).substitute(
+            policy=_content_policy(code),
+            title=escape(self.title),
+            subtitle=f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
+            contents=_contents(self.headings),
+            body="\n".join(self.body),
+            footer=f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
+            style=style,
+            code=code,
+        )
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the page; whoever reads `path` sees the old file or the whole new one."""
+        write_atomic(Path(path), self.html())
+
+    def _with(self, block: str) -> Page:
+        return replace(self, body=(*self.body, block))
+
+
+def write_atomic(path: Path, text: str) -> None:
+    """Write UTF-8 text to a temporary file beside `path`, then rename it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@cache
+def _asset(name: str) -> str:
+    return files("ohmward.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _theme() -> str:
+    """The colours of `palette`: light, dark where the reader prefers it, light on paper."""
+    return (
+        f":root{{{css_variables('light')}}}"
+        f"@media screen and (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
+    )
+
+
+def _content_policy(code: str) -> str:
+    """Tell the browser to load nothing and to run this code only, whatever a text on the page contains."""
+    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
+    return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+
+
+def _contents(headings: Sequence[str]) -> str:
+    if len(headings) < 3:
+        return ""
+    links = (f'<a href="#{_anchor(i, text)}">{escape(text)}</a>' for i, text in enumerate(headings))
+    return f'<nav aria-label="Contents">{"".join(links)}</nav>'
+
+
+def _anchor(number: int, text: str) -> str:
+    words = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+    return f"{number + 1}-{words}".rstrip("-")
