@@ -1,0 +1,74 @@
+"""Dense linear algebra on small matrices, in loops: NumPy's own refuses object arrays, which hold traced scalars.
+
+Nothing here branches on data, so every function runs with floats and with traced scalars alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ohmward.trace import maximum, where
+
+PIVOT_FLOOR = 1e-14
+"""Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""
+
+TINY = 2.0**-126
+"""Added to every floor so that a variance of zero divides safely: float32's smallest normal, so it survives export."""
+
+
+def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarray, float]:
+    """Lower factor L of P = L L', guarded: a pivot below the floor is raised to it, and `ok` says what that meant.
+
+    Only the lower triangle of P is read; its structural zeros stay zeros in L.
+
+    Args:
+        P: (n, n) covariance.
+        pivot_floor: smallest pivot relative to P[j, j], in (0, 1).
+
+    Returns:
+        L: (n, n), always finite for a finite P that is positive semidefinite up to rounding.
+        ok: 1.0 when every pivot is above -`pivot_floor` * P[j, j]; 0.0 when P is indefinite or not a number, and then
+            L is not a factor of P.
+    """
+    n = len(P)
+    L = np.zeros_like(P, dtype=np.result_type(P, float))
+    ok = 1.0
+    for j in range(n):
+        pivot = P[j, j] - L[j, :j] @ L[j, :j]
+        floor = pivot_floor * P[j, j]
+        ok = where(pivot >= -floor, ok, 0.0)
+        L[j, j] = np.sqrt(maximum(pivot, floor + TINY))
+        for i in range(j + 1, n):
+            L[i, j] = (P[i, j] - L[i, :j] @ L[j, :j]) / L[j, j]
+    return L, ok
+
+
+def solve_lower(L: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """X of L X = B by forward substitution; L: (n, n) lower triangle, B: (n,) or (n, k)."""
+    rows: list = []
+    for i in range(len(L)):
+        rows.append((B[i] - sum(L[i, j] * rows[j] for j in range(i))) / L[i, i])
+    return np.array(rows)
+
+
+def solve_upper(U: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """X of U X = B by back substitution; U: (n, n) upper triangle, B: (n,) or (n, k)."""
+    return solve_lower(U[::-1, ::-1], B[::-1])[::-1]
+
+
+def cho_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """X of L L' X = B; L: (n, n) from `cholesky`, B: (n,) or (n, k)."""
+    return solve_upper(L.T, solve_lower(L, B))
+
+
+def solve_spd(S: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """X of S X = B for a covariance S (m, m) and B (m,) or (m, k); one guarded division when m = 1."""
+    if len(S) == 1:
+        return B / maximum(S[0, 0], TINY)
+    return cho_solve(cholesky(S)[0], B)
+
+
+def mirror_lower(M: np.ndarray) -> np.ndarray:
+    """The lower triangle of M (n, n) mirrored: symmetric to the bit, M[i, j] and M[j, i] the very same element."""
+    i, j = np.indices(M.shape)
+    return M[np.maximum(i, j), np.minimum(i, j)]
