@@ -1,0 +1,99 @@
+"""What a filter believes, and what a measurement said about it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.filters.linear_algebra import cholesky, solve_lower, solve_spd
+from ohmward.filters.shapes import require_shape
+from ohmward.trace import isfinite, where
+
+
+class Belief(NamedTuple):
+    """Gaussian belief about a state of n elements.
+
+    mean: (n,), in the units of the model's state.
+    cov: (n, n), symmetric; the filters read and write its lower triangle and mirror it.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+
+
+class PackedBelief(NamedTuple):
+    """A belief as it is stored: symmetric by construction, no element twice.
+
+    mean: (n,).
+    lower: (n (n + 1) / 2,), the lower triangle of the covariance, row by row.
+    """
+
+    mean: np.ndarray
+    lower: np.ndarray
+
+
+class Innovation(NamedTuple):
+    """What a measurement said that the prediction did not.
+
+    value: (m,), measured minus predicted output, nu = y - y_hat.
+    cov: (m, m), its covariance S before the measurement was used.
+    """
+
+    value: np.ndarray
+    cov: np.ndarray
+
+
+class Correction(NamedTuple):
+    """An update with everything that it computed.
+
+    belief: after the measurement.
+    innovation: nu and S.
+    gain: (n, m), K; the mean moved by K nu.
+    """
+
+    belief: Belief
+    innovation: Innovation
+    gain: np.ndarray
+
+
+def pack(belief: Belief) -> PackedBelief:
+    """The belief with the lower triangle of its covariance only; `unpack` undoes it."""
+    n = len(belief.mean)
+    require_shape("belief.cov", belief.cov, (n, n))
+    return PackedBelief(belief.mean, belief.cov[np.tril_indices(n)])
+
+
+def unpack(packed: PackedBelief) -> Belief:
+    """The belief with its full covariance; cov[i, j] and cov[j, i] are the very same element."""
+    n = len(packed.mean)
+    require_shape("packed.lower", packed.lower, (n * (n + 1) // 2,))
+    i, j = np.indices((n, n))
+    row, column = np.maximum(i, j), np.minimum(i, j)
+    return Belief(packed.mean, np.asarray(packed.lower)[row * (row + 1) // 2 + column])
+
+
+def nis(innovation: Innovation) -> float:
+    """Normalised innovation squared nu' S^-1 nu; chi-square with m degrees of freedom when the filter is consistent."""
+    return innovation.value @ solve_spd(innovation.cov, innovation.value)
+
+
+def log_likelihood(innovation: Innovation) -> float:
+    """Log density of the measurement before it was used, -(m log 2 pi + log det S + nu' S^-1 nu) / 2."""
+    L, _ = cholesky(innovation.cov)
+    z = solve_lower(L, innovation.value)
+    log_det = 2 * sum(np.log(L[i, i]) for i in range(len(L)))
+    return -0.5 * (len(L) * math.log(2 * math.pi) + log_det + z @ z)
+
+
+def is_healthy(belief: Belief) -> float:
+    """1.0 when the mean is finite and the covariance positive semidefinite up to rounding, else 0.0.
+
+    A filter that is not healthy no longer knows anything: start it again from a new belief. Inside a traced step the
+    factor that this needs is the one of the next sigma points, so asking costs next to nothing.
+    """
+    _, ok = cholesky(belief.cov)
+    for element in belief.mean:
+        ok = where(isfinite(element), ok, 0.0)
+    return ok
