@@ -1,0 +1,73 @@
+"""The extended Kalman filter: the Kalman filter on the model's exact Jacobians."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.shapes import require_shape
+from ohmward.trace import linearize
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+def predict(belief: Belief, f: Function, Q: np.ndarray) -> Belief:
+    """Belief after one step of x+ = f(x) + w, w ~ N(0, Q): mean f(x), covariance F P F' + Q.
+
+    Args:
+        belief: before the step.
+        f: next state (n,) of a state (n,); it closes over input, parameters and dt.
+        Q: (n, n) covariance of the process noise over this step.
+
+    Raises:
+        InputError: f returns anything but (n,), or Q is not (n, n).
+    """
+    n = len(belief.mean)
+    require_shape("Q", Q, (n, n))
+    mean, F = linearize(f, belief.mean)
+    require_shape("f(x)", mean, (n,))
+    return Belief(mean, mirror_lower(F @ belief.cov @ F.T + Q))
+
+
+def update(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, iterations: int = 1) -> tuple[Belief, Innovation]:
+    """Belief after the measurement y = h(x) + v, v ~ N(0, R).
+
+    Args:
+        belief: before the measurement.
+        y: (m,) measured output.
+        h: output (m,) of a state (n,).
+        R: (m, m) covariance of the measurement noise; zero is allowed.
+        iterations: 1 is the extended Kalman filter; more is the iterated one, which linearises again where the last
+            iteration ended (Gauss-Newton on the posterior, Bell and Cathey 1993).
+
+    Returns:
+        The belief after, and the innovation at the mean before, whatever `iterations`.
+
+    Raises:
+        InputError: y, h(x) or R do not fit each other, or `iterations` < 1.
+    """
+    if iterations < 1:
+        raise InputError(f"iterations must be at least 1 but is {iterations}; 1 is the plain extended Kalman filter")
+    posterior, innovation, _ = correct(belief, y, h, R)
+    for _ in range(iterations - 1):
+        posterior = _relinearised(belief, posterior.mean, y, h, R)
+    return posterior, innovation
+
+
+def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray) -> Correction:
+    """`update` without iterations, with the gain too."""
+    y_hat, H = linearize(h, belief.mean)
+    require_shape("h(x)", y_hat, np.shape(y))
+    return kalman.correct(belief, y, H, R, y_hat)
+
+
+def _relinearised(prior: Belief, point: np.ndarray, y: np.ndarray, h: Function, R: np.ndarray) -> Belief:
+    """The prior corrected with h linearised at `point` instead of at its mean."""
+    y_hat, H = linearize(h, point)
+    posterior, _ = kalman.update(prior, y, H, R, y_hat + H @ (prior.mean - point))
+    return posterior

@@ -1,0 +1,71 @@
+"""The Kalman filter: linear models. Kalman 1960; the covariance update in Joseph's form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.linear_algebra import mirror_lower, solve_spd
+from ohmward.filters.shapes import require_shape
+
+
+def predict(belief: Belief, F: np.ndarray, Q: np.ndarray, offset: np.ndarray | float = 0.0) -> Belief:
+    """Belief after one step of x+ = F x + offset + w, w ~ N(0, Q).
+
+    Args:
+        belief: before the step.
+        F: (n, n) transition matrix.
+        Q: (n, n) covariance of the process noise over this step.
+        offset: (n,), what the input adds, B u.
+
+    Raises:
+        InputError: F or Q is not (n, n).
+    """
+    n = len(belief.mean)
+    require_shape("F", F, (n, n))
+    require_shape("Q", Q, (n, n))
+    return Belief(F @ belief.mean + offset, mirror_lower(F @ belief.cov @ F.T + Q))
+
+
+def update(
+    belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None
+) -> tuple[Belief, Innovation]:
+    """Belief after the measurement y = H x + v, v ~ N(0, R).
+
+    Args:
+        belief: before the measurement.
+        y: (m,) measured output.
+        H: (m, n) output matrix.
+        R: (m, m) covariance of the measurement noise; zero is allowed.
+        y_hat: (m,) predicted output where it is not H @ mean, as with a linearised output.
+
+    Raises:
+        InputError: y, H or R do not fit each other or the belief.
+    """
+    posterior, innovation, _ = correct(belief, y, H, R, y_hat)
+    return posterior, innovation
+
+
+def correct(belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None) -> Correction:
+    """`update`, with the gain too."""
+    n, m = len(belief.mean), len(np.atleast_1d(y))
+    require_shape("y", y, (m,))
+    require_shape("H", H, (m, n))
+    require_shape("R", R, (m, m))
+    C = belief.cov @ H.T
+    S = mirror_lower(H @ C + R)
+    K = gain(C, S)
+    nu = y - (H @ belief.mean if y_hat is None else y_hat)
+    posterior = Belief(belief.mean + K @ nu, joseph(belief.cov, K, H, R))
+    return Correction(posterior, Innovation(nu, S), K)
+
+
+def gain(C: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """K = C S^-1 (n, m) from the covariance C (n, m) of state and output and S (m, m) of the innovation."""
+    return solve_spd(S, C.T).T
+
+
+def joseph(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """(I - K H) P (I - K H)' + K R K' (n, n): a sum of squares, so rounding cannot make it indefinite."""
+    A = np.eye(len(P)) - K @ H
+    return mirror_lower(A @ P @ A.T + K @ R @ K.T)
