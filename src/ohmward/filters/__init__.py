@@ -1,1 +1,38 @@
-"""Kalman filters on any model; they know no domain."""
+"""Kalman filters on any model; they know no domain.
+
+Pure functions on NumPy arrays. Every one also runs on object arrays of traced scalars, so a whole step can be traced
+and compiled. `kalman`, `extended` and `unscented` each have `predict` and `update`; `adaptive` learns the noise.
+"""
+
+from ohmward.filters import adaptive, consistency, extended, gating, kalman, unscented
+from ohmward.filters.belief import (
+    Belief,
+    Correction,
+    Innovation,
+    PackedBelief,
+    is_healthy,
+    log_likelihood,
+    nis,
+    pack,
+    unpack,
+)
+from ohmward.filters.sequential import update_sequentially
+
+__all__ = [
+    "Belief",
+    "Correction",
+    "Innovation",
+    "PackedBelief",
+    "adaptive",
+    "consistency",
+    "extended",
+    "gating",
+    "is_healthy",
+    "kalman",
+    "log_likelihood",
+    "nis",
+    "pack",
+    "unpack",
+    "unscented",
+    "update_sequentially",
+]

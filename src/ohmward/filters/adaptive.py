@@ -1,0 +1,197 @@
+"""Noise covariances learnt on the way: covariance matching (AEKF, AUKF), [T] 3.49-3.50 with the missing 1/L restored.
+
+    C_k = mean of e e'             e_k = y_k - y_k|k-1         innovation
+    Q_k = K_k C_k K_k' + Q_floor
+    R_k = mean of eps eps' + P_yy(x_k|k) + R_floor             eps_k = y_k - h(x_k|k), residual
+
+Q_k has no more rank than y has elements: without the floor the covariance of states that the output hardly shows
+collapses, and the filter becomes wrong with confidence. The floors are part of the model: what each state may wander in
+one step, in its own unit squared, and what the sensor's resolution alone amounts to.
+
+[T] means over a ring of the last L = 100 samples. Here the mean is recursive: over all samples while there are fewer
+than L, then with exponential forgetting 1/L. The effective memory is the same; a ring would cost m (m + 1) L numbers in
+every state that is stored, exported to a controller or kept per robot. `windowed_moments` is the ring, to compare.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.filters import extended, unscented
+from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.gating import choose, passes
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.shapes import require_shape
+from ohmward.trace import linearize, minimum
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+class NoiseEstimate(NamedTuple):
+    """Second moments that the noise is matched to, in units of y squared.
+
+    innovation: (m, m), mean of e e'.
+    residual: (m, m), mean of eps eps'.
+    samples: how many are in the means, at most the window.
+    """
+
+    innovation: np.ndarray
+    residual: np.ndarray
+    samples: float
+
+
+class AdaptiveState(NamedTuple):
+    """All that an adaptive filter carries from step to step.
+
+    belief: of the state.
+    Q: (n, n), process noise for the next step.
+    R: (m, m), measurement noise for the next step.
+    noise: what they are matched to.
+    """
+
+    belief: Belief
+    Q: np.ndarray
+    R: np.ndarray
+    noise: NoiseEstimate
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Settings of the covariance matching.
+
+    Q_floor: (n, n), random walk of each state over one step; unit of the state squared.
+    R_floor: (m, m), unit of the output squared.
+    window: effective number of samples in the means, >= 1; [T] takes 100.
+    gate: largest NIS of a measurement that is used; infinity skips only missing ones; None trusts every one, and then
+        a single NaN ends the filter.
+    """
+
+    Q_floor: np.ndarray
+    R_floor: np.ndarray
+    window: float = 100.0
+    gate: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.window >= 1:
+            raise InputError(f"window must be at least 1 sample but is {self.window}; [T] takes 100")
+        if self.gate is not None and not self.gate > 0:
+            raise InputError(f"gate must be > 0 but is {self.gate}; None trusts every measurement")
+
+
+def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
+    """State before the first sample: the noise Q (n, n), R (m, m) is what the first step uses."""
+    n, m = len(belief.mean), len(R)
+    require_shape("Q", Q, (n, n))
+    require_shape("R", R, (m, m))
+    return AdaptiveState(belief, Q, R, NoiseEstimate(np.zeros((m, m)), np.zeros((m, m)), 0.0))
+
+
+def extended_step(
+    state: AdaptiveState, f: Function, h: Function, y: np.ndarray, matching: Matching
+) -> tuple[AdaptiveState, Innovation]:
+    """Adaptive extended Kalman filter (AEKF): predict through f, correct with y = h(x) + v, match Q and R.
+
+    Args:
+        state: before the step.
+        f: next state (n,) of a state (n,).
+        h: output (m,) of a state (n,).
+        y: (m,) measured output.
+        matching: floors, window and gate.
+
+    Raises:
+        InputError: shapes do not fit each other.
+    """
+    prior = extended.predict(state.belief, f, state.Q)
+    correction = extended.correct(prior, y, h, state.R)
+    y_hat, H = linearize(h, correction.belief.mean)
+    P_yy = H @ correction.belief.cov @ H.T
+    return _matched(state, prior, correction, y - y_hat, P_yy, matching)
+
+
+def unscented_step(
+    state: AdaptiveState,
+    f: Function,
+    h: Function,
+    y: np.ndarray,
+    matching: Matching,
+    scaling: unscented.Scaling = unscented.DEFAULT,
+) -> tuple[AdaptiveState, Innovation]:
+    """Adaptive unscented Kalman filter (AUKF) with redrawn sigma points; arguments as for `extended_step`."""
+    prior = unscented.predict(state.belief, f, state.Q, scaling)
+    correction = unscented.correct(prior, y, h, state.R, scaling)
+    P_yy = unscented.output_covariance(correction.belief, h, scaling)
+    return _matched(state, prior, correction, y - h(correction.belief.mean), P_yy, matching)
+
+
+def unscented_step_reusing_points(
+    state: AdaptiveState,
+    f: Function,
+    h: Function,
+    y: np.ndarray,
+    matching: Matching,
+    scaling: unscented.Scaling = unscented.DEFAULT,
+) -> tuple[AdaptiveState, Innovation]:
+    """The AUKF of [T]: the propagated sigma points are used for h too; arguments as for `extended_step`."""
+    prior, correction = unscented.correct_reusing_points(state.belief, f, h, y, state.Q, state.R, scaling)
+    P_yy = unscented.output_covariance(correction.belief, h, scaling)
+    return _matched(state, prior, correction, y - h(correction.belief.mean), P_yy, matching)
+
+
+def remember(noise: NoiseEstimate, innovation: np.ndarray, residual: np.ndarray, window: float) -> NoiseEstimate:
+    """The moments with one more sample: the mean of all up to `window` of them, then exponential forgetting 1/window.
+
+    Args:
+        noise: so far.
+        innovation: (m,), y_k - y_k|k-1.
+        residual: (m,), y_k - h(x_k|k).
+        window: L, effective number of samples, >= 1.
+    """
+    samples = minimum(noise.samples + 1.0, window)
+    share = 1.0 / samples
+    return NoiseEstimate(
+        mirror_lower(noise.innovation + share * (np.outer(innovation, innovation) - noise.innovation)),
+        mirror_lower(noise.residual + share * (np.outer(residual, residual) - noise.residual)),
+        samples,
+    )
+
+
+def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Matching) -> tuple[np.ndarray, np.ndarray]:
+    """Q (n, n) and R (m, m) for the next step, from the gain K (n, m) and the output covariance P_yy (m, m) after."""
+    n, m = K.shape
+    require_shape("matching.Q_floor", matching.Q_floor, (n, n))
+    require_shape("matching.R_floor", matching.R_floor, (m, m))
+    Q = K @ noise.innovation @ K.T + matching.Q_floor
+    R = noise.residual + P_yy + matching.R_floor
+    return mirror_lower(Q), mirror_lower(R)
+
+
+def windowed_moments(values: np.ndarray, window: int) -> np.ndarray:
+    """Mean of e e' over the last `window` samples at each of T times, [T]'s ring, for comparison offline.
+
+    values: (T, m), innovations or residuals.  Returns: (T, m, m); the first window - 1 are means of what there is.
+    """
+    squares = values[:, :, None] * values[:, None, :]
+    return np.array([squares[max(0, k + 1 - window) : k + 1].mean(axis=0) for k in range(len(values))])
+
+
+def _matched(
+    state: AdaptiveState,
+    prior: Belief,
+    correction: Correction,
+    residual: np.ndarray,
+    P_yy: np.ndarray,
+    matching: Matching,
+) -> tuple[AdaptiveState, Innovation]:
+    """The state after a correction with its noise matched, or, where the gate closes, after the prediction alone."""
+    posterior, innovation, K = correction
+    noise = remember(state.noise, innovation.value, residual, matching.window)
+    Q, R = match(noise, K, P_yy, matching)
+    after = AdaptiveState(posterior, Q, R, noise)
+    if matching.gate is not None:
+        after = choose(passes(innovation, matching.gate), after, state._replace(belief=prior))
+    return after, innovation
