@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.report.figure import TIME, Band, Figure, Series
+from ohmward.errors import InputError
+from ohmward.report.figure import TIME, Figure
 
 
 class Unit(NamedTuple):
@@ -30,11 +31,11 @@ class XAxis(NamedTuple):
 def shared_x(figures: Sequence[Figure]) -> XAxis:
     """The x axis that holds all figures; with `TIME`, in the unit that suits their duration.
 
-    Raises: ValueError when they do not have one x_label.
+    Raises: InputError when they do not have one x_label.
     """
     labels = {f.x_label for f in figures}
     if len(labels) != 1:
-        raise ValueError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")
+        raise InputError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")
     low, high = _extent(figures)
     if labels != {TIME}:
         return XAxis(labels.pop(), low, high, 1.0)
@@ -43,8 +44,8 @@ def shared_x(figures: Sequence[Figure]) -> XAxis:
 
 
 def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
-    parts: list[Series | Band] = [part for f in figures for part in (*f.series, *f.bands)]
-    xs = [part.x for part in parts if part.x.size]
+    xs = [s.x for f in figures for s in f.series] + [b.x for f in figures for b in f.bands]
+    xs = [x for x in xs if x.size]
     if not xs:
         return 0.0, 1.0
     low, high = float(min(x[0] for x in xs)), float(max(x[-1] for x in xs))

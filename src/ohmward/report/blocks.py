@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final, Literal, get_args
 
+from ohmward.errors import InputError
 from ohmward.report.figure import Figure
 from ohmward.report.payload import stack
 
@@ -30,7 +31,7 @@ def paragraphs(text: str) -> str:
 def callout(level: Level, text: str) -> str:
     """A note that stands out; its level is written, not only coloured."""
     if level not in get_args(Level):
-        raise ValueError(f"level must be one of {', '.join(get_args(Level))}, got {level!r}")
+        raise InputError(f"level must be one of {', '.join(get_args(Level))}, got {level!r}")
     return f'<div class="callout {level}" role="note"><b>{level.capitalize()}</b><div>{paragraphs(text)}</div></div>'
 
 
@@ -43,11 +44,11 @@ def numbers(values: Mapping[str, str]) -> str:
 def table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = "") -> str:
     """A table; columns of numbers are aligned right, None is shown as a dash.
 
-    Raises: ValueError for a row that is not as long as the header.
+    Raises: InputError for a row that is not as long as the header.
     """
     for number, row in enumerate(rows):
         if len(row) != len(header):
-            raise ValueError(f"row {number} has {len(row)} cells, the header has {len(header)}")
+            raise InputError(f"row {number} has {len(row)} cells, the header has {len(header)}")
     classes = [' class="number"' if _all_numbers(column) else "" for column in zip(*rows, strict=True)]
     classes = classes or [""] * len(header)
     head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))

@@ -16,6 +16,7 @@ from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.report.palette import MEANING, ROLES, Meaning, Role
 
 TIME: Final = "time"
@@ -33,7 +34,7 @@ class Series:
     style: "line", "points", "step" (each value holds until the next sample) or "dashed".
     role: what the colour says, see `palette.MEANING`; "auto" takes the next free hue.
     axis: the y axis that it belongs to, "left" or "right".
-    Raises: ValueError for lengths that differ, descending x, an unknown style, role or axis.
+    Raises: InputError for lengths that differ, descending x, an unknown style, role or axis.
     """
 
     x: np.ndarray
@@ -61,7 +62,7 @@ class Band:
     """A shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
 
     x: (n,) ascending; low, high: (n,), NaN is a gap.  role: as in `Series`, but not "auto".
-    Raises: ValueError for lengths that differ, descending x, low above high, an unknown role.
+    Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
     x: np.ndarray
@@ -76,7 +77,7 @@ class Band:
         _check_ascending(self.label, x)
         if (low > high).any():
             i = int(np.argmax(low > high))
-            raise ValueError(
+            raise InputError(
                 f"band {self.label!r}: low must not exceed high, got {low[i]:g} > {high[i]:g} at index {i}"
             )
         for name, values in (("x", x), ("low", low), ("high", high)):
@@ -107,7 +108,7 @@ class Figure:
     x_label: `TIME`, or a name and unit such as "Slip ratio [-]".  y_label, right_label: the same for both y axes.
     log_y: logarithmic left axis; its values must be positive.  y_limits: fixed left axis instead of one that fits.
     height_px: of the drawing, legend and title apart.
-    Raises: ValueError for a right series without right_label, values <= 0 on a log axis, limits that do not ascend.
+    Raises: InputError for a right series without right_label, values <= 0 on a log axis, limits that do not ascend.
     """
 
     title: str
@@ -128,11 +129,11 @@ class Figure:
         for role in [m.role for m in self.markers] + [s.role for s in self.spans]:
             _check_choice("role", role, tuple(MEANING))
         if not self.right_label and any(s.axis == "right" for s in self.series):
-            raise ValueError(
+            raise InputError(
                 f"figure {self.title!r}: a series on the right axis needs right_label, for example 'I [A]'"
             )
         if self.y_limits is not None and not self.y_limits[0] < self.y_limits[1]:
-            raise ValueError(f"figure {self.title!r}: y_limits must ascend, got {self.y_limits}")
+            raise InputError(f"figure {self.title!r}: y_limits must ascend, got {self.y_limits}")
         if self.log_y:
             _check_positive(self)
 
@@ -142,17 +143,17 @@ def _columns(label: str, **columns: np.ndarray) -> list[np.ndarray]:
     arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     shapes = {name: a.shape for name, a in arrays.items()}
     if any(a.ndim != 1 for a in arrays.values()) or len(set(shapes.values())) != 1:
-        raise ValueError(f"series {label!r}: {', '.join(arrays)} must be 1-D and equally long, got {shapes}")
+        raise InputError(f"series {label!r}: {', '.join(arrays)} must be 1-D and equally long, got {shapes}")
     return [np.where(np.isfinite(a), a, np.nan) if name != "x" else a for name, a in arrays.items()]
 
 
 def _check_ascending(label: str, x: np.ndarray) -> None:
     if not np.isfinite(x).all():
-        raise ValueError(f"series {label!r}: x must be finite, drop the samples without an x")
+        raise InputError(f"series {label!r}: x must be finite, drop the samples without an x")
     back = np.flatnonzero(np.diff(x) < 0)
     if back.size:
         i = int(back[0])
-        raise ValueError(
+        raise InputError(
             f"series {label!r}: x must ascend, got {x[i]:g} before {x[i + 1]:g} at index {i}; sort it, "
             "make one series of each branch, or use style='points'"
         )
@@ -160,14 +161,14 @@ def _check_ascending(label: str, x: np.ndarray) -> None:
 
 def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
     if value not in allowed:
-        raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+        raise InputError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
 
 
 def _check_positive(figure: Figure) -> None:
     left = [(s.label, s.y) for s in figure.series if s.axis == "left"] + [(b.label, b.low) for b in figure.bands]
     for label, values in left:
         if (values <= 0).any():
-            raise ValueError(
+            raise InputError(
                 f"figure {figure.title!r}: log_y needs values > 0, {label!r} has {np.nanmin(values):g}; "
                 "set those to NaN, or use a linear axis"
             )

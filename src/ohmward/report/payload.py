@@ -20,7 +20,7 @@ def stack(figures: Sequence[Figure]) -> dict[str, Any]:
     """The figures with their common x axis, ready for `json.dumps`.
 
     x is written as differences of whole numbers, `per_unit` of them to one unit of the axis: about seven digits.
-    Raises: ValueError when the figures do not share one x_label.
+    Raises: InputError when the figures do not share one x_label.
     """
     x_axis = shared_x(figures)
     per_unit = 10.0 ** (6 + decimals(x_axis.high - x_axis.low))

@@ -5,7 +5,7 @@
 
   const PRINT_WIDTH = 660;
   const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif";
-  const Y_AXIS_SIZE = 52;
+  const Y_AXIS_SIZE = 48;
   const Y_LABEL_SIZE = 20;
   const STEPS = Array.from({ length: 36 }, (_, k) => [1, 2, 5].map((m) => Number(`${m}e${k - 18}`))).flat();
   const plots = [];
@@ -63,8 +63,10 @@
 
   function tickText(value, step, logarithmic) {
     if (value === null) return "";
-    if (logarithmic || Math.abs(value) >= 1e6) return String(Number(value.toPrecision(6)));
-    return value.toFixed(decimalsOf(step)).replace("-", "−");
+    const size = Math.abs(value);
+    const exponent = size >= 1e6 || (size > 0 && size < 1e-3);
+    const text = exponent ? value.toExponential() : logarithmic ? String(value) : value.toFixed(decimalsOf(step));
+    return text.replace("e+", "e").replaceAll("-", "−");
   }
 
   function options(stack, figure, last) {
@@ -190,7 +192,7 @@
     return item;
   }
 
-  const valueText = (y, decimals) => (decimals === null ? y.toPrecision(4) : y.toFixed(Math.max(decimals, 0))).replace("-", "−");
+  const valueText = (y, decimals) => (decimals === null ? y.toPrecision(4) : y.toFixed(Math.max(decimals - 1, 0))).replace("-", "−");
 
   function showValues(u, stack, figure, items) {
     const at = u.cursor.idx;
@@ -198,7 +200,7 @@
     figure.place.textContent = inside ? `${stack.x_name} ${u.data[0][at].toFixed(stack.decimals)} ${stack.x_unit}` : "";
     for (const { value, indices, decimals } of items) {
       const texts = indices.map((i) => {
-        const y = inside ? u.data[i][u.cursor.idxs[i]] : null;
+        const y = inside && u.series[i].show ? u.data[i][u.cursor.idxs[i]] : null;
         return y == null ? "" : valueText(y, decimals);
       });
       value.textContent = texts.length === 2 && texts[0] ? `${texts[0]} … ${texts[1]}` : texts[0];
