@@ -70,7 +70,7 @@ def linear_ticks(low: float, high: float, intervals: int = 6) -> np.ndarray:
     """Multiples of a nice step within [low, high], low < high."""
     step = nice_step(high - low, intervals)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return np.round(np.arange(first, last + 1) * step, decimals(step))
+    return np.round(np.arange(first, last + 1) * step, decimals(step)) + 0.0
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:
@@ -83,15 +83,23 @@ def log_ticks(low: float, high: float) -> np.ndarray:
     return np.array(ticks)
 
 
-def tick_labels(ticks: np.ndarray) -> list[str]:
-    """The ticks as text, all with the same number of decimals; very large or small ones with an exponent."""
+def tick_labels(ticks: np.ndarray, log: bool = False) -> list[str]:
+    """The ticks as text: as many decimals as their step needs, an exponent for very large or small ones."""
     if ticks.size == 0:
         return []
     largest = float(np.abs(ticks).max())
-    if largest >= 1e6 or 0 < largest < 1e-3:
-        return [f"{t:.3g}" for t in ticks]
-    step = float(np.diff(ticks).min()) if ticks.size > 1 else largest or 1.0
-    return [f"{t + 0.0:.{max(decimals(step), 0)}f}" for t in ticks]
+    if log or largest >= 1e6 or largest < 1e-3:
+        texts = [_compact(float(t)) for t in ticks]
+    else:
+        step = float(np.diff(ticks).min()) if ticks.size > 1 else largest
+        texts = [f"{t:.{max(decimals(step), 0)}f}" for t in ticks]
+    return [text.replace("-", "−") for text in texts]
+
+
+def _compact(value: float) -> str:
+    if value == 0 or 1e-3 <= abs(value) < 1e6:
+        return f"{value:.6g}"
+    return np.format_float_scientific(value, precision=5, trim="-", exp_digits=1).replace("e+", "e")
 
 
 def decimals(resolution: float) -> int:

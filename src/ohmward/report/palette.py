@@ -23,11 +23,18 @@ SHADES: Final[dict[str, Shade]] = {
     "orange": Shade("#d55e00", "#ff9a57"),
     "green": Shade("#009e73", "#2fc99b"),
     "purple": Shade("#a6487f", "#e0a0cb"),
-    "amber": Shade("#b88200", "#f2d060"),
+    "amber": Shade("#9a6700", "#f2d060"),
     "sky": Shade("#3a9bd9", "#a8dcff"),
     "ink": Shade("#1f2933", "#eef2f6"),
     "grey": Shade("#7b8794", "#8b98a5"),
     "red": Shade("#c8102e", "#ff6b6b"),
+}
+SURFACES: Final[dict[str, Shade]] = {
+    "paper": Shade("#f6f7f9", "#12161c"),
+    "card": Shade("#ffffff", "#1a2029"),
+    "soft": Shade("#5f6c7b", "#9aa7b5"),
+    "rule": Shade("#e1e5ea", "#2c3541"),
+    "grid": Shade("#eceff3", "#252d38"),
 }
 CYCLE: Final = ("blue", "orange", "green", "purple", "amber", "sky")
 MEANING: Final[dict[Meaning, str]] = {
@@ -53,5 +60,5 @@ def colours(roles: Sequence[Role]) -> list[str]:
 
 
 def css_variables(theme: Theme) -> str:
-    """`--c-blue:#0072b2;...` for a style sheet."""
-    return "".join(f"--c-{name}:{getattr(shade, theme)};" for name, shade in SHADES.items())
+    """`--paper:#f6f7f9;--blue:#0072b2;...` for a style sheet."""
+    return "".join(f"--{name}:{getattr(shade, theme)};" for name, shade in (SURFACES | SHADES).items())

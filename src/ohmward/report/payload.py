@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from ohmward.report.axis import decimals, shared_x, value_decimals
-from ohmward.report.decimate import envelope, m4
+from ohmward.report.decimate import envelope, samples
 from ohmward.report.figure import Band, Figure, Series
 from ohmward.report.palette import MEANING, colours
 
@@ -40,7 +40,10 @@ def _figure(figure: Figure, unit: float, per_x: float) -> dict[str, Any]:
         "log_y": figure.log_y,
         "y_limits": figure.y_limits,
         "height_px": figure.height_px,
-        "series": [_series(s, name, per_x, figure.log_y) for s, name in zip(figure.series, names, strict=True)],
+        "series": [
+            _series(s, name, per_x, figure.log_y, figure.height_px)
+            for s, name in zip(figure.series, names, strict=True)
+        ],
         "bands": [_band(b, per_x, figure.log_y) for b in figure.bands],
         "markers": [{"x": m.x / unit, "label": m.label, "colour": MEANING[m.role]} for m in figure.markers],
         "spans": [
@@ -50,8 +53,8 @@ def _figure(figure: Figure, unit: float, per_x: float) -> dict[str, Any]:
     }
 
 
-def _series(series: Series, colour: str, per_x: float, log_y: bool) -> dict[str, Any]:
-    kept = m4(series.x, series.y, COLUMNS)
+def _series(series: Series, colour: str, per_x: float, log_y: bool, height_px: int) -> dict[str, Any]:
+    kept = samples(series, log_y, COLUMNS, height_px)
     x, y = series.x[kept], series.y[kept]
     places = None if log_y and series.axis == "left" else value_decimals(y)
     return {

@@ -11,7 +11,7 @@
   const plots = [];
 
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-  const colour = (name, alpha = "") => css(`c-${name}`) + alpha;
+  const colour = (name, alpha = "") => css(name) + alpha;
   const decimalsOf = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const element = (tag, className = "", text = "") => Object.assign(document.createElement(tag), { className, textContent: text });
 
@@ -169,7 +169,7 @@
 
   function mark(className, colourName) {
     const icon = element("i", className);
-    icon.style.setProperty("--colour", `var(--c-${colourName})`);
+    icon.style.setProperty("--colour", `var(--${colourName})`);
     return icon;
   }
 
