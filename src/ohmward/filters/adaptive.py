@@ -1,16 +1,22 @@
 """Noise covariances learnt on the way: covariance matching (AEKF, AUKF), [T] 3.49-3.50 with the missing 1/L restored.
 
-    C_k = mean of e e'             e_k = y_k - y_k|k-1         innovation
+    C_k = mean of e e'                               e_k = y_k - y_k|k-1, innovation
     Q_k = K_k C_k K_k' + Q_floor
-    R_k = mean of eps eps' + P_yy(x_k|k) + R_floor             eps_k = y_k - h(x_k|k), residual
+    R_k = mean of eps eps' + P_yy(x_k|k) + R_floor   eps_k = y_k - h(x_k|k), residual
 
-Q_k has no more rank than y has elements: without the floor the covariance of states that the output hardly shows
-collapses, and the filter becomes wrong with confidence. The floors are part of the model: what each state may wander in
-one step, in its own unit squared, and what the sensor's resolution alone amounts to.
+What it can do and what it cannot:
+
+- Q_k has no more rank than y has elements: without the floor the covariance of states that the output hardly shows
+  collapses, and the filter becomes wrong with confidence. The floors are part of the model: what each state may wander
+  in one step, in its own unit squared, and what the sensor's resolution alone amounts to.
+- Matching both at once finds the size of the noise, not the ratio of Q to R: put S = C_k into the formulas, and every
+  gain K reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of the two is
+  known, match the other alone (`match_Q`, `match_R`): then it is found.
 
 [T] means over a ring of the last L = 100 samples. Here the mean is recursive: over all samples while there are fewer
-than L, then with exponential forgetting 1/L. The effective memory is the same; a ring would cost m (m + 1) L numbers in
-every state that is stored, exported to a controller or kept per robot. `windowed_moments` is the ring, to compare.
+than L, then with exponential forgetting 1/L. The newest sample weighs 1/L in both (the mean scatters as that of a ring
+of 2 L - 1), but a ring would put m (m + 1) L numbers into every state that is stored, exported to a controller or kept
+per robot. `windowed_moments` is the ring, to compare.
 """
 
 from __future__ import annotations
@@ -64,17 +70,20 @@ class AdaptiveState(NamedTuple):
 class Matching:
     """Settings of the covariance matching.
 
-    Q_floor: (n, n), random walk of each state over one step; unit of the state squared.
-    R_floor: (m, m), unit of the output squared.
+    Q_floor: (n, n), random walk of each state over one step; unit of the state squared. All of Q without `match_Q`.
+    R_floor: (m, m), unit of the output squared. All of R without `match_R`.
     window: effective number of samples in the means, >= 1; [T] takes 100.
     gate: largest NIS of a measurement that is used; infinity skips only missing ones; None trusts every one, and then
         a single NaN ends the filter.
+    match_Q, match_R: which covariance is matched.
     """
 
     Q_floor: np.ndarray
     R_floor: np.ndarray
     window: float = 100.0
     gate: float | None = None
+    match_Q: bool = True
+    match_R: bool = True
 
     def __post_init__(self) -> None:
         if not self.window >= 1:
@@ -165,8 +174,11 @@ def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Match
     n, m = K.shape
     require_shape("matching.Q_floor", matching.Q_floor, (n, n))
     require_shape("matching.R_floor", matching.R_floor, (m, m))
-    Q = K @ noise.innovation @ K.T + matching.Q_floor
-    R = noise.residual + P_yy + matching.R_floor
+    Q, R = matching.Q_floor, matching.R_floor
+    if matching.match_Q:
+        Q = K @ noise.innovation @ K.T + Q
+    if matching.match_R:
+        R = noise.residual + P_yy + R
     return mirror_lower(Q), mirror_lower(R)
 
 

@@ -13,7 +13,7 @@ PIVOT_FLOOR = 1e-14
 """Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""
 
 TINY = 2.0**-126
-"""Added to every floor so that a variance of zero divides safely: float32's smallest normal, so it survives export."""
+"""Floor of what is divided by, so that a variance of zero is safe; float32's smallest normal survives the export."""
 
 
 def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarray, float]:
@@ -26,7 +26,7 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarra
         pivot_floor: smallest pivot relative to P[j, j], in (0, 1).
 
     Returns:
-        L: (n, n), always finite for a finite P that is positive semidefinite up to rounding.
+        L: (n, n); its diagonal is positive whatever P holds, NaN excepted.
         ok: 1.0 when every pivot is above -`pivot_floor` * P[j, j]; 0.0 when P is indefinite or not a number, and then
             L is not a factor of P.
     """
@@ -37,7 +37,7 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarra
         pivot = P[j, j] - L[j, :j] @ L[j, :j]
         floor = pivot_floor * P[j, j]
         ok = where(pivot >= -floor, ok, 0.0)
-        L[j, j] = np.sqrt(maximum(pivot, floor + TINY))
+        L[j, j] = np.sqrt(maximum(maximum(pivot, floor), TINY))
         for i in range(j + 1, n):
             L[i, j] = (P[i, j] - L[i, :j] @ L[j, :j]) / L[j, j]
     return L, ok
