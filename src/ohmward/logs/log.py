@@ -23,6 +23,11 @@ class Note(NamedTuple):
         return f"{self.level}: {self.text}"
 
 
+def counted(count: int, noun: str) -> str:
+    """A count with its noun for a message: "1 row", "2 rows"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 @dataclass(frozen=True, eq=False)
 class Log:
     """A recording: current, voltage and temperature over time. Arrays are read-only float64.
@@ -111,7 +116,7 @@ class Log:
 
     def describe(self) -> str:
         """A few lines for people: what is in the log, then its notes."""
-        lines = [f"{self.name}: {len(self)} samples, {self.duration_s:g} s, {_interval(self)}"]
+        lines = [f"{self.name}: {counted(len(self), 'sample')}, {self.duration_s:g} s, {_interval(self)}"]
         lines += [_range("current", self.current_A, "A (> 0 charges)"), _range("voltage", self.voltage_V, "V")]
         if self.temperature_degC is not None:
             lines.append(_range("temperature", self.temperature_degC, "degC"))

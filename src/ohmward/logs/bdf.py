@@ -1,0 +1,42 @@
+"""Names and rules of the Battery Data Format (BDF, Battery Data Alliance): current > 0 charges by definition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ohmward.errors import InputError
+from ohmward.logs.columns import listed
+
+SUFFIXES = (".bdf.csv", ".bdf.parquet")
+# Log field -> preferred label, machine name.
+NAMES: Mapping[str, tuple[str, str]] = {
+    "time_s": ("Test Time / s", "test_time_second"),
+    "voltage_V": ("Voltage / V", "voltage_volt"),
+    "current_A": ("Current / A", "current_ampere"),
+    "temperature_degC": ("Surface Temperature T1 / degC", "surface_temperature_t1_degree_celsius"),
+    "unix_time_s": ("Unix Time / s", "unix_time_second"),
+}
+REQUIRED = ("time_s", "voltage_V", "current_A")
+
+
+def is_bdf(path: Path, names: Sequence[str]) -> bool:
+    """Whether the file says that it is BDF, by its suffix, or has the three required columns under their BDF names."""
+    return path.name.lower().endswith(SUFFIXES) or not _lacking(names)
+
+
+def check_names(path: Path, names: Sequence[str]) -> None:
+    """Refuse a file that calls itself BDF and lacks a required column.
+
+    Raises:
+        InputError: names the columns that are missing.
+    """
+    if path.name.lower().endswith(SUFFIXES) and (lacking := _lacking(names)):
+        raise InputError(
+            f"{path.name}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
+            f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"
+        )
+
+
+def _lacking(names: Sequence[str]) -> list[str]:
+    return [NAMES[field][0] for field in REQUIRED if not set(NAMES[field]) & set(names)]

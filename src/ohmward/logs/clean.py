@@ -1,0 +1,161 @@
+"""From the columns of a file to the samples of a log: text, missing values, several sampling rates, gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.columns import Column, listed
+from ohmward.logs.csv_file import number
+from ohmward.logs.log import Note, counted
+from ohmward.logs.table import Table
+from ohmward.logs.units import UNITS, Unit
+
+_DEFAULT_UNIT = {"current": "a", "voltage": "v", "temperature": "degc"}
+_GAP_FACTOR = 10.0
+
+
+def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
+    """Current [A], voltage [V] and temperature [degC] as float64; infinite values become NaN.
+
+    Raises:
+        InputError: text where a number must stand (names the line), or no value of the current or voltage at all.
+    """
+    columns, notes = dict(table.columns), list(table.notes)
+    for quantity in ("current", "voltage", "temperature"):
+        if quantity not in chosen:
+            continue
+        name, unit = chosen[quantity]
+        values = _numbers(table, name)
+        infinite = np.isinf(values)
+        if infinite.any():
+            notes.append(Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning"))
+        columns[name] = _in_si(np.where(infinite, np.nan, values), unit or UNITS[_DEFAULT_UNIT[quantity]])
+        notes.append(_unit_note(quantity, name, unit))
+        if quantity != "temperature" and not np.isfinite(columns[name]).any():
+            raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {quantity}")
+    return table._replace(columns=columns, notes=tuple(notes))
+
+
+def drop_untimed(table: Table, time: str) -> Table:
+    """The rows whose time is finite.
+
+    Raises:
+        InputError: no row has a time.
+    """
+    known = np.isfinite(table.columns[time])
+    if not known.any():
+        raise InputError(f"{table.source}: column {time!r} has no value; a log needs the time of its samples")
+    if known.all():
+        return table
+    note = Note(f"{counted((~known).sum(), 'row')} without a time: dropped", "warning")
+    return table.pick(known)._replace(notes=(*table.notes, note))
+
+
+def drop_text(table: Table) -> Table:
+    """The numeric columns that have a value at all, as float64."""
+    numeric = {name: values.astype(float) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
+    kept = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
+    text, empty = table.columns.keys() - numeric.keys(), numeric.keys() - kept.keys()
+    notes = [Note(f"{what} columns left out: {listed(sorted(names))}") for what, names in _named(text, empty) if names]
+    return table._replace(columns=kept, notes=(*table.notes, *notes))
+
+
+def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
+    """Rows that have a current or a voltage; what was sampled on rows of its own is interpolated onto them.
+
+    The temperature is always interpolated linearly over rows that lack it. The current is, where the file samples it
+    on other rows than the voltage; single missing values of current and voltage stay NaN.
+    """
+    time_s = table.columns[chosen["time"].name]
+    current, voltage = chosen["current"].name, chosen["voltage"].name
+    has_current, has_voltage = np.isfinite(table.columns[current]), np.isfinite(table.columns[voltage])
+    columns, notes = dict(table.columns), []
+    if (has_current & has_voltage).sum() < 0.5 * min(has_current.sum(), has_voltage.sum()):
+        columns[current], note = _bridged(time_s, columns[current], has_voltage & ~has_current, current)
+        notes.append(note)
+    measured = has_current | has_voltage
+    if "temperature" in chosen and (name := chosen["temperature"].name) in columns:
+        lacking = measured & ~np.isfinite(columns[name])
+        if lacking.any():
+            columns[name], note = _bridged(time_s, columns[name], lacking, name)
+            notes.append(note)
+    if not measured.all():
+        notes.append(Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped"))
+    return table._replace(columns=columns, notes=(*table.notes, *notes)).pick(measured)
+
+
+def missing_notes(table: Table, chosen: Mapping[str, Column]) -> tuple[Note, ...]:
+    """How many samples lack their current or voltage."""
+    counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
+    return tuple(
+        Note(f"{count} of {table.line.size} samples have no {quantity} (NaN)", "warning")
+        for quantity, count in counts.items()
+        if count
+    )
+
+
+def find_gaps(time_s: np.ndarray) -> np.ndarray:
+    """(G,) indices of the samples after which the log is silent for more than ten times its usual interval.
+
+    time_s: (T,) [s]. The usual interval is the 95th percentile: a log that slows down at rest has no gaps there.
+    """
+    intervals = np.diff(time_s)
+    if not intervals.size:
+        return np.empty(0, dtype=int)
+    return np.flatnonzero(intervals > _GAP_FACTOR * np.percentile(intervals, 95))
+
+
+def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
+    """How many gaps the time (T,) [s] has, and the longest."""
+    gaps = find_gaps(time_s)
+    if not gaps.size:
+        return ()
+    longest = gaps[np.argmax(np.diff(time_s)[gaps])]
+    length = time_s[longest + 1] - time_s[longest]
+    return (Note(f"{counted(gaps.size, 'gap')}, the longest {length:g} s after {time_s[longest]:g} s", "warning"),)
+
+
+def _numbers(table: Table, name: str) -> np.ndarray:
+    values = table.columns[name]
+    if values.dtype.kind in "fiu":
+        return values.astype(float)
+    for row, cell in enumerate(values):
+        try:
+            number(str(cell))
+        except ValueError:
+            raise InputError(
+                f"{table.source}, {table.place} {table.line[row]}, column {name!r}: {str(cell)!r} is not a number; "
+                "correct the cell, leave it empty, or delete the line"
+            ) from None
+    return np.array([number(str(cell)) for cell in values])
+
+
+def _in_si(values: np.ndarray, unit: Unit) -> np.ndarray:
+    return values * unit.scale + unit.offset
+
+
+def _unit_note(quantity: str, name: str, unit: Unit | None) -> Note:
+    if unit is None:
+        return Note(f"{quantity} from {name!r}, which names no unit: taken as {_symbol(quantity)}")
+    return Note(f"{quantity} from {name!r} in {unit.symbol}")
+
+
+def _symbol(quantity: str) -> str:
+    return UNITS[_DEFAULT_UNIT[quantity]].symbol
+
+
+def _named(text: set[str], empty: set[str]) -> tuple[tuple[str, set[str]], ...]:
+    return ("text", text), ("empty", empty)
+
+
+def _bridged(time_s: np.ndarray, values: np.ndarray, rows: np.ndarray, name: str) -> tuple[np.ndarray, Note]:
+    """The values with those at `rows` (mask) interpolated linearly in time, the ends held."""
+    known = np.isfinite(values)
+    filled = values.copy()
+    filled[rows] = np.interp(time_s[rows], time_s[known], values[known])
+    return filled, Note(
+        f"{name!r} is interpolated at {counted(rows.sum(), 'sample')} from {counted(known.sum(), 'value')}"
+    )

@@ -1,0 +1,118 @@
+"""Text tables (CSV and its kin), read with the standard library in blocks of rows."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Collection, Iterator, Sequence
+from itertools import islice
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.csv_layout import Layout, find_layout, open_text
+from ohmward.logs.log import Note
+from ohmward.logs.table import Table, TableFile
+
+_BLOCK_ROWS = 50_000
+_MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
+
+
+def open_csv(path: Path) -> TableFile:
+    """The columns of a text table: comma, semicolon or tab, decimal point or comma, plain or gzip.
+
+    Empty cells, `nan`, `NA`, `null` and `-` are NaN. A last line that was cut off is dropped and noted.
+
+    Raises:
+        InputError: not text, empty, no header, or (on loading) no rows or a row with the wrong number of cells.
+    """
+    layout = find_layout(path)
+
+    def load(names: Collection[str]) -> Table:
+        return _load(path, layout, [name for name in layout.names if name in names])
+
+    return TableFile(path.name, tuple(name for name in layout.names if name), load)
+
+
+def number(cell: str) -> float:
+    """The number in a cell, NaN where it says that there is none.
+
+    Raises:
+        ValueError: the cell is text.
+    """
+    return math.nan if cell.strip().lower() in _MISSING else float(cell)
+
+
+def _load(path: Path, layout: Layout, names: list[str]) -> Table:
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    lines: list[np.ndarray] = []
+    notes: list[Note] = []
+    for rows, line in _blocks(path, layout, notes):
+        lines.append(line)
+        for name in names:
+            cells = list(map(itemgetter(layout.names.index(name)), rows))
+            columns[name].append(_parse(cells, layout.decimal_comma))
+    if not lines:
+        raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
+    joined = {name: _join(blocks) for name, blocks in columns.items()}
+    return Table(path.name, joined, np.concatenate(lines), "line", tuple(notes))
+
+
+def _blocks(path: Path, layout: Layout, notes: list[Note]) -> Iterator[tuple[list[list[str]], np.ndarray]]:
+    """Rows of equal length and their line numbers; says in `notes` when the last line is cut off."""
+    width = len(layout.names)
+    with open_text(path) as stream:
+        for _ in range(layout.skip_lines):
+            stream.readline()
+        reader = csv.reader(stream, delimiter=layout.delimiter, skipinitialspace=True)
+        while rows := list(islice(reader, _BLOCK_ROWS)):
+            last_line = layout.skip_lines + reader.line_num
+            line = np.arange(last_line - len(rows) + 1, last_line + 1)
+            if set(map(len, rows)) != {width} or "\0" in rows[-1][-1]:
+                at_end = len(rows) < _BLOCK_ROWS
+                rows, line = _repair(path, rows, line, width, at_end, notes)
+            if rows:
+                yield rows, line
+
+
+def _repair(path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]):
+    """The rows without empty lines, comments, surplus empty cells and a last line that was cut off."""
+    kept = [i for i, row in enumerate(rows) if any(row) and not row[0].startswith("#")]
+    rows, line = [_trimmed(rows[i], width) for i in kept], line[kept]
+    if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
+        notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
+        rows, line = rows[:-1], line[:-1]
+    for row, at in zip(rows, line, strict=True):
+        if len(row) != width:
+            raise InputError(
+                f"{path.name}, line {at}: {len(row)} cells where the header has {width}; "
+                "repair or delete the line (a text with the delimiter in it needs quotes)"
+            )
+    return rows, line
+
+
+def _trimmed(row: list[str], width: int) -> list[str]:
+    while len(row) > width and not row[-1].strip():
+        row = row[:-1]
+    return row
+
+
+def _parse(cells: Sequence[str], decimal_comma: bool) -> np.ndarray:
+    """(T,) float64 where every cell is a number or missing, else the text as dtype object."""
+    numbers = [cell.replace(",", ".") for cell in cells] if decimal_comma else cells
+    try:
+        return np.fromiter(map(float, numbers), float, len(numbers))
+    except ValueError:
+        pass
+    try:
+        return np.fromiter(map(number, numbers), float, len(numbers))
+    except ValueError:
+        return np.array(numbers, dtype=object)
+
+
+def _join(blocks: list[np.ndarray]) -> np.ndarray:
+    if any(block.dtype == object for block in blocks):
+        blocks = [block.astype(str).astype(object) if block.dtype != object else block for block in blocks]
+    return np.concatenate(blocks)

@@ -1,0 +1,157 @@
+"""Which sign of a current charges the battery, told from how the voltage answers.
+
+With current > 0 charging, an edge of the current moves the voltage the same way at once, because the ohmic resistance
+is positive; and a long steady current that charges raises the voltage. Either may decide; where they contradict each
+other, or neither is clear, the answer is that the data do not tell.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.logs.log import counted
+
+# Samples of a real log are not independent, so a clear |t| is far above the usual 3.
+CLEAR_T = 10.0
+CLEAR_AGREEMENT = 0.8
+_EDGE = 0.2
+_STEADY = 0.1
+_TREND_PARTS = 5
+_TREND_LEAST_S = 300.0
+
+
+class EdgeTest(NamedTuple):
+    """Regression of dV on dI over the edges of the current.
+
+    resistance_ohm: slope [ohm], > 0 when positive current charges; NaN without edges.
+    edges: how many there are.
+    t_value: slope over its standard error, from the noise of the voltage between edges.
+    agreement: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same.
+    """
+
+    resistance_ohm: float
+    edges: int
+    t_value: float
+    agreement: float
+
+    @property
+    def sign(self) -> int:
+        """1 when positive current clearly charges, -1 when it clearly discharges, else 0."""
+        clear = abs(self.t_value) > CLEAR_T and abs(self.agreement) >= CLEAR_AGREEMENT
+        return int(np.sign(self.t_value)) if clear else 0
+
+
+class SignEvidence(NamedTuple):
+    """What the data say a positive current does: verdict "charge", "discharge" or "undecidable".
+
+    edges: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
+    """
+
+    verdict: str
+    edges: EdgeTest
+    trend: int
+
+    def __str__(self) -> str:
+        if self.edges.sign:
+            edges = self.edges
+            return f"{counted(edges.edges, 'edge')} with dV/dI = {1e3 * edges.resistance_ohm:.3g} mohm (t = {edges.t_value:.0f})"
+        if self.trend:
+            return "the trend of the voltage under a steady current"
+        return f"{counted(self.edges.edges, 'edge')} of the current, t = {self.edges.t_value:.1f}, no clear trend"
+
+
+def current_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> SignEvidence:
+    """The sign of the current from the data.
+
+    time_s: (T,) [s] increasing; current_A: (T,) [A] of either sign; voltage_V: (T,) [V]; NaN samples are left out.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    edges = edge_test(current_A[known], voltage_V[known])
+    trend = trend_test(time_s[known], current_A[known], voltage_V[known])
+    signs = {edges.sign, trend}
+    verdict = "undecidable" if signs == {1, -1} or signs == {0} else "charge" if 1 in signs else "discharge"
+    return SignEvidence(verdict, edges, trend)
+
+
+def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
+    """Regression of dV on dI through the origin: R = sum(dI dV) / sum(dI^2), over changes between neighbouring samples.
+
+    An edge is at least a fifth of the largest change and six times the usual one. The error of R comes from what the
+    voltage does between edges (noise or slow drift, whichever is larger) and from its resolution.
+
+    current_A, voltage_V: (T,), no NaN.
+    """
+    dI, dV = np.diff(current_A), np.diff(voltage_V)
+    size = np.abs(dI)
+    edge = (size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dI))
+    if not edge.any():
+        return EdgeTest(np.nan, 0, 0.0, 0.0)
+    products, squares = dI[edge] * dV[edge], float(dI[edge] @ dI[edge])
+    drift = float(np.percentile(np.abs(dV[~edge]), 95)) / 2 if (~edge).any() else 0.0
+    error = max(spread(dV), drift, resolution(voltage_V)) / np.sqrt(squares)
+    slope = float(products.sum()) / squares
+    total = float(np.abs(products).sum())
+    if total == 0.0:
+        return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
+    return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)
+
+
+def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> int:
+    """1 if a steady current raises the voltage when positive or lowers it when negative, -1 the reverse, 0 unclear.
+
+    The longest steady stretch counts; it must last five minutes, and the voltage must move the same way from each fifth of it to the next without
+    dying out: relaxation after a larger current moves it too, but fades.
+
+    time_s, current_A, voltage_V: (T,), no NaN.
+    """
+    steady = _longest_steady(time_s, current_A)
+    if steady is None or time_s[steady][-1] - time_s[steady][0] < _TREND_LEAST_S:
+        return 0
+    means = _part_means(time_s[steady], voltage_V[steady])
+    moves = np.diff(means)
+    noise = max(spread(np.diff(voltage_V[steady])), resolution(voltage_V))
+    one_way = bool(np.all(moves > 0) or np.all(moves < 0))
+    if not one_way or abs(moves.sum()) < CLEAR_T * noise or abs(moves[-1]) < 0.5 * abs(moves[1]):
+        return 0
+    return int(np.sign(moves[0]) * np.sign(np.median(current_A[steady])))
+
+
+def spread(values: np.ndarray) -> float:
+    """Robust standard deviation, 1.4826 times the median absolute deviation; 0 for an empty array."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
+
+
+def resolution(values: np.ndarray) -> float:
+    """Smallest step between distinct values (T,), no NaN; 0 where they are all equal.
+
+    Steps below 1e-6 of the range are rounding of a float32 or of a sum, not of the instrument.
+    """
+    distinct = np.unique(values)
+    steps = np.diff(distinct)
+    real = steps[steps > 1e-6 * max(np.ptp(distinct), abs(distinct).max())] if steps.size else steps
+    return float(real.min()) if real.size else 0.0
+
+
+def _longest_steady(time_s: np.ndarray, current_A: np.ndarray) -> slice | None:
+    """The longest stretch, in time, in which the current stays within a tenth of its usual value that is not rest."""
+    size = np.abs(current_A)
+    flowing = current_A[size > 0.01 * size.max(initial=0.0)]
+    if not flowing.size:
+        return None
+    usual = np.median(flowing)
+    inside = np.abs(current_A - usual) <= _STEADY * abs(usual)
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    first, last = bounds[::2], bounds[1::2] - 1
+    longest = int(np.argmax(time_s[last] - time_s[first])) if first.size else None
+    return None if longest is None else slice(first[longest], last[longest] + 1)
+
+
+def _part_means(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Means of the parts of equal duration; a part without samples repeats its neighbour, which is no trend."""
+    edges = np.linspace(time_s[0], time_s[-1], _TREND_PARTS + 1)[1:-1]
+    part = np.searchsorted(edges, time_s, side="right")
+    count = np.bincount(part, minlength=_TREND_PARTS)
+    means = np.bincount(part, weights=values, minlength=_TREND_PARTS) / np.maximum(count, 1)
+    return means if count.all() else np.zeros(_TREND_PARTS)
