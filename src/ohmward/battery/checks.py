@@ -1,0 +1,39 @@
+"""Checks that parameters make of themselves; each refusal names the parameter, the rule and the value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ohmward.errors import InputError
+
+
+def require_finite(name: str, values: float | Sequence[float]) -> None:
+    """Every value is a finite number."""
+    bad = [v for v in np.atleast_1d(np.asarray(values, dtype=float)) if not np.isfinite(v)]
+    if bad:
+        raise InputError(f"{name} must be finite, got {bad[0]}")
+
+
+def require_between(name: str, values: float | Sequence[float], low: float, high: float) -> None:
+    """Every value is finite and low <= value <= high."""
+    require_finite(name, values)
+    for v in np.atleast_1d(np.asarray(values, dtype=float)):
+        if not low <= v <= high:
+            rule = f">= {low:g}" if high == np.inf else f"between {low:g} and {high:g}"
+            raise InputError(f"{name} must be {rule}, got {v:g}")
+
+
+def require_positive(name: str, values: float | Sequence[float]) -> None:
+    """Every value is finite and > 0."""
+    require_finite(name, values)
+    for v in np.atleast_1d(np.asarray(values, dtype=float)):
+        if not v > 0:
+            raise InputError(f"{name} must be > 0, got {v:g}")
+
+
+def require_length(name: str, values: Sequence[float], length: int, why: str) -> None:
+    """There are `length` values."""
+    if len(values) != length:
+        raise InputError(f"{name} must have {length} values ({why}), got {len(values)}")

@@ -1,0 +1,49 @@
+"""How wrong the sensors and the model may be: what an estimator must assume to be right about its sigma."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from ohmward.battery.checks import require_between, require_positive
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations, never variances. The error of a battery model is not white: it stays as long as SoC does.
+
+    Attributes:
+        voltage_std_V: white noise of the voltage sensor and of what the model leaves unexplained from sample to sample.
+        model_std_V: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is
+            large where the identification had no data.
+        model_soc_length: change of SoC over which that error is replaced by a new one.
+        overpotential_share: error of the overpotential as a share of itself.
+        soc_axis_std: error of the SoC axis of the OCV curve.
+        correlation_s: time over which the errors that depend on current hold on; less frequent samples are independent.
+        current_std_A: white noise of the current sensor, of samples 1 s apart.
+        current_offset_std_A: offset of the current sensor when nothing is known of it.
+        current_offset_walk_A: change of the offset in one hour.
+        capacity_std: error of the capacity and of the current sensor's gain, as a share.
+        capacity_walk: change of that share in 1000 hours.
+        resistance_walk: change of the resistances in 100 hours, as a share.
+    """
+
+    voltage_std_V: float = 0.005
+    model_std_V: tuple[float, ...] = (0.008, 0.008)
+    model_soc_length: float = 0.1
+    overpotential_share: float = 0.05
+    soc_axis_std: float = 0.01
+    correlation_s: float = 200.0
+    current_std_A: float = 0.05
+    current_offset_std_A: float = 0.05
+    current_offset_walk_A: float = 0.002
+    capacity_std: float = 0.01
+    capacity_walk: float = 0.01
+    resistance_walk: float = 0.05
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name in ("voltage_std_V", "model_soc_length"):
+                require_positive(f"noise.{f.name}", value)
+            else:
+                require_between(f"noise.{f.name}", value, 0.0, float("inf"))

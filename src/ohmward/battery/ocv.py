@@ -1,0 +1,78 @@
+"""Open-circuit voltage against state of charge: mean curve, hysteresis, temperature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery.checks import require_between, require_finite, require_length
+from ohmward.errors import InputError
+from ohmward.trace import table
+
+
+@dataclass(frozen=True)
+class OcvCurve:
+    """Open-circuit voltage on a uniform grid of SoC from 0 to 1, ends included.
+
+    Between the points it is a monotone cubic, beyond the ends a straight line with the end slope.
+
+    Attributes:
+        voltage_V: (K,) mean of the charge and the discharge branch at the reference temperature, non-decreasing.
+        hysteresis_V: (K,) half the distance of the fully developed charge and discharge branches, >= 0.
+        temperature_V_per_K: (K,) change of voltage_V with temperature.
+        reference_degC: temperature at which voltage_V holds.
+    """
+
+    voltage_V: tuple[float, ...]
+    hysteresis_V: tuple[float, ...] = ()
+    temperature_V_per_K: tuple[float, ...] = ()
+    reference_degC: float = 25.0
+
+    def __post_init__(self) -> None:
+        n = len(self.voltage_V)
+        if n < 2:
+            raise InputError(f"ocv.voltage_V needs at least 2 points from SoC 0 to 1, got {n}")
+        for name in ("hysteresis_V", "temperature_V_per_K"):
+            if not getattr(self, name):
+                object.__setattr__(self, name, (0.0,) * n)
+            require_length(f"ocv.{name}", getattr(self, name), n, "as many as ocv.voltage_V")
+            require_finite(f"ocv.{name}", getattr(self, name))
+        require_finite("ocv.voltage_V", self.voltage_V)
+        if np.any(np.diff(self.voltage_V) < 0):
+            at = int(np.argmin(np.diff(self.voltage_V))) / (n - 1)
+            raise InputError(f"ocv.voltage_V must not fall with SoC, but it does above SoC {at:.3f}; sort or refit it")
+        require_between("ocv.hysteresis_V", self.hysteresis_V, 0.0, np.inf)
+
+    def mean_V(self, soc: Any, temperature_degC: Any) -> Any:
+        """Mean of both branches [V] at soc, float or traced."""
+        warmer_K = temperature_degC - self.reference_degC
+        return self._at(self.voltage_V, soc) + warmer_K * self._at(self.temperature_V_per_K, soc)
+
+    def half_gap_V(self, soc: Any) -> Any:
+        """Half the distance of the two branches [V] at soc, float or traced."""
+        return self._at(self.hysteresis_V, soc)
+
+    def soc_at(self, voltage_V: float, temperature_degC: float = 25.0, branch: float = 0.0) -> float:
+        """State of charge at which the curve passes `voltage_V`, in [0, 1]: the inverse of the curve, offline.
+
+        branch: -1 discharge, 0 mean, 1 charge. A voltage above (below) the curve gives 1 (0).
+        """
+        soc = np.linspace(0.0, 1.0, 4001)
+        curve = self.mean_V(soc, temperature_degC) + branch * self.half_gap_V(soc)
+        return float(np.interp(voltage_V, np.maximum.accumulate(curve) + 1e-12 * np.arange(len(soc)), soc))
+
+    def scaled(self, factor: float) -> OcvCurve:
+        """The curve of `factor` such cells in series."""
+        return OcvCurve(
+            tuple(factor * v for v in self.voltage_V),
+            tuple(factor * v for v in self.hysteresis_V),
+            tuple(factor * v for v in self.temperature_V_per_K),
+            self.reference_degC,
+        )
+
+    def _at(self, values: tuple[float, ...], soc: Any) -> Any:
+        if not any(values):
+            return 0.0 * soc
+        return table(values, 0.0, 1.0 / (len(values) - 1), soc, kind="hermite")
