@@ -1,1 +1,51 @@
 """The kernel compiler: a model or filter step written as NumPy, traced once, lowered to what is installed."""
+
+from ohmward.trace.derivative import jacobian, linearize
+from ohmward.trace.expression import Expression, TraceError
+from ohmward.trace.functions import (
+    arctan2,
+    clip,
+    cos,
+    exp,
+    floor,
+    isfinite,
+    log,
+    logical_not,
+    maximum,
+    minimum,
+    sign,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
+from ohmward.trace.kernel import Kernel
+from ohmward.trace.program import Program, trace
+from ohmward.trace.table import monotone_slopes, table
+
+__all__ = [
+    "Expression",
+    "Kernel",
+    "Program",
+    "TraceError",
+    "arctan2",
+    "clip",
+    "cos",
+    "exp",
+    "floor",
+    "isfinite",
+    "jacobian",
+    "linearize",
+    "log",
+    "logical_not",
+    "maximum",
+    "minimum",
+    "monotone_slopes",
+    "sign",
+    "sin",
+    "sqrt",
+    "table",
+    "tanh",
+    "trace",
+    "where",
+]

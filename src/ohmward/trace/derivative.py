@@ -1,0 +1,65 @@
+"""Exact Jacobians by forward differentiation of the graph."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.expression import Expression, Scalar, apply, number, symbol
+from ohmward.trace.program import schedule
+
+
+def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Value and Jacobian of f at x.
+
+    f:  (n,) -> (m,), written for tracing; traced values that it closes over are constants here.
+    x:  (n,) floats, or traced scalars, or both.
+    Returns: f(x) (m,) and df/dx (m, n), of floats if all values are, else object arrays. What does not depend on x_j
+             has the literal 0.0 in column j.
+    Raises:  InputError when x or f(x) is not one row of numbers.
+    """
+    at = np.asarray(x)
+    if at.ndim != 1:
+        raise InputError(f"linearize: x must be one row of numbers (n,), got shape {at.shape}")
+    inputs = [symbol(f"x[{i}]") for i in range(at.size)]
+    rows = np.asarray(f(np.array(inputs, dtype=object)))
+    if rows.ndim != 1:
+        raise InputError(f"linearize: f must return one row of numbers (m,), got shape {rows.shape}")
+    outputs = [number(y) for y in rows.tolist()]
+    entries = [*outputs, *(d for row in differentiate(outputs, inputs) for d in row)]
+    values = substitute(entries, {s.serial: number(v) for s, v in zip(inputs, at.tolist(), strict=True)})
+    dtype = object if any(isinstance(v, Expression) for v in values) else float
+    everything = np.array(values, dtype=dtype)
+    return everything[: rows.size], everything[rows.size :].reshape(rows.size, at.size)
+
+
+def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
+    """The function x -> df/dx (m, n); see `linearize`."""
+    return lambda x: linearize(f, x)[1]
+
+
+def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> list[list[Scalar]]:
+    """The derivative of every output by every input; a literal 0.0 where there is none."""
+    columns = [_tangents(outputs, x) for x in inputs]
+    return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
+
+
+def _tangents(outputs: Sequence[Scalar], x: Expression) -> dict[int, Scalar]:
+    """Derivative by x of every node between x and the outputs, by serial."""
+    tangents: dict[int, Scalar] = {x.serial: 1.0}
+    for node in schedule(outputs):
+        below = tuple(tangents.get(a.serial, 0.0) if isinstance(a, Expression) else 0.0 for a in node.args)
+        if node.operation is not None and any(isinstance(d, Expression) or d != 0.0 for d in below):
+            tangents[node.serial] = node.operation.derivative(node, node.args, below)
+    return tangents
+
+
+def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[Scalar]:
+    """The entries with other scalars in place of inputs (by serial); computed where only numbers are left."""
+    new: dict[int, Scalar] = dict(values)
+    for node in schedule(entries):
+        args = tuple(new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args)
+        if node.operation is not None and any(p is not q for p, q in zip(args, node.args, strict=True)):
+            new[node.serial] = apply(node.operation.name, *args)
+    return [new.get(e.serial, e) if isinstance(e, Expression) else e for e in entries]

@@ -1,0 +1,87 @@
+"""Functions that give the same result for floats, arrays of floats and traced scalars, alone or in object arrays.
+
+`np.exp(x)` and its like work on traced scalars and on object arrays whose elements all are traced. The functions here
+also take object arrays that mix floats with traced scalars, and they are the only way to choose by data.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ohmward.trace.expression import Expression, apply, condition, number, select
+
+
+def is_traced(x: Any) -> bool:
+    """True for a traced scalar and for an array that may hold some."""
+    return isinstance(x, Expression) or (isinstance(x, np.ndarray) and x.dtype == object)
+
+
+def elementwise(scalar: Callable, floats: Callable, arity: int) -> Callable:
+    """A function of arrays that takes `scalar` when an argument is traced, else `floats`."""
+    traced = np.frompyfunc(scalar, arity, 1)
+
+    def call(*args: Any) -> Any:
+        args = tuple(np.array(a, dtype=object) if isinstance(a, list | tuple) else a for a in args)
+        return traced(*args) if any(is_traced(a) for a in args) else floats(*args)
+
+    return call
+
+
+def _numeric(name: str, arity: int) -> Callable:
+    def scalar(*args: Any) -> Any:
+        return apply(name, *(number(a) for a in args))
+
+    return elementwise(scalar, getattr(np, name), arity)
+
+
+_where = elementwise(select, np.where, 3)
+_minimum = _numeric("minimum", 2)
+_maximum = _numeric("maximum", 2)
+_sign = _numeric("sign", 1)
+_isfinite = _numeric("isfinite", 1)
+_logical_not = elementwise(lambda c: apply("logical_not", condition(c)), np.logical_not, 1)
+
+exp = _numeric("exp", 1)
+log = _numeric("log", 1)
+sqrt = _numeric("sqrt", 1)
+tanh = _numeric("tanh", 1)
+sin = _numeric("sin", 1)
+cos = _numeric("cos", 1)
+arctan2 = _numeric("arctan2", 2)
+floor = _numeric("floor", 1)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """`a` where the condition holds, else `b`; an inf or nan in the one that is not taken does no harm."""
+    return _where(condition, a, b)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of a and b; nan if either is nan."""
+    return _minimum(a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of a and b; nan if either is nan."""
+    return _maximum(a, b)
+
+
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """`x` within [low, high]; nan stays nan."""
+    return minimum(maximum(x, low), high)
+
+
+def sign(x: Any) -> Any:
+    """-1, 0 or 1; nan stays nan."""
+    return _sign(x)
+
+
+def isfinite(x: Any) -> Any:
+    """True where x is neither inf nor nan."""
+    return _isfinite(x)
+
+
+def logical_not(c: Any) -> Any:
+    """The opposite of a condition (`~c` of a Python bool is an integer)."""
+    return _logical_not(c)

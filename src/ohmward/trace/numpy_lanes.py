@@ -1,0 +1,355 @@
+"""Lowering to NumPy over lanes: many logs step together, one array operation per operation of the program.
+
+A block of lanes runs through its whole log before the next block starts, so its registers stay in the cache. Registers
+are given back at the last use of their value; the state of the next step stays where it was computed and only the names
+move (`s0, r3 = r3, s0`). Nothing is allocated in the loop but views.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.expression import Expression
+from ohmward.trace.program import Program
+from ohmward.trace.structure import Leaf, Structure, flatten, leaves, unflatten
+
+#: Lanes that run together: few enough for the cache, enough to make the cost of a NumPy call small.
+BLOCK = 1024
+#: Steps between two reports of progress.
+_CHUNK = 4096
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """A compiled loop over time for one block of lanes.
+
+    scan:      (states, registers, samples, outputs, index, first, last) -> (states, registers)
+    source:    its text.
+    registers: dtype of every scratch register.
+    """
+
+    scan: Callable
+    source: str
+    registers: tuple[type, ...]
+
+
+# ---- generating the loop
+
+
+@dataclass
+class _Allocator:
+    """Names of the arrays that hold values: registers are reused as soon as their value is not needed any more."""
+
+    free: dict[type, list[str]] = field(default_factory=lambda: {float: [], bool: []})
+    registers: list[type] = field(default_factory=list)
+    kinds: dict[str, type] = field(default_factory=dict)
+
+    def take(self, kind: type) -> str:
+        if self.free[kind]:
+            return self.free[kind].pop()
+        name = f"r{len(self.registers)}"
+        self.registers.append(kind)
+        self.kinds[name] = kind
+        return name
+
+    def give(self, name: str) -> None:
+        if name in self.kinds:
+            self.free[self.kinds[name]].append(name)
+
+
+@dataclass
+class _Loop:
+    """The text of one step while it is written: place of every value, lines, constants and tables by name."""
+
+    program: Program
+    state_size: int
+    arrays: _Allocator = field(default_factory=_Allocator)
+    place: dict[int, str] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    constants: dict[str, Any] = field(default_factory=dict)
+
+    def word(self, arg: Any) -> str:
+        """The name of an argument: where a node is, or a constant."""
+        if isinstance(arg, Expression):
+            return self.place[arg.serial]
+        for name, known in self.constants.items():
+            if known is arg or (type(known) is type(arg) and repr(known) == repr(arg)):
+                return name
+        name = f"c{len(self.constants)}"
+        self.constants[name] = arg
+        return name
+
+
+def compile_lanes(program: Program, state_size: int) -> Lanes:
+    """The loop of `step(state, sample) -> (state, output)`; the first inputs and outputs are the state."""
+    loop = _Loop(program, state_size)
+    _place_inputs(loop)
+    _write_operations(loop)
+    final = _write_results(loop)
+    source = _source(loop, final)
+    namespace: dict[str, Any] = {name: _constant(value) for name, value in loop.constants.items()}
+    names = {node.operation.name for node in program.nodes if node.operation} - {"where", "gather"}
+    namespace |= {name: getattr(np, name) for name in names} | {"copyto": np.copyto}
+    exec(compile(source, "<ohmward trace: lanes>", "exec"), namespace)
+    return Lanes(namespace["scan"], source, tuple(loop.arrays.registers))
+
+
+def _constant(value: Any) -> np.ndarray:
+    """Constants as arrays: NumPy takes them without converting."""
+    return np.array(value, dtype=bool if isinstance(value, bool) else float)
+
+
+def _place_inputs(loop: _Loop) -> None:
+    for i, symbol in enumerate(loop.program.inputs):
+        name = f"s{i}" if i < loop.state_size else f"x{i - loop.state_size}"
+        loop.place[symbol.serial] = name
+        if i < loop.state_size:
+            loop.arrays.kinds[name] = _kind(symbol)
+
+
+def _kind(x: Any) -> type:
+    return bool if isinstance(x, bool) or (isinstance(x, Expression) and x.boolean) else float
+
+
+def _write_operations(loop: _Loop) -> None:
+    """One line per operation, into a register, or into the output if nothing but the output keeps the value."""
+    program, last = loop.program, _last_uses(loop.program)
+    targets = _output_targets(program, loop.state_size)
+    states = {y.serial for y in program.outputs[: loop.state_size] if isinstance(y, Expression)}
+    for symbol in program.inputs:
+        if last.get(symbol.serial, -1) < 0:
+            loop.arrays.give(loop.place[symbol.serial])
+    for position, node in enumerate(program.nodes):
+        direct = targets.get(node.serial) if node.serial not in states else None
+        dying = [a for a in _unique(node.args) if last[a.serial] == position]
+        overlap = node.operation is not None and node.operation.name not in ("where", "gather")
+        if overlap:
+            _release(loop, dying)
+        target = direct or loop.arrays.take(_kind(node))
+        _write_operation(loop, node, target)
+        loop.place[node.serial] = target
+        if not overlap:
+            _release(loop, dying)
+
+
+def _release(loop: _Loop, nodes: list[Expression]) -> None:
+    for node in nodes:
+        loop.arrays.give(loop.place[node.serial])
+
+
+def _unique(args: tuple) -> list[Expression]:
+    return list({a.serial: a for a in args if isinstance(a, Expression)}.values())
+
+
+def _last_uses(program: Program) -> dict[int, int]:
+    """Position of the last operation that reads a value; what outputs read lives to the end."""
+    last = {a.serial: i for i, node in enumerate(program.nodes) for a in node.args if isinstance(a, Expression)}
+    return last | {y.serial: len(program.nodes) for y in program.outputs if isinstance(y, Expression)}
+
+
+def _output_targets(program: Program, state_size: int) -> dict[int, str]:
+    """The first output row that shows a node."""
+    targets: dict[int, str] = {}
+    for i, y in enumerate(program.outputs[state_size:]):
+        if isinstance(y, Expression) and y.operation is not None:
+            targets.setdefault(y.serial, f"y{i}")
+    return targets
+
+
+def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
+    assert node.operation is not None
+    words = [loop.word(a) for a in node.args]
+    if node.operation.name == "where":
+        loop.lines += [f"copyto({target}, {words[2]})", f"copyto({target}, {words[1]}, where={words[0]})"]
+    elif node.operation.name == "gather":
+        loop.lines += [
+            f"copyto(index, {words[0]}, casting='unsafe')",
+            f"{words[1]}.take(index, None, {target}, 'clip')",
+        ]
+    else:
+        loop.lines.append(f"{node.operation.name}({', '.join([*words, target])})")
+
+
+def _write_results(loop: _Loop) -> list[str]:
+    """Copies for what is no value of its own; returns the array that holds each next state."""
+    program = loop.program
+    for i, y in enumerate(program.outputs[loop.state_size :]):
+        if loop.word(y) != f"y{i}":
+            loop.lines.append(f"copyto(y{i}, {loop.word(y)})")
+    final: list[str] = []
+    for y in program.outputs[: loop.state_size]:
+        name = loop.word(y)
+        if name in final or name not in loop.arrays.kinds:
+            register = loop.arrays.take(_kind(y))
+            loop.lines.append(f"copyto({register}, {name})")
+            name = register
+        final.append(name)
+    return final
+
+
+def _renaming(final: list[str]) -> str:
+    """`s0, r3 = r3, s0`: every state gets the array with its next value, the registers those that are left."""
+    moves = [(f"s{i}", name) for i, name in enumerate(final) if name != f"s{i}"]
+    left = [old for old, _ in moves]
+    right = [new for _, new in moves]
+    orphans = [name for name in right if name not in left]
+    leftover = [name for name in left if name not in right]
+    return f"{', '.join(left + orphans)} = {', '.join(right + leftover)}" if moves else ""
+
+
+def _source(loop: _Loop, final: list[str]) -> str:
+    states = [f"s{i}" for i in range(loop.state_size)]
+    registers = [f"r{i}" for i in range(len(loop.arrays.registers))]
+    samples = range(len(loop.program.inputs) - loop.state_size)
+    outputs = range(len(loop.program.outputs) - loop.state_size)
+    body = [
+        *(f"x{i} = X{i}[k, ...]" for i in samples if _used(loop, i)),
+        *(f"y{i} = Y{i}[k]" for i in outputs),
+        *loop.lines,
+        *filter(None, [_renaming(final)]),
+    ]
+    return "\n".join(
+        [
+            "def scan(states, registers, samples, outputs, index, first, last):",
+            f"    [{', '.join(states)}] = states",
+            f"    [{', '.join(registers)}] = registers",
+            f"    [{', '.join(f'X{i}' for i in samples)}] = samples",
+            f"    [{', '.join(f'Y{i}' for i in outputs)}] = outputs",
+            "    for k in range(first, last):",
+            *(f"        {line}" for line in body or ["pass"]),
+            f"    return [{', '.join(states)}], [{', '.join(registers)}]",
+        ]
+    )
+
+
+def _used(loop: _Loop, sample: int) -> bool:
+    symbol = loop.program.inputs[loop.state_size + sample]
+    everything = (*loop.program.outputs, *(a for node in loop.program.nodes for a in node.args))
+    return any(a is symbol for a in everything)
+
+
+# ---- running it
+
+
+def run(
+    lanes: Lanes,
+    state_structure: Structure,
+    sample_structure: Structure,
+    output_structure: Structure,
+    state: Any,
+    samples: Any,
+    progress: Callable[[int, int], None] | None = None,
+    block: int = BLOCK,
+) -> tuple[Any, Any]:
+    """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
+    states = _arrays(state_structure, state, "state")
+    values = _arrays(sample_structure, samples, "samples")
+    count = _steps(values)
+    width = _lane_count([*((leaf, v, 0) for leaf, v, _ in states), *((leaf, v, 1) for leaf, v, _ in values)])
+    rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
+    columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
+    outputs: list[np.ndarray] = [
+        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(output_structure)
+    ]
+    views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
+    final = [np.empty(width, r.dtype) for r in rows]
+    starts = range(0, width, block)
+    report = _reporter(progress, count * len(starts))
+    for start in starts:
+        part = slice(start, min(start + block, width))
+        _run_block(lanes, rows, columns, views, final, part, count, report)
+    return _state_tree(state_structure, final, width), unflatten(output_structure, iter(outputs))
+
+
+def _run_block(
+    lanes: Lanes,
+    rows: list[np.ndarray],
+    columns: list[np.ndarray],
+    views: list[np.ndarray],
+    final: list[np.ndarray],
+    part: slice,
+    count: int,
+    report: Callable[[int], None],
+) -> None:
+    states = [r[part].copy() for r in rows]
+    registers = [np.empty(part.stop - part.start, kind) for kind in lanes.registers]
+    samples = [c[:, part] if c.ndim == 2 else c for c in columns]
+    outputs = [v[:, part] for v in views]
+    index = np.empty(part.stop - part.start, dtype=np.intp)
+    for first in range(0, count, _CHUNK):
+        last = min(first + _CHUNK, count)
+        with np.errstate(all="ignore"):
+            states, registers = lanes.scan(states, registers, samples, outputs, index, first, last)
+        report(last - first)
+    for whole, block in zip(final, states, strict=True):
+        whole[part] = block
+
+
+def _reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def report(steps: int) -> None:
+        nonlocal done
+        done += steps
+        if progress:
+            progress(done, total)
+
+    return report
+
+
+def _arrays(structure: Structure, tree: Any, path: str) -> list[tuple[Leaf, np.ndarray, str]]:
+    named = leaves(structure, path)
+    pairs = zip(named, flatten(structure, tree, path), strict=True)
+    return [(leaf, _as_array(value, leaf, name), name) for (name, leaf), value in pairs]
+
+
+def _as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
+    try:
+        return np.asarray(value, dtype=leaf.dtype)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
+
+
+def _steps(values: list[tuple[Leaf, np.ndarray, str]]) -> int:
+    lengths = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
+    if len(lengths) != 1:
+        raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
+    return lengths.pop()
+
+
+def _lane_count(values: Any) -> int:
+    """B, from the leaves that have a lane axis: `axes` more axes than the leaf, and the last one of lanes."""
+    widths = {v.shape[-1] for leaf, v, axes in values if v.ndim == len(leaf.shape) + axes + 1}
+    if len(widths) != 1:
+        raise InputError(f"state and samples must have one common number of lanes, got {sorted(widths) or 'none'}")
+    return widths.pop()
+
+
+def _state_rows(leaf: Leaf, value: np.ndarray, path: str, width: int) -> Iterator[np.ndarray]:
+    """One row (B,) per scalar of a state leaf."""
+    if value.shape not in (leaf.shape, (*leaf.shape, width)):
+        raise InputError(f"{path} must have the shape {(*leaf.shape, width)} or {leaf.shape}, got {value.shape}")
+    lanes = value if value.ndim > len(leaf.shape) else np.broadcast_to(value[..., None], (*leaf.shape, width))
+    return iter(lanes.reshape(leaf.size, width))
+
+
+def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width: int) -> Iterator[np.ndarray]:
+    """One column (T, B), or (T,) for all lanes, per scalar of a sample leaf."""
+    own, shared = (count, *leaf.shape, width), (count, *leaf.shape)
+    if value.shape == own:
+        return iter(np.moveaxis(value.reshape(count, leaf.size, width), 1, 0))
+    if value.shape not in (shared, leaf.shape):
+        raise InputError(f"{path} must have the shape {own}, {shared} or {leaf.shape}, got {value.shape}")
+    return iter(np.broadcast_to(value, shared).reshape(count, leaf.size).T)
+
+
+def _state_tree(structure: Structure, final: list[np.ndarray], width: int) -> Any:
+    rows = iter(final)
+
+    def value(leaf: Leaf) -> np.ndarray:
+        return np.array([next(rows) for _ in range(leaf.size)], leaf.dtype).reshape(*leaf.shape, width)
+
+    return unflatten(structure, (value(leaf) for _, leaf in leaves(structure)))

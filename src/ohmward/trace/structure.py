@@ -1,0 +1,132 @@
+"""Nested tuples, NamedTuples, arrays and numbers as a flat row of scalars, and back."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.expression import Expression
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A number (shape ()) or an array of numbers; `boolean` for conditions."""
+
+    shape: tuple[int, ...]
+    boolean: bool
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def dtype(self) -> type:
+        """What its values are stored as."""
+        return bool if self.boolean else float
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A tuple or NamedTuple; `fields` are the names that error messages and generated code use."""
+
+    type: type
+    fields: tuple[str, ...]
+    children: tuple["Structure", ...]
+
+
+Structure = Leaf | Branch
+
+
+def structure_of(tree: Any, path: str) -> Structure:
+    """The structure of an example. `path` names it in the InputError about anything that is not a number."""
+    if isinstance(tree, tuple):
+        fields = getattr(tree, "_fields", None) or tuple(f"[{i}]" for i in range(len(tree)))
+        children = (structure_of(child, join(path, field)) for field, child in zip(fields, tree, strict=True))
+        return Branch(type(tree), fields, tuple(children))
+    if isinstance(tree, np.ndarray) and tree.dtype.kind in "fiubO":
+        return Leaf(tree.shape, tree.size > 0 and all(_is_boolean(x, path) for x in tree.flat))
+    return Leaf((), _is_boolean(tree, path))
+
+
+def _is_boolean(x: Any, path: str) -> bool:
+    if isinstance(x, Expression):
+        return x.boolean
+    if isinstance(x, bool | np.bool_):
+        return True
+    if isinstance(x, int | float | np.number) and not isinstance(x, complex):
+        return False
+    raise InputError(
+        f"{path} must be a number, an array of numbers, or a tuple or NamedTuple of these, got {type(x).__name__}; "
+        "hand over anything else through a closure, functools.partial or constants=(...)"
+    )
+
+
+def join(path: str, field: str) -> str:
+    """`belief` and `mean` -> `belief.mean`; `belief` and `[0]` -> `belief[0]`."""
+    return f"{path}{field}" if field.startswith("[") or not path else f"{path}.{field}"
+
+
+def leaves(structure: Structure, path: str = "") -> Iterator[tuple[str, Leaf]]:
+    """Path and Leaf of every leaf, in order."""
+    if isinstance(structure, Leaf):
+        yield path, structure
+        return
+    for field, child in zip(structure.fields, structure.children, strict=True):
+        yield from leaves(child, join(path, field))
+
+
+def scalar_names(structure: Structure, path: str = "") -> list[str]:
+    """Name of every scalar, in order: `belief.mean[0]`, ..."""
+    return [
+        f"{name}[{','.join(map(str, index))}]" if leaf.shape else name
+        for name, leaf in leaves(structure, path)
+        for index in np.ndindex(*leaf.shape)
+    ]
+
+
+def flatten(structure: Structure, tree: Any, path: str = "") -> list[Any]:
+    """The leaf values of `tree`, in order, as they are. InputError where the tree has another structure."""
+    if isinstance(structure, Leaf):
+        return [tree]
+    if not isinstance(tree, tuple) or len(tree) != len(structure.children):
+        raise InputError(
+            f"{path or 'arguments'} must be a {structure.type.__name__} of {len(structure.children)}, got {tree!r:.80}"
+        )
+    parts = zip(structure.fields, structure.children, tree, strict=True)
+    return [value for field, child, part in parts for value in flatten(child, part, join(path, field))]
+
+
+def unflatten(structure: Structure, values: Iterator[Any]) -> Any:
+    """The inverse of `flatten`; takes one value per leaf from the iterator."""
+    if isinstance(structure, Leaf):
+        return next(values)
+    children = [unflatten(child, values) for child in structure.children]
+    return structure.type(*children) if hasattr(structure.type, "_fields") else tuple(children)
+
+
+def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -> Any:
+    """A tree from one value per scalar: bare scalars, and arrays of `dtype` (default: bool or float, as the leaf)."""
+    row = iter(values)
+
+    def leaf_value(leaf: Leaf) -> Any:
+        if not leaf.shape:
+            return next(row)
+        array: np.ndarray = np.empty(leaf.size, dtype or leaf.dtype)
+        array[:] = [next(row) for _ in range(leaf.size)]
+        return array.reshape(leaf.shape)
+
+    return unflatten(structure, (leaf_value(leaf) for _, leaf in leaves(structure)))
+
+
+def check(structure: Structure, tree: Any) -> None:
+    """InputError that names the first place where `tree` does not fit."""
+    for (path, leaf), value in zip(leaves(structure), flatten(structure, tree), strict=True):
+        try:
+            shape = np.asarray(value, dtype=leaf.dtype).shape
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
+        if shape != leaf.shape:
+            raise InputError(f"{path} must have the shape {leaf.shape} it was traced with, got {shape}")

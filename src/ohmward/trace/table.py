@@ -1,0 +1,94 @@
+"""Look-up on a uniform grid: the only way for a traced function to use data as an index."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.expression import apply, number
+from ohmward.trace.functions import clip, elementwise, floor
+
+
+def table(
+    values: Sequence[float] | np.ndarray,
+    start: float,
+    spacing: float,
+    x: Any,
+    kind: Literal["linear", "hermite"] = "linear",
+) -> Any:
+    """Value at x of the curve through `values` at start, start + spacing, start + 2 spacing, ...
+
+    values:  (n,) finite constants, n >= 2.
+    start, spacing: position of the first value, distance of two values (> 0), in the unit of x.
+    x:       float, array, traced scalar or array of these.
+    kind:    "linear", or "hermite" for the monotone cubic of `monotone_slopes`.
+    Returns: shape of x. Beyond the ends the curve goes on as a straight line with the slope of its end. nan gives nan.
+    Raises:  InputError for values, spacing or kind that make no curve.
+    """
+    coefficients = _segments(_checked(values, spacing, kind), kind)
+    u = (x - start) / spacing
+    segment = clip(floor(u), -1.0, coefficients.shape[1] - 2.0)
+    t = u - segment
+    *lower, y = (_gather(segment + 1.0, tuple(c)) for c in coefficients.tolist())
+    for c in reversed(lower):
+        y = c + t * y
+    return y
+
+
+def monotone_slopes(values: np.ndarray) -> np.ndarray:
+    """Slopes (n,) per grid step of the monotone piecewise cubic through values (n,) on a uniform grid.
+
+    The harmonic mean of the neighbouring differences, 0 at an extremum (Fritsch and Butland 1984, within the region of
+    Fritsch and Carlson 1980); at the ends the three-point formula, limited to keep the shape.
+    """
+    d = np.diff(values)
+    if len(d) == 1:
+        return np.array([d[0], d[0]])
+    left, right = d[:-1], d[1:]
+    monotone = left * right > 0
+    inner = np.where(monotone, 2 * left * right / np.where(monotone, left + right, 1.0), 0.0)
+    return np.array([_end_slope(d[0], d[1]), *inner, _end_slope(d[-1], d[-2])])
+
+
+def _end_slope(d0: float, d1: float) -> float:
+    """Slope at an end, from the difference next to it and the one after."""
+    slope = (3.0 * d0 - d1) / 2.0
+    if slope * d0 <= 0:
+        return 0.0
+    return 3.0 * d0 if d0 * d1 < 0 and abs(slope) > abs(3.0 * d0) else slope
+
+
+def _segments(v: np.ndarray, kind: str) -> np.ndarray:
+    """Coefficients (order + 1, n + 1) of t^k on each segment, t in [0, 1]; the first and last are the extensions."""
+    d = np.diff(v)
+    m = monotone_slopes(v) if kind == "hermite" else np.append(d, d[-1])
+    first = m[0] if kind == "hermite" else d[0]
+    c0 = np.array([v[0] - first, *v])
+    c1 = np.array([first, *m])
+    if kind == "linear":
+        return np.array([c0, c1])
+    c2 = np.array([0.0, *(3 * d - 2 * m[:-1] - m[1:]), 0.0])
+    c3 = np.array([0.0, *(m[:-1] + m[1:] - 2 * d), 0.0])
+    return np.array([c0, c1, c2, c3])
+
+
+def _checked(values: Any, spacing: float, kind: str) -> np.ndarray:
+    v = np.asarray(values, dtype=float)
+    if v.ndim != 1 or len(v) < 2 or not np.isfinite(v).all():
+        raise InputError(f"table: values must be 2 or more finite numbers in one row, got shape {v.shape}")
+    if not spacing > 0:
+        raise InputError(f"table: spacing must be > 0, got {spacing}")
+    if kind not in ("linear", "hermite"):
+        raise InputError(f'table: kind must be "linear" or "hermite", got {kind!r}')
+    return v
+
+
+def _gather(index: Any, values: tuple[float, ...]) -> Any:
+    """Entries of a table at whole-numbered indices within it; entry 0 at nan."""
+    return elementwise(lambda i: apply("gather", number(i), values), partial(_take, values), 1)(index)
+
+
+def _take(values: tuple[float, ...], index: Any) -> Any:
+    return np.take(values, np.where(np.isnan(index), 0, index).astype(int))
