@@ -1,0 +1,57 @@
+"""What goes into every estimator of the battery and what comes out: plain numbers, one sample at a time."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from typing import Any, NamedTuple
+
+
+class Sample(NamedTuple):
+    """One sample of the battery's sensors; nan where there is none.
+
+    dt_s: time since the sample before [s]; 0 for the first.
+    current_A: measured current [A], > 0 charges.
+    voltage_V: measured terminal voltage [V] of the whole pack.
+    temperature_degC: of the battery.
+    """
+
+    dt_s: Any
+    current_A: Any
+    voltage_V: Any
+    temperature_degC: Any
+
+
+class Estimate(NamedTuple):
+    """What an estimator says after a sample; a quantity that it does not estimate is nan.
+
+    soc, soc_std: state of charge in [0, 1] and its standard deviation.
+    voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and how far off it may be.
+    innovation_V: measured minus expected voltage [V]; nan when the voltage was not used.
+    current_offset_A: what the current sensor shows at zero current [A].
+    capacity_share: capacity over the battery file's.
+    resistance_share: resistance over the battery file's.
+    flags: sum of `Flag` values; 0 is a sample without incident.
+    """
+
+    soc: Any
+    soc_std: Any
+    voltage_V: Any
+    voltage_std_V: Any
+    innovation_V: Any
+    current_offset_A: Any
+    capacity_share: Any
+    resistance_share: Any
+    flags: Any
+
+
+class Flag(IntFlag):
+    """What happened at a sample. None of it stops an estimator."""
+
+    NO_CURRENT = 1  # not a finite number: the last current was held
+    NO_VOLTAGE = 2  # not a finite number: predicted only
+    BAD_TIME = 4  # dt_s not finite or negative: taken as 0; dt_s = 0 is a repeated sample
+    GAP = 8  # longer than the estimator trusts a straight line between two currents
+    VOLTAGE_REJECTED = 16  # innovation outside its gate
+    REST = 32  # current known: the zero-current update was made
+    SOC_LIMITED = 64  # estimate projected into [0, 1]
+    NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
