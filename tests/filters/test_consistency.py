@@ -109,9 +109,9 @@ def test_correlation_and_bias_are_found():
 
 
 def test_bad_arguments_are_refused():
-    with pytest.raises(InputError, match="max_lag must be from 1 to 9 .* but is 10"):
+    with pytest.raises(InputError, match=r"max_lag must be from 1 to 9 .* but is 10"):
         whiteness(np.zeros((10, 1)), 10)
-    with pytest.raises(InputError, match="probability must lie between 0 and 1 but is 95"):
+    with pytest.raises(InputError, match=r"probability must lie between 0 and 1 but is 95"):
         mean_bounds(1, 1, 95)
     with pytest.raises(InputError, match=r"truth must have shape \(3,\)"):
         nees(PENDULUM, np.zeros(2))

@@ -10,8 +10,8 @@ What it can do and what it cannot:
   collapses, and the filter becomes wrong with confidence. The floors are part of the model: what each state may wander
   in one step, in its own unit squared, and what the sensor's resolution alone amounts to.
 - Matching both at once finds the size of the noise, not the ratio of Q to R: put S = C_k into the formulas, and every
-  gain K reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of the two is
-  known, match the other alone (`match_Q`, `match_R`): then it is found.
+  gain K reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of
+  the two is known, match the other alone (`match_Q`, `match_R`): then it is found.
 
 [T] means over a ring of the last L = 100 samples. Here the mean is recursive: over all samples while there are fewer
 than L, then with exponential forgetting 1/L. The newest sample weighs 1/L in both (the mean scatters as that of a ring
@@ -31,7 +31,7 @@ from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation
 from ohmward.filters.gating import choose, passes
-from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.linear_algebra import lower_triangle, mirror_lower, symmetric_from
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize, minimum
 
@@ -66,6 +66,24 @@ class AdaptiveState(NamedTuple):
     noise: NoiseEstimate
 
 
+class PackedAdaptiveState(NamedTuple):
+    """`AdaptiveState` as it is stored: lower triangles instead of symmetric matrices.
+
+    mean: (n,).
+    cov, Q: (n (n + 1) / 2,), row by row.
+    R, innovation, residual: (m (m + 1) / 2,), row by row.
+    samples: as in `NoiseEstimate`.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+    innovation: np.ndarray
+    residual: np.ndarray
+    samples: float
+
+
 @dataclass(frozen=True)
 class Matching:
     """Settings of the covariance matching.
@@ -98,6 +116,20 @@ def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
     require_shape("Q", Q, (n, n))
     require_shape("R", R, (m, m))
     return AdaptiveState(belief, Q, R, NoiseEstimate(np.zeros((m, m)), np.zeros((m, m)), 0.0))
+
+
+def pack(state: AdaptiveState) -> PackedAdaptiveState:
+    """The state with lower triangles only; `unpack` undoes it."""
+    (mean, cov), Q, R, noise = state
+    matrices = (cov, Q, R, noise.innovation, noise.residual)
+    return PackedAdaptiveState(mean, *map(lower_triangle, matrices), noise.samples)
+
+
+def unpack(packed: PackedAdaptiveState) -> AdaptiveState:
+    """The state with full matrices, symmetric by construction."""
+    mean, *triangles, samples = packed
+    cov, Q, R, innovation, residual = map(symmetric_from, triangles)
+    return AdaptiveState(Belief(mean, cov), Q, R, NoiseEstimate(innovation, residual, samples))
 
 
 def extended_step(

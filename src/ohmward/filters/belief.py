@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.filters.linear_algebra import cholesky, solve_lower, solve_spd
+from ohmward.filters.linear_algebra import cholesky, lower_triangle, solve_lower, solve_spd, symmetric_from
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import isfinite, where
 
@@ -16,7 +16,7 @@ class Belief(NamedTuple):
     """Gaussian belief about a state of n elements.
 
     mean: (n,), in the units of the model's state.
-    cov: (n, n), symmetric; the filters read and write its lower triangle and mirror it.
+    cov: (n, n), symmetric to the bit when a filter made it.
     """
 
     mean: np.ndarray
@@ -62,16 +62,14 @@ def pack(belief: Belief) -> PackedBelief:
     """The belief with the lower triangle of its covariance only; `unpack` undoes it."""
     n = len(belief.mean)
     require_shape("belief.cov", belief.cov, (n, n))
-    return PackedBelief(belief.mean, belief.cov[np.tril_indices(n)])
+    return PackedBelief(belief.mean, lower_triangle(belief.cov))
 
 
 def unpack(packed: PackedBelief) -> Belief:
     """The belief with its full covariance; cov[i, j] and cov[j, i] are the very same element."""
     n = len(packed.mean)
     require_shape("packed.lower", packed.lower, (n * (n + 1) // 2,))
-    i, j = np.indices((n, n))
-    row, column = np.maximum(i, j), np.minimum(i, j)
-    return Belief(packed.mean, np.asarray(packed.lower)[row * (row + 1) // 2 + column])
+    return Belief(packed.mean, symmetric_from(packed.lower))
 
 
 def nis(innovation: Innovation) -> float:

@@ -5,6 +5,8 @@ Nothing here branches on data, so every function runs with floats and with trace
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ohmward.trace import maximum, where
@@ -38,8 +40,9 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarra
         floor = pivot_floor * P[j, j]
         ok = where(pivot >= -floor, ok, 0.0)
         L[j, j] = np.sqrt(maximum(maximum(pivot, floor), TINY))
+        reciprocal = 1.0 / L[j, j]  # one division a column: they cost many multiplications each
         for i in range(j + 1, n):
-            L[i, j] = (P[i, j] - L[i, :j] @ L[j, :j]) / L[j, j]
+            L[i, j] = (P[i, j] - L[i, :j] @ L[j, :j]) * reciprocal
     return L, ok
 
 
@@ -64,7 +67,7 @@ def cho_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
 def solve_spd(S: np.ndarray, B: np.ndarray) -> np.ndarray:
     """X of S X = B for a covariance S (m, m) and B (m,) or (m, k); one guarded division when m = 1."""
     if len(S) == 1:
-        return B / maximum(S[0, 0], TINY)
+        return B * (1.0 / maximum(S[0, 0], TINY))
     return cho_solve(cholesky(S)[0], B)
 
 
@@ -72,3 +75,16 @@ def mirror_lower(M: np.ndarray) -> np.ndarray:
     """The lower triangle of M (n, n) mirrored: symmetric to the bit, M[i, j] and M[j, i] the very same element."""
     i, j = np.indices(M.shape)
     return M[np.maximum(i, j), np.minimum(i, j)]
+
+
+def lower_triangle(M: np.ndarray) -> np.ndarray:
+    """The lower triangle of M (n, n), row by row, (n (n + 1) / 2,)."""
+    return M[np.tril_indices(len(M))]
+
+
+def symmetric_from(lower: np.ndarray) -> np.ndarray:
+    """The symmetric matrix (n, n) of a lower triangle (n (n + 1) / 2,); undoes `lower_triangle`."""
+    n = round((math.sqrt(8 * len(lower) + 1) - 1) / 2)
+    i, j = np.indices((n, n))
+    row, column = np.maximum(i, j), np.minimum(i, j)
+    return np.asarray(lower)[row * (row + 1) // 2 + column]
