@@ -31,8 +31,10 @@ class XAxis(NamedTuple):
 def shared_x(figures: Sequence[Figure]) -> XAxis:
     """The x axis that holds all figures; with `TIME`, in the unit that suits their duration.
 
-    Raises: InputError when they do not have one x_label.
+    Raises: InputError when there are none, or when they do not have one x_label.
     """
+    if not figures:
+        raise InputError("a plot needs at least one figure, got none")
     labels = {f.x_label for f in figures}
     if len(labels) != 1:
         raise InputError(f"figures of one stack need one x_label, got {sorted(labels)}: plot them separately")

@@ -132,8 +132,7 @@ class Figure:
             raise InputError(
                 f"figure {self.title!r}: a series on the right axis needs right_label, for example 'I [A]'"
             )
-        if self.y_limits is not None and not self.y_limits[0] < self.y_limits[1]:
-            raise InputError(f"figure {self.title!r}: y_limits must ascend, got {self.y_limits}")
+        _check_limits(self)
         if self.log_y:
             _check_positive(self)
 
@@ -162,6 +161,18 @@ def _check_ascending(label: str, x: np.ndarray) -> None:
 def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
     if value not in allowed:
         raise InputError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+
+
+def _check_limits(figure: Figure) -> None:
+    for span in figure.spans:
+        if span.x_from > span.x_to:
+            raise InputError(f"span {span.label!r}: x_from must not exceed x_to, got {span.x_from:g} > {span.x_to:g}")
+    if figure.y_limits is None:
+        return
+    if not figure.y_limits[0] < figure.y_limits[1]:
+        raise InputError(f"figure {figure.title!r}: y_limits must ascend, got {figure.y_limits}")
+    if figure.log_y and figure.y_limits[0] <= 0:
+        raise InputError(f"figure {figure.title!r}: y_limits of a log axis must be positive, got {figure.y_limits}")
 
 
 def _check_positive(figure: Figure) -> None:

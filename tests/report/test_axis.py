@@ -1,0 +1,103 @@
+"""Ticks and labels that people would have chosen."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ohmward.errors import InputError
+from ohmward.report.axis import (
+    decimals,
+    linear_ticks,
+    log_ticks,
+    nice_step,
+    shared_x,
+    tick_labels,
+    time_unit,
+    value_decimals,
+)
+from ohmward.report.figure import TIME, Band, Figure, Series
+
+
+@given(st.floats(1e-9, 1e9), st.integers(2, 12))
+def test_a_nice_step_is_one_two_or_five_and_the_smallest_that_fits(span, intervals):
+    step = nice_step(span, intervals)
+    mantissa = step / 10 ** math.floor(math.log10(step) + 1e-9)
+    assert min(abs(mantissa - m) for m in (1, 2, 5)) < 1e-6
+    assert span / step <= intervals * (1 + 1e-6)
+    assert span / (step / 2.5) > intervals * (1 - 1e-6)
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
+def test_linear_ticks_lie_inside_and_are_multiples_of_their_step(low, span):
+    ticks = linear_ticks(low, low + span)
+    slack = 1e-6 * span
+    assert low - slack <= ticks[0] and ticks[-1] <= low + span + slack
+    assert 2 <= ticks.size <= 7
+    step = nice_step(span, 6)
+    assert ticks / step == pytest.approx(np.round(ticks / step), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (0, 0.4, ["0.0", "0.1", "0.2", "0.3", "0.4"]),
+        (-3.2, 4.1, ["−2", "0", "2", "4"]),
+        (11.98, 13.02, ["12.0", "12.5", "13.0"]),
+        (12.031, 12.049, ["12.035", "12.040", "12.045"]),
+        (0, 5e7, ["0", "1e7", "2e7", "3e7", "4e7", "5e7"]),
+        (0, 2e-4, ["0", "5e−5", "1e−4", "1.5e−4", "2e−4"]),
+    ],
+)
+def test_tick_labels_read_as_written_by_hand(low, high, labels):
+    assert tick_labels(linear_ticks(low, high, 5)) == labels
+
+
+def test_log_ticks_are_powers_of_ten_or_in_a_short_range_their_multiples():
+    assert tick_labels(log_ticks(5e-6, 200.0), log=True) == [
+        "1e−5", "1e−4", "0.001", "0.01", "0.1", "1", "10", "100",
+    ]  # fmt: skip
+    assert log_ticks(1.5, 60.0).tolist() == [2, 5, 10, 20, 50]
+
+
+@pytest.mark.parametrize(("duration", "name"), [(1, "s"), (179, "s"), (181, "min"), (10_799, "min"), (10_801, "h")])
+def test_the_unit_of_time_follows_the_duration(duration, name):
+    assert time_unit(duration).name == name
+
+
+def test_figures_of_a_stack_share_their_extent_in_one_unit():
+    x = np.array([0.0, 600.0])
+    one = Figure("a", TIME, "y", [Series(x, x, "s")])
+    two = Figure("b", TIME, "y", bands=[Band(x + 300, x, x, "b")])
+    assert shared_x([one, two]) == ("Time [min]", 0.0, 15.0, 60.0)
+
+
+def test_a_stack_with_two_kinds_of_x_is_refused():
+    with pytest.raises(InputError, match=r"one x_label, got \['Slip', 'time'\]: plot them separately"):
+        shared_x([Figure("a", TIME, "y"), Figure("b", "Slip", "y")])
+
+
+@pytest.mark.parametrize("x", [[], [5.0]])
+def test_a_figure_with_hardly_any_data_still_has_an_extent(x):
+    axis = shared_x([Figure("a", "x", "y", [Series(np.array(x), np.array(x), "s")])])
+    assert axis.high - axis.low == 1.0
+
+
+@pytest.mark.parametrize(("resolution", "places"), [(0.001, 3), (0.02, 2), (0.5, 1), (1, 0), (5, 0), (100, -2)])
+def test_decimals_show_a_resolution(resolution, places):
+    assert decimals(resolution) == places
+
+
+def test_value_decimals_follow_the_bulk_and_not_a_spike():
+    y = np.linspace(12.0, 13.0, 1000)
+    calm = value_decimals(y)
+    y[500] = 1e6
+    assert calm == 5
+    assert value_decimals(y) == calm
+
+
+@pytest.mark.parametrize(("values", "places"), [([3.3, 3.3], 4), ([0.0], 4), ([np.nan], 0), ([250.0, 250.0], 2)])
+def test_value_decimals_of_constants(values, places):
+    assert value_decimals(np.array(values)) == places
