@@ -9,13 +9,13 @@ from ohmward.errors import InputError
 from ohmward.logs.columns import listed
 
 SUFFIXES = (".bdf.csv", ".bdf.parquet")
-# Log field -> preferred label, machine name.
-NAMES: Mapping[str, tuple[str, str]] = {
+# Log field -> preferred label, machine name, and for the wall clock ohmward's own name.
+NAMES: Mapping[str, tuple[str, ...]] = {
     "time_s": ("Test Time / s", "test_time_second"),
     "voltage_V": ("Voltage / V", "voltage_volt"),
     "current_A": ("Current / A", "current_ampere"),
     "temperature_degC": ("Surface Temperature T1 / degC", "surface_temperature_t1_degree_celsius"),
-    "unix_time_s": ("Unix Time / s", "unix_time_second"),
+    "unix_time_s": ("Unix Time / s", "unix_time_second", "unix_time_s"),
 }
 REQUIRED = ("time_s", "voltage_V", "current_A")
 

@@ -98,14 +98,20 @@ def missing_notes(table: Table, chosen: Mapping[str, Column]) -> tuple[Note, ...
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:
-    """(G,) indices of the samples after which the log is silent for more than ten times its usual interval.
+    """(G,) indices of the samples after which the log is silent for unusually long.
 
-    time_s: (T,) [s]. The usual interval is the 95th percentile: a log that slows down at rest has no gaps there.
+    A gap is more than ten times the median interval and more than ten times the intervals on both sides of it: where a
+    logger slows down at rest, one long interval follows another, and that is no gap.
+
+    time_s: (T,) [s].
     """
     intervals = np.diff(time_s)
-    if not intervals.size:
+    if intervals.size < 2:
         return np.empty(0, dtype=int)
-    return np.flatnonzero(intervals > _GAP_FACTOR * np.percentile(intervals, 95))
+    before, after = np.roll(intervals, 1), np.roll(intervals, -1)
+    before[0], after[-1] = 0.0, 0.0
+    usual = np.maximum(np.maximum(before, after), np.median(intervals))
+    return np.flatnonzero(intervals > _GAP_FACTOR * usual)
 
 
 def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:

@@ -52,9 +52,8 @@ def merge_equal_times(table: Table, time: str) -> Table:
     if first.size == time_s.size:
         return table
     columns = {name: _last_known(values, first) for name, values in table.columns.items()}
-    note = Note(
-        f"{counted(time_s.size - first.size, 'row')} with the time of the row before: the last value of each column kept"
-    )
+    repeated = counted(time_s.size - first.size, "row")
+    note = Note(f"{repeated} with the time of the row before: the last value of each column kept")
     return table._replace(columns=columns, line=table.line[first], notes=(*table.notes, note))
 
 

@@ -114,7 +114,10 @@ def _as_log(path: Path, table: Table, chosen: Mapping[str, Column], clock: Clock
     time_s, start_unix_s = values[names["time"]], clock.start_unix_s
     if start_unix_s is not None:
         time_s, start_unix_s = time_s - time_s[0], start_unix_s + float(time_s[0])
-    extra = {n: v for n, v in values.items() if n not in names.values() and n not in left_out and n != RECORDING}
+    wall_clock = next((name for name in bdf.NAMES["unix_time_s"] if name in values), None)
+    if start_unix_s is None and wall_clock:
+        start_unix_s = float(values[wall_clock][0] - time_s[0])
+    taken = {*names.values(), wall_clock, RECORDING, *left_out}
     notes = (*clock.notes, *table.notes, *missing_notes(table, chosen), *gap_notes(time_s))
     return Log(
         name=_stem(path),
@@ -122,7 +125,7 @@ def _as_log(path: Path, table: Table, chosen: Mapping[str, Column], clock: Clock
         current_A=values[names["current"]],
         voltage_V=values[names["voltage"]],
         temperature_degC=values.get(names.get("temperature", "")),
-        extra=extra,
+        extra={name: column for name, column in values.items() if name not in taken},
         notes=notes,
         start_unix_s=start_unix_s,
     )

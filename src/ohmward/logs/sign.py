@@ -54,12 +54,12 @@ class SignEvidence(NamedTuple):
     trend: int
 
     def __str__(self) -> str:
+        count = counted(self.edges.edges, "edge")
         if self.edges.sign:
-            edges = self.edges
-            return f"{counted(edges.edges, 'edge')} with dV/dI = {1e3 * edges.resistance_ohm:.3g} mohm (t = {edges.t_value:.0f})"
+            return f"{count} with dV/dI = {1e3 * self.edges.resistance_ohm:.3g} mohm (t = {self.edges.t_value:.0f})"
         if self.trend:
             return "the trend of the voltage under a steady current"
-        return f"{counted(self.edges.edges, 'edge')} of the current, t = {self.edges.t_value:.1f}, no clear trend"
+        return f"{count} of the current, t = {self.edges.t_value:.1f}, no clear trend"
 
 
 def current_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> SignEvidence:
@@ -101,8 +101,8 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
 def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> int:
     """1 if a steady current raises the voltage when positive or lowers it when negative, -1 the reverse, 0 unclear.
 
-    The longest steady stretch counts; it must last five minutes, and the voltage must move the same way from each fifth of it to the next without
-    dying out: relaxation after a larger current moves it too, but fades.
+    The longest steady stretch counts. It must last five minutes, and the voltage must move the same way from each fifth
+    of it to the next without dying out: relaxation after a larger current moves it too, but fades.
 
     time_s, current_A, voltage_V: (T,), no NaN.
     """

@@ -1,0 +1,83 @@
+"""Write logs and other tables as CSV, Parquet or BDF; a file is either whole or not there."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs import bdf
+from ohmward.logs.atomic import replacing
+from ohmward.logs.log import Log
+from ohmward.logs.parquet_file import write_parquet
+
+_BLOCK_ROWS = 100_000
+
+
+def write_log(log: Log, path: str | PathLike[str]) -> None:
+    """Write a log; the suffix says how: .csv, .parquet, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
+
+    CSV and Parquet carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF those
+    of the Battery Data Format. The extra columns follow under their own names; notes are not written.
+
+    Raises:
+        InputError: an unknown suffix, or an extra column with the name of a measured one.
+        OhmwardError: the disk refused, or Parquet without pyarrow.
+    """
+    path = Path(path)
+    own = {field: values for field, values in _fields(log).items() if values is not None}
+    if path.name.lower().endswith(bdf.SUFFIXES):
+        own = {bdf.NAMES[field][0]: values for field, values in own.items()}
+    if taken := own.keys() & log.extra.keys():
+        raise InputError(f"log {log.name!r}: the extra column {min(taken)!r} has the name of a measured one; rename it")
+    write_table({**own, **log.extra}, path)
+
+
+def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str]) -> None:
+    """Write named columns (T,) as .csv or .parquet; numbers keep every digit, NaN is an empty cell in CSV.
+
+    Raises:
+        InputError: an unknown suffix, or columns of different lengths.
+        OhmwardError: the disk refused, or Parquet without pyarrow.
+    """
+    path = Path(path)
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{path.name}: columns differ in length: {lengths}; give every column one value per row")
+    writers = {".csv": _write_csv, ".parquet": write_parquet}
+    if path.suffix.lower() not in writers:
+        raise InputError(f"{path.name}: unknown suffix {path.suffix!r}; name the file .csv or .parquet")
+    with replacing(path) as temporary:
+        writers[path.suffix.lower()](temporary, columns)
+
+
+def _fields(log: Log) -> dict[str, np.ndarray | None]:
+    unix_time_s = None if log.start_unix_s is None else log.start_unix_s + log.time_s
+    return {
+        "time_s": log.time_s,
+        "current_A": log.current_A,
+        "voltage_V": log.voltage_V,
+        "temperature_degC": log.temperature_degC,
+        "unix_time_s": unix_time_s,
+    }
+
+
+def _write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+    rows = len(next(iter(columns.values()), ()))
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        for start in range(0, rows, _BLOCK_ROWS):
+            block = [_cells(np.asarray(values)[start : start + _BLOCK_ROWS]) for values in columns.values()]
+            writer.writerows(zip(*block, strict=True))
+
+
+def _cells(values: np.ndarray) -> list:
+    """Python numbers, which the csv module writes with every digit; None (an empty cell) for NaN."""
+    if values.dtype.kind != "f":
+        return values.tolist()
+    return [None if value != value else value for value in values.tolist()]
