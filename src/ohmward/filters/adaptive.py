@@ -121,8 +121,8 @@ def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
 def pack(state: AdaptiveState) -> PackedAdaptiveState:
     """The state with lower triangles only; `unpack` undoes it."""
     (mean, cov), Q, R, noise = state
-    matrices = (cov, Q, R, noise.innovation, noise.residual)
-    return PackedAdaptiveState(mean, *map(lower_triangle, matrices), noise.samples)
+    cov, Q, R, innovation, residual = map(lower_triangle, (cov, Q, R, noise.innovation, noise.residual))
+    return PackedAdaptiveState(mean, cov, Q, R, innovation, residual, noise.samples)
 
 
 def unpack(packed: PackedAdaptiveState) -> AdaptiveState:
