@@ -163,6 +163,7 @@
     spans.forEach((s) => s.label && row.append(fixedItem(s.label, "area", s.colour)));
     place.append((figure.place = element("output")));
     row.append(place);
+    reserve(stack, figure, items);
     figure.showValues = (u) => showValues(u, stack, figure, items);
     return row;
   }
@@ -192,12 +193,23 @@
     return item;
   }
 
+  /* Room for the longest value, so that nothing moves while values change. */
+  function reserve(stack, figure, items) {
+    const longest = (texts) => Math.max(...texts.map((text) => text.length));
+    figure.place.style.minWidth = `${placeText(stack, stack.extent[1]).length}ch`;
+    for (const { value, decimals, low, high, y } of items) {
+      const widths = [low, high, y].filter(Boolean).map((ys) => longest(ys.map((v) => (v === null ? "" : valueText(v, decimals)))));
+      value.style.minWidth = `${widths.reduce((a, b) => a + b + 3)}ch`;
+    }
+  }
+
+  const placeText = (stack, x) => `${stack.x_name} ${x.toFixed(stack.decimals)} ${stack.x_unit}`;
   const valueText = (y, decimals) => (decimals === null ? y.toPrecision(4) : y.toFixed(Math.max(decimals - 1, 0))).replace("-", "−");
 
   function showValues(u, stack, figure, items) {
     const at = u.cursor.idx;
     const inside = at != null && u.cursor.left >= 0;
-    figure.place.textContent = inside ? `${stack.x_name} ${u.data[0][at].toFixed(stack.decimals)} ${stack.x_unit}` : "";
+    figure.place.textContent = inside ? placeText(stack, u.data[0][at]) : "";
     for (const { value, indices, decimals } of items) {
       const texts = indices.map((i) => {
         const y = inside && u.series[i].show ? u.data[i][u.cursor.idxs[i]] : null;
@@ -259,7 +271,7 @@
       if (!fingers.has(e.pointerId)) return;
       fingers.set(e.pointerId, e.clientX - u.rect.left);
       const px = positions();
-      if (px.length === 1) u.setCursor({ left: px[0], top: 1 });
+      if (px.length === 1) u.setCursor({ left: px[0], top: 1 }, true, true);
       if (px.length !== 2 || px[1] - px[0] < 10) return;
       const perPixel = (start[1] - start[0]) / (px[1] - px[0]);
       const min = start[0] - px[0] * perPixel;
