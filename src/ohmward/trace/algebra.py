@@ -15,10 +15,13 @@ def _is(x: Any, value: float) -> bool:
     return type(x) is float and x == value
 
 
+def _does(x: Any, name: str) -> bool:
+    return not isinstance(x, float | bool) and x.operation.name == name
+
+
 def _negated(x: Any) -> Any:
     """The argument if x is `-argument`, else None."""
-    operation = getattr(x, "operation", None)
-    return x.args[0] if operation is not None and operation.name == "negative" else None
+    return x.args[0] if _does(x, "negative") else None
 
 
 def _add(apply: Callable, a: Any, b: Any) -> Any:
@@ -69,14 +72,13 @@ def _divide(apply: Callable, a: Any, b: Any) -> Any:
 def _negative(apply: Callable, a: Any) -> Any:
     if (c := _negated(a)) is not None:
         return c
-    operation = a.operation
-    return apply("subtract", a.args[1], a.args[0]) if operation is not None and operation.name == "subtract" else None
+    return apply("subtract", a.args[1], a.args[0]) if _does(a, "subtract") else None
 
 
 def _absolute(apply: Callable, a: Any) -> Any:
     if (c := _negated(a)) is not None:
         return apply("absolute", c)
-    return a if a.operation is not None and a.operation.name == "absolute" else None
+    return a if _does(a, "absolute") else None
 
 
 def _same(apply: Callable, a: Any, b: Any) -> Any:
@@ -102,7 +104,7 @@ def _or(apply: Callable, a: Any, b: Any) -> Any:
 
 
 def _not(apply: Callable, a: Any) -> Any:
-    return a.args[0] if a.operation is not None and a.operation.name == "logical_not" else None
+    return a.args[0] if _does(a, "logical_not") else None
 
 
 RULES: dict[str, Callable] = {

@@ -7,7 +7,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.expression import Expression, Scalar, apply, number, symbol
-from ohmward.trace.program import schedule
+from ohmward.trace.program import run_traced, schedule
 
 
 def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -23,7 +23,7 @@ def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.nd
     if at.ndim != 1:
         raise InputError(f"linearize: x must be one row of numbers (n,), got shape {at.shape}")
     inputs = [symbol(f"x[{i}]") for i in range(at.size)]
-    rows = np.asarray(f(np.array(inputs, dtype=object)))
+    rows = np.asarray(run_traced(f, np.array(inputs, dtype=object)))
     if rows.ndim != 1:
         raise InputError(f"linearize: f must return one row of numbers (m,), got shape {rows.shape}")
     outputs = [number(y) for y in rows.tolist()]
@@ -41,16 +41,17 @@ def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
 
 def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> list[list[Scalar]]:
     """The derivative of every output by every input; a literal 0.0 where there is none."""
-    columns = [_tangents(outputs, x) for x in inputs]
+    nodes = schedule(outputs)
+    columns = [_tangents(nodes, x) for x in inputs]
     return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
 
 
-def _tangents(outputs: Sequence[Scalar], x: Expression) -> dict[int, Scalar]:
-    """Derivative by x of every node between x and the outputs, by serial."""
+def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
+    """Derivative by x of every node that depends on x, by serial."""
     tangents: dict[int, Scalar] = {x.serial: 1.0}
-    for node in schedule(outputs):
+    for node in nodes:
         below = tuple(tangents.get(a.serial, 0.0) if isinstance(a, Expression) else 0.0 for a in node.args)
-        if node.operation is not None and any(isinstance(d, Expression) or d != 0.0 for d in below):
+        if any(isinstance(d, Expression) or d != 0.0 for d in below):
             tangents[node.serial] = node.operation.derivative(node, node.args, below)
     return tangents
 
@@ -60,6 +61,6 @@ def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[
     new: dict[int, Scalar] = dict(values)
     for node in schedule(entries):
         args = tuple(new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args)
-        if node.operation is not None and any(p is not q for p, q in zip(args, node.args, strict=True)):
+        if any(p is not q for p, q in zip(args, node.args, strict=True)):
             new[node.serial] = apply(node.operation.name, *args)
     return [new.get(e.serial, e) if isinstance(e, Expression) else e for e in entries]

@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.errors import OhmwardError
 from ohmward.trace.algebra import RULES
-from ohmward.trace.operations import OPERATIONS, Operation
+from ohmward.trace.operations import INPUT, OPERATIONS, Operation
 
 #: What may stand in a traced formula: a node, or a constant.
 Scalar = Union["Expression", float, bool]
@@ -33,7 +33,7 @@ class TraceError(OhmwardError, TypeError):
 class Expression:
     """A scalar whose value is known only when the program runs: an input, or an operation on other scalars.
 
-    operation: the `Operation`, None for an input.
+    operation: the `Operation`; INPUT for an input.
     args:      its arguments: Expressions, floats, for a gather the tuple of values.
     name:      name of an input, "" otherwise.
     serial:    order of creation; a node comes after its arguments.
@@ -42,7 +42,7 @@ class Expression:
 
     __slots__ = ("__weakref__", "args", "boolean", "name", "operation", "serial")
 
-    def __init__(self, operation: Operation | None, args: tuple, name: str, boolean: bool):
+    def __init__(self, operation: Operation, args: tuple, name: str, boolean: bool):
         self.operation = operation
         self.args = args
         self.name = name
@@ -93,13 +93,13 @@ class Expression:
         return _binary("power", base, self)
 
     def __neg__(self) -> Scalar:
-        return apply("negative", self)
+        return apply("negative", number(self))
 
     def __pos__(self) -> Scalar:
         return number(self)
 
     def __abs__(self) -> Scalar:
-        return apply("absolute", self)
+        return apply("absolute", number(self))
 
     # ---- comparisons and logic
     def __lt__(self, other: Any) -> Any:
@@ -144,9 +144,16 @@ class Expression:
         """Itself: np.vdot asks for it."""
         return self
 
+    def __floor__(self) -> Scalar:
+        return apply("floor", number(self))
+
+    def arctan2(self, x: Any) -> Any:
+        """Angle of the point (x, self)."""
+        return _binary("arctan2", self, x)
+
     def square(self) -> Scalar:
-        """x * x."""
-        return apply("multiply", self, self)
+        """The product with itself."""
+        return _binary("multiply", self, self)
 
     # ---- what a traced scalar cannot do
     def __bool__(self) -> bool:
@@ -179,7 +186,7 @@ class Expression:
 
 def symbol(name: str, boolean: bool = False) -> Expression:
     """A fresh input."""
-    return Expression(None, (), name, boolean)
+    return Expression(INPUT, (), name, boolean)
 
 
 def apply(name: str, *args: Any) -> Scalar:
@@ -281,7 +288,7 @@ def describe(x: Any, depth: int = 3) -> str:
     """A formula to look at, cut off below `depth`."""
     if not isinstance(x, Expression):
         return repr(x)
-    if x.operation is None:
+    if x.operation is INPUT:
         return x.name
     return f"{x.operation.name}({', '.join(describe(a, depth - 1) for a in x.args) if depth else '...'})"
 

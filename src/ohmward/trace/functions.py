@@ -35,7 +35,12 @@ def _numeric(name: str, arity: int) -> Callable:
     return elementwise(scalar, getattr(np, name), arity)
 
 
-_where = elementwise(select, np.where, 3)
+def _where_floats(c: Any, a: Any, b: Any) -> Any:
+    chosen: Any = np.where(c, a, b)
+    return chosen[()]
+
+
+_where = elementwise(select, _where_floats, 3)
 _minimum = _numeric("minimum", 2)
 _maximum = _numeric("maximum", 2)
 _sign = _numeric("sign", 1)

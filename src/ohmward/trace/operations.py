@@ -47,6 +47,10 @@ def _flat(r: Any, a: tuple, d: tuple) -> float:
     return 0.0
 
 
+#: The operation of an input of a program.
+INPUT = Operation("input", 0, lambda: None, "", ATOM, _flat)
+
+
 def _log(x: Any) -> Any:
     return ieee.log(x) if isinstance(x, float) else x.log()
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace.expression import Expression, Scalar, number, symbol
+from ohmward.trace.expression import Expression, Scalar, TraceError, number, symbol
+from ohmward.trace.operations import INPUT
 from ohmward.trace.structure import Branch, Structure, flatten, leaves, scalar_names, shaped, structure_of
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Program:
     """What a lowering needs to know of a function.
 
@@ -33,7 +34,7 @@ class Program:
     @property
     def operations(self) -> Counter[str]:
         """How many operations of each kind one run takes."""
-        return Counter(node.operation.name for node in self.nodes if node.operation is not None)
+        return Counter(node.operation.name for node in self.nodes)
 
 
 def trace(function: Callable, *examples: Any, constants: tuple = ()) -> Program:
@@ -48,12 +49,33 @@ def trace(function: Callable, *examples: Any, constants: tuple = ()) -> Program:
     children = tuple(structure_of(example, name) for name, example in zip(names, examples, strict=True))
     structure = Branch(tuple, names, children)
     inputs = symbols(structure)
-    result = function(*shaped(structure, list(inputs), object), *constants)
+    result = run_traced(function, *shaped(structure, list(inputs), object), *constants)
     result_structure = structure_of(result, "result")
     outputs = _scalars(result_structure, result)
     return Program(
         inputs, schedule(outputs), outputs, structure, result_structure, getattr(function, "__name__", "function")
     )
+
+
+def run_traced(function: Callable, *args: Any) -> Any:
+    """`function(*args)`, with advice for the one refusal that comes from NumPy itself."""
+    try:
+        return function(*args)
+    except TypeError as error:
+        if "which has no callable" not in str(error):
+            raise
+        raise TraceError(
+            f"{_last_line(error)}: {error}. The array mixes traced values with floats: use exp, log, sqrt, tanh, sin or "
+            "cos from ohmward.trace, which take both"
+        ) from error
+
+
+def _last_line(error: Exception) -> str:
+    """File and line where an error was raised."""
+    trail = error.__traceback__
+    while trail is not None and trail.tb_next is not None:
+        trail = trail.tb_next
+    return f"{trail.tb_frame.f_code.co_filename}:{trail.tb_lineno}" if trail else "unknown"
 
 
 def symbols(structure: Structure) -> tuple[Expression, ...]:
@@ -71,7 +93,7 @@ def schedule(outputs: Iterable[Any]) -> tuple[Expression, ...]:
         node, ready = stack.pop()
         if ready:
             order.append(node)
-        elif node.serial not in done and node.operation is not None:
+        elif node.serial not in done and node.operation is not INPUT:
             done.add(node.serial)
             stack.append((node, True))
             stack.extend((arg, False) for arg in reversed(node.args) if isinstance(arg, Expression))

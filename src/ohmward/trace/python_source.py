@@ -9,14 +9,16 @@ import keyword
 import math
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.trace import ieee
 from ohmward.trace.expression import Expression
-from ohmward.trace.operations import ATOM, CHOICE, COMPARE, OPERATIONS, SIGN
+from ohmward.trace.operations import ATOM, CHOICE, COMPARE, INPUT, OPERATIONS, SIGN
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Leaf, Structure
 
@@ -32,7 +34,6 @@ _FUNCTIONS: dict[str, Any] = {
     "arcsinh": math.asinh,
     "array": np.array,
     "asarray": np.asarray,
-    "ERRORS": ieee.ERRORS,
 }
 
 
@@ -62,7 +63,6 @@ def body(program: Program, safe: bool = False) -> Body:
     tables: dict[str, tuple] = {}
     named = _named(program, safe)
     for node in program.nodes:
-        assert node.operation is not None
         arguments = [a for a in node.args if isinstance(a, Expression)]
         text[node.serial], binding[node.serial] = _formula(node, text, binding, tables, safe)
         depth[node.serial] = 1 + max(depth[a.serial] for a in arguments)
@@ -71,7 +71,7 @@ def body(program: Program, safe: bool = False) -> Body:
             lines.append(f"{name} = {text[node.serial]}")
             text[node.serial], binding[node.serial], depth[node.serial] = name, ATOM, 0
     outputs = [text[y.serial] if isinstance(y, Expression) else repr(y) for y in program.outputs]
-    results = [text[y.serial] for y in program.outputs if isinstance(y, Expression) and y.operation is not None]
+    results = [text[y.serial] for y in program.outputs if isinstance(y, Expression) and y.operation is not INPUT]
     return Body(inputs, lines, list(dict.fromkeys(results)), outputs, tables)
 
 
@@ -90,7 +90,6 @@ def _named(program: Program, safe: bool) -> set[int]:
 
 def _template(node: Expression, safe: bool) -> tuple[str, int]:
     operation = node.operation
-    assert operation is not None
     if safe and operation.risky:
         return f"{operation.name}({', '.join(f'{{{i}}}' for i in range(operation.arity))})", ATOM
     return operation.python, operation.binding
@@ -126,98 +125,86 @@ def _table(tables: dict[str, tuple], values: tuple) -> str:
 
 
 def input_names(program: Program) -> list[str]:
-    """A Python name for every input: `belief.mean[0]` -> `belief_mean_0`."""
+    """A Python name for every input: `belief.mean[0]` -> `belief_mean_0`; none begins with `_`."""
     names: list[str] = []
     for symbol in program.inputs:
-        name = re.sub(r"\W+", "_", symbol.name).strip("_") or "x"
-        if name[0].isdigit() or keyword.iskeyword(name) or name in _RESERVED or re.fullmatch(r"(t|table)\d+", name):
-            name = f"{name}_" if not name[0].isdigit() else f"x_{name}"
-        while name in names:
+        name = re.sub(r"\W+", "_", symbol.name).strip("_")
+        name = name if name[:1].isalpha() else f"x{name}"
+        while name in names or name in _RESERVED or keyword.iskeyword(name) or re.fullmatch(r"(t|table)\d+", name):
             name += "_"
         names.append(name)
     return names
 
 
-_RESERVED = {*_FUNCTIONS, *OPERATIONS, "abs", "int", "float", "bool", "zip", "emit", "safe_step", "columns", "state"}
+_RESERVED = {*_FUNCTIONS, *OPERATIONS, "abs", "int", "float", "bool", "zip", "emit", "columns", "state"}
 
 
 # ---- whole functions
 
 
-def step_source(program: Program, safe: bool = False) -> str:
-    """`step(*inputs) -> (*results)`, flat: what the safe twin is, and what there is to read of a program."""
-    code = body(program, safe)
-    lines = [f"def step({', '.join(code.inputs)}):", *_indent(code.lines, 1), f"    return {_row(code.results)}"]
-    return "\n".join(lines)
+def step_source(code: Body) -> str:
+    """`step(*inputs) -> (*results)`, all scalars: what there is to read of a program, and the form of the safe twin."""
+    return "\n".join(
+        [f"def step({', '.join(code.inputs)}):", *_indent(code.lines, 1), f"    return {_row(code.results)}"]
+    )
 
 
-def call_source(program: Program) -> str:
+def call_source(code: Body, program: Program) -> str:
     """`call(*arguments)` with the structure of the traced function."""
-    code = body(program)
-    arguments = [f"argument{i}" for i in range(len(program.argument_structure.children))]
+    children = program.argument_structure.children
+    arguments = [f"_{i}" for i in range(len(children))]
     names = iter(code.inputs)
-    unpack = [
-        line
-        for child, argument in zip(program.argument_structure.children, arguments, strict=True)
-        for line in _unpack(child, argument, names)
-    ]
-    result = _pack(program.result_structure, iter(code.outputs), iter(range(10**9)))
-    lines = [
-        f"def call({', '.join(arguments)}):",
-        *_indent(unpack, 1),
-        *_guarded(code, 1),
-        f"    return {result}",
-    ]
-    return "\n".join(lines)
+    unpack = [line for child, a in zip(children, arguments, strict=True) for line in _unpack(child, a, names)]
+    result = _pack(program.result_structure, iter(code.outputs), count())
+    lines = [*unpack, *_guarded(code), f"return {result}"]
+    return "\n".join([f"def call({', '.join(arguments)}):", *_indent(lines, 1)])
 
 
-def scan_source(program: Program, state_size: int) -> str:
+def scan_source(code: Body, state_size: int) -> str:
     """`scan(state, columns, emit) -> state` over rows of samples; the first inputs and outputs are the state."""
-    code = body(program)
     state, sample = code.inputs[:state_size], code.inputs[state_size:]
-    moved = [(s, n) for s, n in zip(state, code.outputs[:state_size], strict=True) if s != n]
-    lines = ["def scan(state, columns, emit):"]
-    if state:
-        lines.append(f"    {_row(state)} = state")
-    lines += [f"    for {_row(sample)} in zip(*columns):", *_guarded(code, 2)]
-    if code.outputs[state_size:]:
-        lines.append(f"        emit({_row(code.outputs[state_size:])})")
-    if moved:
-        lines.append(f"        {_row([s for s, _ in moved])} = {_row([n for _, n in moved])}")
-    return "\n".join([*lines, f"    return {_row(state)}"])
+    after, output = code.outputs[:state_size], code.outputs[state_size:]
+    moved = [(old, new) for old, new in zip(state, after, strict=True) if old != new]
+    loop = [
+        *_guarded(code),
+        *([f"emit({_row(output)})"] if output else []),
+        *([f"{_row([old for old, _ in moved])} = {_row([new for _, new in moved])}"] if moved else []),
+    ]
+    lines = [
+        f"{_row(state)} = state",
+        f"for {_row(sample)} in zip(*columns):",
+        *_indent(loop or ["pass"], 1),
+        f"return {_row(state)}",
+    ]
+    return "\n".join(["def scan(state, columns, emit):", *_indent(lines, 1)])
 
 
-def _guarded(code: Body, level: int) -> list[str]:
+def _guarded(code: Body) -> list[str]:
     """The straight line, with its safe twin for the steps in which Python raises."""
     if not code.lines:
         return []
-    twin = f"{_row(code.results)} = safe_step({', '.join(code.inputs)})"
-    lines = ["try:", *_indent(code.lines, 1), "except ERRORS:", f"    {twin}"]
-    return _indent(lines, level)
+    twin = f"{_row(code.results)} = _safe_step({', '.join(code.inputs)})"
+    return ["try:", *_indent(code.lines, 1), "except _ERRORS:", f"    {twin}"]
 
 
-def _unpack(structure: Structure, source: str, names: Any) -> list[str]:
+def _unpack(structure: Structure, source: str, names: Iterator[str]) -> list[str]:
     """Lines that give every scalar of an argument its name, as a Python float or bool."""
     if isinstance(structure, Leaf):
         kind = structure.dtype.__name__
         if not structure.shape:
             return [f"{next(names)} = {kind}({source})"]
-        return [f"{_nested(structure.shape, names)} = asarray({source}, {kind}).tolist()"] if structure.size else []
+        return [f"{_nested(structure.shape, names)} = asarray({source}, {kind}).tolist()"]
     parts = [f"{source}_{i}" for i in range(len(structure.children))]
-    lines = [f"{_row(parts)} = {source}"] if parts else []
-    return lines + [
-        line for child, part in zip(structure.children, parts, strict=True) for line in _unpack(child, part, names)
-    ]
+    children = zip(structure.children, parts, strict=True)
+    return [f"{_row(parts)} = {source}", *(line for child, part in children for line in _unpack(child, part, names))]
 
 
-def _nested(shape: tuple[int, ...], names: Any) -> str:
+def _nested(shape: tuple[int, ...], names: Iterator[str]) -> str:
     """`((a, b), (c, d))` for shape (2, 2)."""
-    if not shape:
-        return next(names)
-    return _row([_nested(shape[1:], names) for _ in range(shape[0])])
+    return _row([_nested(shape[1:], names) for _ in range(shape[0])]) if shape else next(names)
 
 
-def _pack(structure: Structure, outputs: Any, numbers: Any) -> str:
+def _pack(structure: Structure, outputs: Iterator[str], numbers: Iterator[int]) -> str:
     """The expression that builds the result."""
     if isinstance(structure, Leaf):
         if not structure.shape:
@@ -225,9 +212,8 @@ def _pack(structure: Structure, outputs: Any, numbers: Any) -> str:
         values = _row([next(outputs) for _ in range(structure.size)])
         reshape = f".reshape({structure.shape})" if len(structure.shape) != 1 else ""
         return f"array({values}, {structure.dtype.__name__}){reshape}"
-    kind = "" if structure.type is tuple else f"structure{next(numbers)}"
-    parts = [_pack(child, outputs, numbers) for child in structure.children]
-    return f"{kind}({', '.join(parts)})" if kind else _row(parts)
+    name = f"_structure{next(numbers)}" if structure.type is not tuple else ""
+    return name + _row([_pack(child, outputs, numbers) for child in structure.children])
 
 
 def _row(names: list[str]) -> str:
@@ -242,33 +228,27 @@ def _indent(lines: list[str], level: int) -> list[str]:
 # ---- compiled
 
 
-def compile_step(program: Program, safe: bool = False) -> Callable:
-    """The function of `step_source`."""
-    code = body(program, safe)
-    safe_functions = {o.name: o.compute for o in OPERATIONS.values() if o.risky} if safe else {}
-    return _compile(step_source(program, safe), "step", {**_FUNCTIONS, **safe_functions, **code.tables})
-
-
 def compile_call(program: Program) -> Callable:
     """The function of `call_source`."""
-    types = {f"structure{i}": t for i, t in enumerate(_types(program.result_structure))}
-    return _compile(call_source(program), "call", {**_namespace(program), **types})
+    code = body(program)
+    types = {f"_structure{i}": t for i, t in enumerate(_types(program.result_structure))}
+    return _compile(call_source(code, program), "call", {**_namespace(program, code), **types})
 
 
 def compile_scan(program: Program, state_size: int) -> Callable:
     """The function of `scan_source`."""
-    return _compile(scan_source(program, state_size), "scan", _namespace(program))
+    code = body(program)
+    return _compile(scan_source(code, state_size), "scan", _namespace(program, code))
 
 
-def _namespace(program: Program) -> dict[str, Any]:
-    twin: list[Callable] = []
+def _namespace(program: Program, code: Body) -> dict[str, Any]:
+    @cache
+    def twin() -> Callable:
+        safe_functions = {o.name: o.compute for o in OPERATIONS.values() if o.risky}
+        safe = body(program, safe=True)
+        return _compile(step_source(safe), "step", {**_FUNCTIONS, **safe_functions, **safe.tables})
 
-    def safe_step(*inputs: float) -> tuple:
-        if not twin:
-            twin.append(compile_step(program, safe=True))
-        return twin[0](*inputs)
-
-    return {**_FUNCTIONS, **body(program).tables, "safe_step": safe_step}
+    return {**_FUNCTIONS, **code.tables, "_ERRORS": ieee.ERRORS, "_safe_step": lambda *inputs: twin()(*inputs)}
 
 
 def _types(structure: Structure) -> list[type]:

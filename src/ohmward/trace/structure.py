@@ -78,6 +78,11 @@ def leaves(structure: Structure, path: str = "") -> Iterator[tuple[str, Leaf]]:
         yield from leaves(child, join(path, field))
 
 
+def size(structure: Structure) -> int:
+    """Number of scalars."""
+    return sum(leaf.size for _, leaf in leaves(structure))
+
+
 def scalar_names(structure: Structure, path: str = "") -> list[str]:
     """Name of every scalar, in order: `belief.mean[0]`, ..."""
     return [
@@ -121,12 +126,17 @@ def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -
     return unflatten(structure, (leaf_value(leaf) for _, leaf in leaves(structure)))
 
 
-def check(structure: Structure, tree: Any) -> None:
+def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
+    """The value of a leaf as an array of any shape; InputError if it holds no numbers."""
+    try:
+        return np.asarray(value, dtype=leaf.dtype)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
+
+
+def check(structure: Structure, tree: Any, path: str = "") -> None:
     """InputError that names the first place where `tree` does not fit."""
-    for (path, leaf), value in zip(leaves(structure), flatten(structure, tree), strict=True):
-        try:
-            shape = np.asarray(value, dtype=leaf.dtype).shape
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
+    for (name, leaf), value in zip(leaves(structure, path), flatten(structure, tree, path), strict=True):
+        shape = as_array(value, leaf, name).shape
         if shape != leaf.shape:
-            raise InputError(f"{path} must have the shape {leaf.shape} it was traced with, got {shape}")
+            raise InputError(f"{name} must have the shape {leaf.shape} that it was traced with, got {shape}")

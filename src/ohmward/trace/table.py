@@ -1,7 +1,7 @@
 """Look-up on a uniform grid: the only way for a traced function to use data as an index."""
 
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -27,11 +27,13 @@ def table(
     Returns: shape of x. Beyond the ends the curve goes on as a straight line with the slope of its end. nan gives nan.
     Raises:  InputError for values, spacing or kind that make no curve.
     """
-    coefficients = _segments(_checked(values, spacing, kind), kind)
+    if not spacing > 0:
+        raise InputError(f"table: spacing must be > 0, got {spacing}")
+    coefficients = _segments(tuple(np.asarray(values, dtype=float).ravel().tolist()), kind)
     u = (x - start) / spacing
-    segment = clip(floor(u), -1.0, coefficients.shape[1] - 2.0)
+    segment = clip(floor(u), -1.0, len(coefficients[0]) - 2.0)
     t = u - segment
-    *lower, y = (_gather(segment + 1.0, tuple(c)) for c in coefficients.tolist())
+    *lower, y = (_gather(segment + 1.0, c) for c in coefficients)
     for c in reversed(lower):
         y = c + t * y
     return y
@@ -60,29 +62,27 @@ def _end_slope(d0: float, d1: float) -> float:
     return 3.0 * d0 if d0 * d1 < 0 and abs(slope) > abs(3.0 * d0) else slope
 
 
-def _segments(v: np.ndarray, kind: str) -> np.ndarray:
+@lru_cache(maxsize=256)
+def _segments(values: tuple[float, ...], kind: str) -> tuple[tuple[float, ...], ...]:
     """Coefficients (order + 1, n + 1) of t^k on each segment, t in [0, 1]; the first and last are the extensions."""
-    d = np.diff(v)
-    m = monotone_slopes(v) if kind == "hermite" else np.append(d, d[-1])
-    first = m[0] if kind == "hermite" else d[0]
-    c0 = np.array([v[0] - first, *v])
-    c1 = np.array([first, *m])
-    if kind == "linear":
-        return np.array([c0, c1])
-    c2 = np.array([0.0, *(3 * d - 2 * m[:-1] - m[1:]), 0.0])
-    c3 = np.array([0.0, *(m[:-1] + m[1:] - 2 * d), 0.0])
-    return np.array([c0, c1, c2, c3])
-
-
-def _checked(values: Any, spacing: float, kind: str) -> np.ndarray:
-    v = np.asarray(values, dtype=float)
-    if v.ndim != 1 or len(v) < 2 or not np.isfinite(v).all():
-        raise InputError(f"table: values must be 2 or more finite numbers in one row, got shape {v.shape}")
-    if not spacing > 0:
-        raise InputError(f"table: spacing must be > 0, got {spacing}")
+    v = np.array(values)
+    if len(v) < 2 or not np.isfinite(v).all():
+        raise InputError(f"table: values must be 2 or more finite numbers, got {values!r:.80}")
     if kind not in ("linear", "hermite"):
         raise InputError(f'table: kind must be "linear" or "hermite", got {kind!r}')
-    return v
+    return tuple(tuple(row.tolist()) for row in _polynomials(v, kind))
+
+
+def _polynomials(v: np.ndarray, kind: str) -> list[np.ndarray]:
+    d = np.diff(v)
+    m = monotone_slopes(v) if kind == "hermite" else np.append(d, d[-1])
+    c0 = np.array([v[0] - m[0], *v])
+    c1 = np.array([m[0], *m])
+    if kind == "linear":
+        return [c0, c1]
+    c2 = np.array([0.0, *(3 * d - 2 * m[:-1] - m[1:]), 0.0])
+    c3 = np.array([0.0, *(m[:-1] + m[1:] - 2 * d), 0.0])
+    return [c0, c1, c2, c3]
 
 
 def _gather(index: Any, values: tuple[float, ...]) -> Any:

@@ -1,25 +1,18 @@
-"""Lowering to NumPy over lanes: many logs step together, one array operation per operation of the program.
+"""Lowering to NumPy source over lanes: one array operation per operation of the program, in a loop over time.
 
-A block of lanes runs through its whole log before the next block starts, so its registers stay in the cache. Registers
-are given back at the last use of their value; the state of the next step stays where it was computed and only the names
-move (`s0, r3 = r3, s0`). Nothing is allocated in the loop but views.
+Registers are given back at the last use of their value; the state of the next step stays where it was computed and only
+the names move (`s0, r3 = r3, s0`). Nothing is allocated in the loop but views.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ohmward.errors import InputError
 from ohmward.trace.expression import Expression
+from ohmward.trace.operations import INPUT
 from ohmward.trace.program import Program
-from ohmward.trace.structure import Leaf, Structure, flatten, leaves, unflatten
-
-#: Lanes that run together: few enough for the cache, enough to make the cost of a NumPy call small.
-BLOCK = 1024
-#: Steps between two reports of progress.
-_CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -34,9 +27,6 @@ class Lanes:
     scan: Callable
     source: str
     registers: tuple[type, ...]
-
-
-# ---- generating the loop
 
 
 @dataclass
@@ -91,7 +81,7 @@ def compile_lanes(program: Program, state_size: int) -> Lanes:
     final = _write_results(loop)
     source = _source(loop, final)
     namespace: dict[str, Any] = {name: _constant(value) for name, value in loop.constants.items()}
-    names = {node.operation.name for node in program.nodes if node.operation} - {"where", "gather"}
+    names = {node.operation.name for node in program.nodes} - {"where", "gather"}
     namespace |= {name: getattr(np, name) for name in names} | {"copyto": np.copyto}
     exec(compile(source, "<ohmward trace: lanes>", "exec"), namespace)
     return Lanes(namespace["scan"], source, tuple(loop.arrays.registers))
@@ -125,7 +115,7 @@ def _write_operations(loop: _Loop) -> None:
     for position, node in enumerate(program.nodes):
         direct = targets.get(node.serial) if node.serial not in states else None
         dying = [a for a in _unique(node.args) if last[a.serial] == position]
-        overlap = node.operation is not None and node.operation.name not in ("where", "gather")
+        overlap = node.operation.name not in ("where", "gather")
         if overlap:
             _release(loop, dying)
         target = direct or loop.arrays.take(_kind(node))
@@ -154,13 +144,12 @@ def _output_targets(program: Program, state_size: int) -> dict[int, str]:
     """The first output row that shows a node."""
     targets: dict[int, str] = {}
     for i, y in enumerate(program.outputs[state_size:]):
-        if isinstance(y, Expression) and y.operation is not None:
+        if isinstance(y, Expression) and y.operation is not INPUT:
             targets.setdefault(y.serial, f"y{i}")
     return targets
 
 
 def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
-    assert node.operation is not None
     words = [loop.word(a) for a in node.args]
     if node.operation.name == "where":
         loop.lines += [f"copyto({target}, {words[2]})", f"copyto({target}, {words[1]}, where={words[0]})"]
@@ -229,127 +218,3 @@ def _used(loop: _Loop, sample: int) -> bool:
     symbol = loop.program.inputs[loop.state_size + sample]
     everything = (*loop.program.outputs, *(a for node in loop.program.nodes for a in node.args))
     return any(a is symbol for a in everything)
-
-
-# ---- running it
-
-
-def run(
-    lanes: Lanes,
-    state_structure: Structure,
-    sample_structure: Structure,
-    output_structure: Structure,
-    state: Any,
-    samples: Any,
-    progress: Callable[[int, int], None] | None = None,
-    block: int = BLOCK,
-) -> tuple[Any, Any]:
-    """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
-    states = _arrays(state_structure, state, "state")
-    values = _arrays(sample_structure, samples, "samples")
-    count = _steps(values)
-    width = _lane_count([*((leaf, v, 0) for leaf, v, _ in states), *((leaf, v, 1) for leaf, v, _ in values)])
-    rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
-    columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
-    outputs: list[np.ndarray] = [
-        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(output_structure)
-    ]
-    views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
-    final = [np.empty(width, r.dtype) for r in rows]
-    starts = range(0, width, block)
-    report = _reporter(progress, count * len(starts))
-    for start in starts:
-        part = slice(start, min(start + block, width))
-        _run_block(lanes, rows, columns, views, final, part, count, report)
-    return _state_tree(state_structure, final, width), unflatten(output_structure, iter(outputs))
-
-
-def _run_block(
-    lanes: Lanes,
-    rows: list[np.ndarray],
-    columns: list[np.ndarray],
-    views: list[np.ndarray],
-    final: list[np.ndarray],
-    part: slice,
-    count: int,
-    report: Callable[[int], None],
-) -> None:
-    states = [r[part].copy() for r in rows]
-    registers = [np.empty(part.stop - part.start, kind) for kind in lanes.registers]
-    samples = [c[:, part] if c.ndim == 2 else c for c in columns]
-    outputs = [v[:, part] for v in views]
-    index = np.empty(part.stop - part.start, dtype=np.intp)
-    for first in range(0, count, _CHUNK):
-        last = min(first + _CHUNK, count)
-        with np.errstate(all="ignore"):
-            states, registers = lanes.scan(states, registers, samples, outputs, index, first, last)
-        report(last - first)
-    for whole, block in zip(final, states, strict=True):
-        whole[part] = block
-
-
-def _reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
-    done = 0
-
-    def report(steps: int) -> None:
-        nonlocal done
-        done += steps
-        if progress:
-            progress(done, total)
-
-    return report
-
-
-def _arrays(structure: Structure, tree: Any, path: str) -> list[tuple[Leaf, np.ndarray, str]]:
-    named = leaves(structure, path)
-    pairs = zip(named, flatten(structure, tree, path), strict=True)
-    return [(leaf, _as_array(value, leaf, name), name) for (name, leaf), value in pairs]
-
-
-def _as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
-    try:
-        return np.asarray(value, dtype=leaf.dtype)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
-
-
-def _steps(values: list[tuple[Leaf, np.ndarray, str]]) -> int:
-    lengths = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
-    if len(lengths) != 1:
-        raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
-    return lengths.pop()
-
-
-def _lane_count(values: Any) -> int:
-    """B, from the leaves that have a lane axis: `axes` more axes than the leaf, and the last one of lanes."""
-    widths = {v.shape[-1] for leaf, v, axes in values if v.ndim == len(leaf.shape) + axes + 1}
-    if len(widths) != 1:
-        raise InputError(f"state and samples must have one common number of lanes, got {sorted(widths) or 'none'}")
-    return widths.pop()
-
-
-def _state_rows(leaf: Leaf, value: np.ndarray, path: str, width: int) -> Iterator[np.ndarray]:
-    """One row (B,) per scalar of a state leaf."""
-    if value.shape not in (leaf.shape, (*leaf.shape, width)):
-        raise InputError(f"{path} must have the shape {(*leaf.shape, width)} or {leaf.shape}, got {value.shape}")
-    lanes = value if value.ndim > len(leaf.shape) else np.broadcast_to(value[..., None], (*leaf.shape, width))
-    return iter(lanes.reshape(leaf.size, width))
-
-
-def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width: int) -> Iterator[np.ndarray]:
-    """One column (T, B), or (T,) for all lanes, per scalar of a sample leaf."""
-    own, shared = (count, *leaf.shape, width), (count, *leaf.shape)
-    if value.shape == own:
-        return iter(np.moveaxis(value.reshape(count, leaf.size, width), 1, 0))
-    if value.shape not in (shared, leaf.shape):
-        raise InputError(f"{path} must have the shape {own}, {shared} or {leaf.shape}, got {value.shape}")
-    return iter(np.broadcast_to(value, shared).reshape(count, leaf.size).T)
-
-
-def _state_tree(structure: Structure, final: list[np.ndarray], width: int) -> Any:
-    rows = iter(final)
-
-    def value(leaf: Leaf) -> np.ndarray:
-        return np.array([next(rows) for _ in range(leaf.size)], leaf.dtype).reshape(*leaf.shape, width)
-
-    return unflatten(structure, (value(leaf) for _, leaf in leaves(structure)))

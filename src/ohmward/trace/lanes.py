@@ -1,0 +1,142 @@
+"""Many logs at once through the compiled NumPy loop.
+
+A block of lanes runs through its whole log before the next block starts, so that its registers stay in the cache.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.numpy_source import Lanes
+from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
+
+#: Lanes that run together. A NumPy call costs as much as its work on 1000 to 2000 lanes; beyond 8192 the registers of a
+#: seven-state filter leave the cache.
+BLOCK = 4096
+#: Steps between two reports of progress.
+_CHUNK = 4096
+
+
+def run(
+    lanes: Lanes,
+    state_structure: Structure,
+    sample_structure: Structure,
+    output_structure: Structure,
+    state: Any,
+    samples: Any,
+    progress: Callable[[int, int], None] | None = None,
+    block: int = BLOCK,
+) -> tuple[Any, Any]:
+    """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
+    states = _arrays(state_structure, state, "state")
+    values = _arrays(sample_structure, samples, "samples")
+    count = _steps(values)
+    width = _lane_count([*((leaf, v, 0) for leaf, v, _ in states), *((leaf, v, 1) for leaf, v, _ in values)])
+    rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
+    columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
+    outputs: list[np.ndarray] = [
+        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(output_structure)
+    ]
+    views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
+    final = [np.empty(width, r.dtype) for r in rows]
+    starts = range(0, width, block)
+    report = _reporter(progress, count * len(starts))
+    for start in starts:
+        part = slice(start, min(start + block, width))
+        _run_block(lanes, rows, columns, views, final, part, count, report)
+    return _state_tree(state_structure, final, width), unflatten(output_structure, iter(outputs))
+
+
+def _run_block(
+    lanes: Lanes,
+    rows: list[np.ndarray],
+    columns: list[np.ndarray],
+    views: list[np.ndarray],
+    final: list[np.ndarray],
+    part: slice,
+    count: int,
+    report: Callable[[int], None],
+) -> None:
+    width = part.stop - part.start
+    states = _rows(width, [r.dtype for r in rows])
+    for state, row in zip(states, rows, strict=True):
+        state[:] = row[part]
+    registers = _rows(width, lanes.registers)
+    samples = [c[:, part] if c.ndim == 2 else c for c in columns]
+    outputs = [v[:, part] for v in views]
+    index = np.empty(width, dtype=np.intp)
+    for first in range(0, count, _CHUNK):
+        last = min(first + _CHUNK, count)
+        with np.errstate(all="ignore"):
+            states, registers = lanes.scan(states, registers, samples, outputs, index, first, last)
+        report(last - first)
+    for whole, block in zip(final, states, strict=True):
+        whole[part] = block
+
+
+def _rows(width: int, kinds: Sequence[Any]) -> list[np.ndarray]:
+    """Uninitialised arrays (width,), side by side in memory."""
+    floats, flags = iter(np.empty((len(kinds), width))), iter(np.empty((len(kinds), width), dtype=bool))
+    return [next(flags if np.dtype(kind) == np.bool_ else floats) for kind in kinds]
+
+
+def _reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def report(steps: int) -> None:
+        nonlocal done
+        done += steps
+        if progress:
+            progress(done, total)
+
+    return report
+
+
+def _arrays(structure: Structure, tree: Any, path: str) -> list[tuple[Leaf, np.ndarray, str]]:
+    named = leaves(structure, path)
+    pairs = zip(named, flatten(structure, tree, path), strict=True)
+    return [(leaf, as_array(value, leaf, name), name) for (name, leaf), value in pairs]
+
+
+def _steps(values: list[tuple[Leaf, np.ndarray, str]]) -> int:
+    lengths = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
+    if len(lengths) != 1:
+        raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
+    return lengths.pop()
+
+
+def _lane_count(values: Any) -> int:
+    """B, from the leaves that have a lane axis: `axes` more axes than the leaf, and the last one of lanes."""
+    widths = {v.shape[-1] for leaf, v, axes in values if v.ndim == len(leaf.shape) + axes + 1}
+    if len(widths) != 1:
+        raise InputError(f"state and samples must have one common number of lanes, got {sorted(widths) or 'none'}")
+    return widths.pop()
+
+
+def _state_rows(leaf: Leaf, value: np.ndarray, path: str, width: int) -> Iterator[np.ndarray]:
+    """One row (B,) per scalar of a state leaf."""
+    if value.shape not in (leaf.shape, (*leaf.shape, width)):
+        raise InputError(f"{path} must have the shape {(*leaf.shape, width)} or {leaf.shape}, got {value.shape}")
+    lanes = value if value.ndim > len(leaf.shape) else np.broadcast_to(value[..., None], (*leaf.shape, width))
+    return iter(lanes.reshape(leaf.size, width))
+
+
+def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width: int) -> Iterator[np.ndarray]:
+    """One column (T, B), or (T,) for all lanes, per scalar of a sample leaf."""
+    own, shared = (count, *leaf.shape, width), (count, *leaf.shape)
+    if value.shape == own:
+        return iter(np.moveaxis(value.reshape(count, leaf.size, width), 1, 0))
+    if value.shape not in (shared, leaf.shape):
+        raise InputError(f"{path} must have the shape {own}, {shared} or {leaf.shape}, got {value.shape}")
+    return iter(np.broadcast_to(value, shared).reshape(count, leaf.size).T)
+
+
+def _state_tree(structure: Structure, final: list[np.ndarray], width: int) -> Any:
+    rows = iter(final)
+
+    def value(leaf: Leaf) -> np.ndarray:
+        return np.array([next(rows) for _ in range(leaf.size)], leaf.dtype).reshape(*leaf.shape, width)
+
+    return unflatten(structure, (value(leaf) for _, leaf in leaves(structure)))

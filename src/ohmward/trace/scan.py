@@ -1,0 +1,83 @@
+"""One log through the compiled Python loop, in chunks that keep the memory bounded."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.structure import Leaf, Structure, as_array, check, flatten, leaves, size, unflatten
+
+#: Scalars that are Python floats at a time.
+_CHUNK_SCALARS = 1 << 18
+
+
+def run(
+    scan: Callable,
+    state_structure: Structure,
+    sample_structure: Structure,
+    output_structure: Structure,
+    state: Any,
+    samples: Any,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Any, Any]:
+    """Step through a log with `scan(state, columns, emit) -> state`; see `Kernel.scan`."""
+    columns, count = _columns(sample_structure, samples)
+    row = _state_row(state_structure, state)
+    outputs: list[np.ndarray] = [np.empty((count, *leaf.shape), leaf.dtype) for _, leaf in leaves(output_structure)]
+    chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(output_structure)))
+    for first in range(0, count, chunk):
+        part = slice(first, min(first + chunk, count))
+        emitted: list[float] = []
+        row = scan(row, [c[part].tolist() for c in columns], emitted.extend)
+        _store(emitted, [o[part] for o in outputs])
+        if progress:
+            progress(part.stop, count)
+    return _state_tree(state_structure, row), unflatten(output_structure, iter(outputs))
+
+
+def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
+    """Rows of scalars, one after the other, into the output arrays (chunk, ...)."""
+    table, first = np.array(emitted, dtype=float).reshape(-1, max(1, sum(o[0].size for o in outputs))), 0
+    for output in outputs:
+        last = first + output[0].size
+        output[:] = table[:, first:last].reshape(output.shape)
+        first = last
+
+
+def _columns(structure: Structure, samples: Any) -> tuple[list[np.ndarray], int]:
+    """One column (T,) per scalar of a sample, and T."""
+    named = zip(leaves(structure, "samples"), flatten(structure, samples, "samples"), strict=True)
+    values = [(leaf, as_array(value, leaf, path), path) for (path, leaf), value in named]
+    lengths = {value.shape[0] for leaf, value, _ in values if value.ndim > len(leaf.shape)}
+    if len(lengths) != 1:
+        raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
+    (count,) = lengths
+    return [c for leaf, value, path in values for c in _leaf_columns(leaf, value, path, count)], count
+
+
+def _leaf_columns(leaf: Leaf, value: np.ndarray, path: str, count: int) -> np.ndarray:
+    shape = (count, *leaf.shape)
+    if value.shape not in (shape, leaf.shape):
+        raise InputError(f"{path} must have the shape {shape}, or {leaf.shape} for all times, got {value.shape}")
+    return np.broadcast_to(value, shape).reshape(count, leaf.size).T
+
+
+def _state_row(structure: Structure, state: Any) -> tuple:
+    """The state as one tuple of Python scalars."""
+    check(structure, state, "state")
+    values = zip(leaves(structure), flatten(structure, state), strict=True)
+    arrays: list[np.ndarray] = [np.asarray(value, dtype=leaf.dtype) for (_, leaf), value in values]
+    return tuple(x for array in arrays for x in array.ravel().tolist())
+
+
+def _state_tree(structure: Structure, row: Sequence[Any]) -> Any:
+    """The state from its scalars: Python floats and bools, and arrays."""
+    rest = iter(row)
+
+    def value(leaf: Leaf) -> Any:
+        if not leaf.shape:
+            return leaf.dtype(next(rest))
+        return np.array([next(rest) for _ in range(leaf.size)], leaf.dtype).reshape(leaf.shape)
+
+    return unflatten(structure, (value(leaf) for _, leaf in leaves(structure)))
