@@ -31,7 +31,7 @@ _BATTERY_WORDS = frozenset(
 _OTHER_WORDS = frozenset(
     ("true", "truth", "std", "sigma", "var", "limit", "max", "min", "set", "setpoint", "target", "reference", "error",
      "residual", "predicted", "estimated", "estimate", "model", "step", "open", "circuit", "ocv", "raw", "mean", "avg",
-     "average", "delta", "offset", "bias", "nanosec", "nsecs", "nsec", "left", "remaining")
+     "average", "delta", "offset", "bias", "nanosec", "nsecs", "nsec")
 )  # fmt: skip
 _LONG_WORDS = {"current": "current", "voltage": "voltage", "temperature": "temperature"}
 _HINTS = {"time": "time", "current": "cur", "voltage": "volt", "temperature": "temp"}

@@ -40,7 +40,8 @@ def open_text(path: Path) -> TextIO:
     with opener(path, "rb") as stream:
         head = stream.read(1 << 16)
     encoding = _encoding(head)
-    if encoding != "utf-16" and b"\0" in head[:4096]:
+    # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
+    if encoding != "utf-16" and b"\0" in head.rstrip(b"\0\r\n"):
         raise InputError(
             f"{path.name}: not a text table (binary data in its first bytes); "
             "ohmward reads CSV and Parquet: export the log to one of them"

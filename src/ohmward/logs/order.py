@@ -38,7 +38,7 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
         return table
     restarts = find_restarts(time_s)
     if not sort_time and restarts.size and _starts_again(time_s, restarts):
-        raise InputError(explain_recordings(table, time_s, restarts))
+        raise InputError(explain_recordings(table, time, restarts))
     if not sort_time and (restarts.size or late.mean() > _MOST_LATE):
         raise InputError(_backwards(table, time_s, late))
     note = Note(f"{counted(late.sum(), 'row')} out of order: sorted by time", "warning" if sort_time else "info")

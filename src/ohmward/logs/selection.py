@@ -14,7 +14,6 @@ from ohmward.logs.table import Table
 
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"
-_MOST_RUNS = 2000
 _MOST_SEPARATORS = 3
 
 
@@ -40,17 +39,17 @@ def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
     return 1.0 + np.isin(np.arange(size), restarts).cumsum()
 
 
-def explain_recordings(table: Table, time_s: np.ndarray, restarts: np.ndarray) -> str:
+def explain_recordings(table: Table, time: str, restarts: np.ndarray) -> str:
     """What to tell about a clock that starts again at the rows `restarts` (K,), and how to choose one recording.
 
-    time_s: (T,) [s], as in the file.
+    time: the column with the time [s].
     """
-    at = int(restarts[0])
+    at, time_s = int(restarts[0]), table.columns[time]
     what = (
         f"{table.source} holds several recordings: the time falls from {time_s[at - 1]:g} s to {time_s[at]:g} s "
         f"at {table.place} {table.line[at]}"
     )
-    separators = find_separators(table, time_s, restarts)
+    separators = find_separators(table, time, restarts)
     if not separators:
         return (
             f"{what}, and no column tells them apart; choose one by its number with --where {RECORDING}=1 "
@@ -62,16 +61,19 @@ def explain_recordings(table: Table, time_s: np.ndarray, restarts: np.ndarray) -
     return f"{what}; they are told apart by {values}; choose one, for example {options} (where={example})"
 
 
-def find_separators(table: Table, time_s: np.ndarray, restarts: np.ndarray) -> tuple[str, ...]:
+def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str, ...]:
     """The fewest columns such that the time never falls among the rows that share their values; () if there are none.
 
-    time_s: (T,) [s], as in the file; restarts: (K,) rows at which it falls.
+    Only columns that change about as often as the clock starts again are labels of recordings.
+
+    time: the column with the time [s]; restarts: (K,) rows at which it falls.
     """
-    changes = {name: _changes(values) for name, values in table.columns.items()}
-    changes = {name: rows for name, rows in changes.items() if 0 < rows.size < _MOST_RUNS}
-    starts = np.unique(np.concatenate([[0], restarts, *changes.values()])).astype(int)
+    changes = {name: _changes(values) for name, values in table.columns.items() if name != time}
+    labels = {name: rows for name, rows in changes.items() if 0 < rows.size <= 2 * (restarts.size + 1)}
+    starts = np.unique(np.concatenate([[0], restarts, *labels.values()])).astype(int)
+    time_s = table.columns[time]
     first, last = time_s[starts], time_s[np.append(starts[1:], time_s.size) - 1]
-    codes = {name: np.unique(table.columns[name][starts], return_inverse=True)[1] for name in changes}
+    codes = {name: np.unique(table.columns[name][starts], return_inverse=True)[1] for name in labels}
     for count in range(1, _MOST_SEPARATORS + 1):
         for names in combinations(codes, count):
             if _rises([codes[name] for name in names], first, last):
@@ -83,7 +85,9 @@ def _rises(codes: Sequence[np.ndarray], first: np.ndarray, last: np.ndarray) -> 
     """Whether runs of rows with the same codes follow each other in time; first, last: (N,) times of each run [s]."""
     order = np.lexsort((np.arange(first.size), *codes))
     same = np.all([np.diff(code[order]) == 0 for code in codes], axis=0)
-    return bool(np.all(~same | (first[order][1:] >= last[order][:-1])))
+    pause = first[order][1:] - last[order][:-1]
+    follows = (pause > 0) | ((pause == 0) & (np.diff(order) == 1))
+    return bool(np.all(follows[same]))
 
 
 def _equal(table: Table, name: str, wanted: float | str) -> np.ndarray:

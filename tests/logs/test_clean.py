@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.clean import drop_text, drop_untimed, find_gaps, gap_notes, merge_rates, missing_notes, to_si
+from ohmward.logs.columns import Column
+from ohmward.logs.table import Table
+from ohmward.logs.units import UNITS
+
+CHOSEN = {
+    "time": Column("time", UNITS["s"]),
+    "current": Column("I", UNITS["ma"]),
+    "voltage": Column("U", None),
+    "temperature": Column("T", UNITS["k"]),
+}
+NAN = np.nan
+
+
+def table(**columns):
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    return Table("f.csv", arrays, np.arange(2, 2 + len(next(iter(arrays.values())))), "line")
+
+
+def texts(cleaned):
+    return [note.text for note in cleaned.notes]
+
+
+def test_units_become_si_and_are_noted():
+    cleaned = to_si(table(I=[1500.0, NAN], U=[12.0, np.inf], T=[298.15, 273.15]), CHOSEN)
+    np.testing.assert_allclose(cleaned.columns["I"], [1.5, NAN])
+    np.testing.assert_allclose(cleaned.columns["U"], [12.0, NAN])
+    np.testing.assert_allclose(cleaned.columns["T"], [25.0, 0.0], atol=1e-12)
+    assert "1 infinite value of 'U' taken as missing" in texts(cleaned)
+    assert "current from 'I' in mA" in texts(cleaned)
+    assert "voltage from 'U', which names no unit: taken as V" in texts(cleaned)
+
+
+def test_text_in_numbers_is_named_with_its_place():
+    cells = np.array(["12.0", "", "OVERLOAD", "x"], dtype=object)
+    with pytest.raises(InputError, match=r"f.csv, line 4, column 'U': 'OVERLOAD' is not a number; correct the cell"):
+        to_si(table(I=[1.0] * 4, U=cells, T=[0.0] * 4), CHOSEN)
+
+
+@pytest.mark.parametrize("quantity", ["I", "U"])
+def test_a_column_without_values_is_refused(quantity):
+    columns = {"I": [1.0, 1.0], "U": [12.0, 12.0], "T": [0.0, 0.0], quantity: [NAN, NAN]}
+    with pytest.raises(InputError, match=f"column '{quantity}' has no value"):
+        to_si(table(**columns), CHOSEN)
+
+
+def test_rows_without_a_time_are_dropped():
+    cleaned = drop_untimed(table(time=[0.0, NAN, 2.0], I=[1.0, 2.0, 3.0]), "time")
+    np.testing.assert_array_equal(cleaned.columns["I"], [1.0, 3.0])
+    assert texts(cleaned) == ["1 row without a time: dropped"]
+    with pytest.raises(InputError, match="column 'time' has no value"):
+        drop_untimed(table(time=[NAN, NAN]), "time")
+
+
+def test_text_and_empty_columns_are_left_out_and_named():
+    cleaned = drop_text(table(a=[1, 2], mode=np.array(["x", "y"], dtype=object), e=[NAN, NAN]))
+    assert list(cleaned.columns) == ["a"]
+    assert cleaned.columns["a"].dtype == float
+    assert texts(cleaned) == ["text columns left out: 'mode'", "empty columns left out: 'e'"]
+
+
+def test_a_temperature_on_rows_of_its_own_is_interpolated():
+    cleaned = merge_rates(
+        table(
+            time=[0.0, 1.0, 2.0, 4.0, 5.0],
+            I=[1.0, NAN, 2.0, NAN, 3.0],
+            U=[12.0, NAN, 12.1, NAN, 12.2],
+            T=[NAN, 20.0, NAN, 26.0, NAN],
+        ),
+        CHOSEN,
+    )
+    np.testing.assert_array_equal(cleaned.columns["time"], [0.0, 2.0, 5.0])
+    np.testing.assert_allclose(cleaned.columns["T"], [20.0, 22.0, 26.0])
+    assert "'T' is interpolated at 3 samples from 2 values" in texts(cleaned)
+    assert "2 rows with neither current nor voltage: dropped" in texts(cleaned)
+
+
+def test_a_current_on_rows_of_its_own_is_interpolated():
+    cleaned = merge_rates(
+        table(time=[0.0, 1.0, 2.0, 3.0], I=[1.0, NAN, 3.0, NAN], U=[NAN, 12.0, NAN, 12.1], T=[1.0] * 4), CHOSEN
+    )
+    np.testing.assert_allclose(cleaned.columns["I"], [1.0, 2.0, 3.0, 3.0])
+    np.testing.assert_array_equal(cleaned.columns["U"], [NAN, 12.0, NAN, 12.1])
+
+
+def test_single_missing_values_stay_missing_and_are_counted():
+    cleaned = merge_rates(table(time=[0.0, 1.0, 2.0], I=[1.0, NAN, 3.0], U=[NAN, 12.0, 12.1], T=[1.0] * 3), CHOSEN)
+    np.testing.assert_array_equal(cleaned.columns["I"], [1.0, NAN, 3.0])
+    assert [note.text for note in missing_notes(cleaned, CHOSEN)] == [
+        "1 of 3 samples have no current (NaN)",
+        "1 of 3 samples have no voltage (NaN)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "gaps"),
+    [
+        (np.arange(50.0), []),
+        (np.concatenate([np.arange(10.0), np.arange(30.0, 40.0)]), [9]),
+        (np.concatenate([np.arange(10.0), [600.0]]), [9]),
+        (np.concatenate([np.arange(100.0), 100.0 + 60.0 * np.arange(20)]), []),
+        ([0.0, 1000.0], []),
+        ([0.0], []),
+    ],
+)
+def test_gaps_are_lonely_long_intervals(time_s, gaps):
+    np.testing.assert_array_equal(find_gaps(np.asarray(time_s)), gaps)
+
+
+def test_gaps_are_noted_with_count_and_longest():
+    time_s = np.concatenate([np.arange(10.0), np.arange(30.0, 40.0), np.arange(100.0, 110.0)])
+    assert [note.text for note in gap_notes(time_s)] == ["2 gaps, the longest 61 s after 39 s"]

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.clock import read_clock
+from ohmward.logs.columns import Column
+from ohmward.logs.table import Table
+from ohmward.logs.units import UNITS
+
+START = 1_490_425_206.5  # 2017-03-25T07:00:06.5Z
+
+
+def clock(values, unit=None, name="time", **others):
+    columns = {name: np.asarray(values), **{n: np.asarray(v) for n, v in others.items()}}
+    table = Table("f.csv", columns, np.arange(2, 2 + len(columns[name])), "line")
+    return read_clock(table, Column(name, UNITS[unit] if unit else None))
+
+
+def text(*cells):
+    return np.array(cells, dtype=object)
+
+
+@pytest.mark.parametrize(
+    ("values", "unit"),
+    [
+        ([START, START + 1.5], None),
+        ([START * 1e3, START * 1e3 + 1500], None),
+        ([START * 1e6, START * 1e6 + 1.5e6], None),
+        (np.array([1_490_425_206_500_000_000, 1_490_425_208_000_000_000]), None),
+        (np.array([1_490_425_206_500_000_000, 1_490_425_208_000_000_000]), "ns"),
+        (text("2017-03-25T07:00:06.5Z", "2017-03-25T07:00:08Z"), None),
+        (text("2017-03-25 07:00:06.500", "2017-03-25 07:00:08.000"), None),
+        (text("2017-03-25T09:00:06.5+02:00", "2017-03-25T09:00:08+02:00"), None),
+        (np.array(["2017-03-25T07:00:06.5", "2017-03-25T07:00:08"], dtype="M8[ns]"), None),
+    ],
+)
+def test_wall_clocks_start_at_zero_and_remember_when(values, unit):
+    read = clock(values, unit)
+    np.testing.assert_allclose(read.time_s, [0.0, 1.5], atol=1e-6)
+    assert read.start_unix_s == pytest.approx(START, abs=1e-6)
+
+
+def test_nanoseconds_keep_their_digits():
+    start = 1_700_000_000_000_000_000
+    np.testing.assert_allclose(clock(np.array([start, start + 1])).time_s, [0.0, 1e-9], rtol=1e-12)
+
+
+def test_ros_seconds_and_nanoseconds_are_added():
+    read = clock([1_490_425_206, 1_490_425_208], "s", "stamp.sec", **{"stamp.nanosec": [500_000_000, 0]})
+    np.testing.assert_allclose(read.time_s, [0.0, 1.5], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "time_s"),
+    [
+        ([5.0, 6.0], "s", [5.0, 6.0]),
+        ([5.0, 6.0], None, [5.0, 6.0]),
+        ([0.0, 250.0], "ms", [0.0, 0.25]),
+        ([1.0, 1.5], "h", [3600.0, 5400.0]),
+        (text("0:00:01.5", "27:00:00"), None, [1.5, 97200.0]),
+    ],
+)
+def test_elapsed_times_keep_their_zero(values, unit, time_s):
+    read = clock(values, unit)
+    np.testing.assert_allclose(read.time_s, time_s, rtol=1e-15)
+    assert read.start_unix_s is None
+
+
+def test_assumptions_are_noted():
+    assert "names no unit: taken as seconds" in clock([0.0, 1.0]).notes[0].text
+    assert "taken as UTC" in clock(text("2017-03-25 07:00:06", "2017-03-25 07:00:07")).notes[0].text
+    assert "Unix time in ms" in clock([START * 1e3]).notes[0].text
+    assert "UTC" not in clock(text("2017-03-25T07:00:06Z")).notes[0].text
+
+
+def test_missing_times_are_nan():
+    np.testing.assert_array_equal(clock(text("", "2017-03-25", "")).time_s, [np.nan, 0.0, np.nan])
+    np.testing.assert_array_equal(clock(np.array(["NaT", "2017-03-25"], dtype="M8[ns]")).time_s, [np.nan, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        (("2017-03-25", "yesterday"), r"f.csv, line 3, column 'time': 'yesterday' is not a time; write seconds or ISO"),
+        (("25.03.2017",), r"line 2, column 'time': '25.03.2017' is not a time"),
+        (("2017-03-25", "12.5"), r"'12.5' is a number among dates"),
+        (("0:00:01", "half past"), r"line 3.*'half past' is not a time"),
+    ],
+)
+def test_unreadable_times_are_named(cells, message):
+    with pytest.raises(InputError, match=message):
+        clock(text(*cells))

@@ -1,0 +1,108 @@
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.columns import find_columns
+from ohmward.logs.units import UNITS, split_unit
+
+
+def found(names, **overrides):
+    """Quantity -> (column, symbol of its unit)."""
+    chosen = find_columns("f.csv", names, **overrides)
+    return {quantity: (column.name, column.unit and column.unit.symbol) for quantity, column in chosen.items()}
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("time_s current_A voltage_V temp1_C", ["s", "A", "V", "degC"]),
+        ("test_time_second current_ampere voltage_volt", ["s", "A", "V"]),
+        ("t I U", [None, None, None]),
+        ("timestamp_ns I_batt V_batt", ["ns", None, None]),
+        ("time_min current_mA voltage_mV temperature_K", ["min", "mA", "mV", "K"]),
+        ("time/s <I>/mA Ewe/V", ["s", "mA", "V"]),
+        ("Time(h) Current(mA) Voltage(mV) Temperature(C)_1", ["h", "mA", "mV", "degC"]),
+        ("%time field.current field.voltage field.temperature", [None] * 4),
+        ("__time /battery_state/current /battery_state/voltage /battery_state/temperature", [None] * 4),
+        ("header.stamp.sec battery.current battery.voltage", ["s", None, None]),
+        ("Timestamp pack_current_milliamps pack_voltage_millivolts battery_temp_degF", [None, "mA", "mV", "degF"]),
+    ],
+)
+def test_names_of_the_field(names, expected):
+    names = names.split()
+    quantities = ("time", "current", "voltage", "temperature")
+    assert found(names) == dict(zip(quantities, zip(names, expected, strict=True), strict=False))
+
+
+def test_bdf_labels_with_spaces_and_brackets():
+    names = ["Test Time / s", "Voltage / V", "Current / A", "Battery Temperature [°C]"]
+    assert [unit for _, unit in found(names).values()] == ["s", "A", "V", "degC"]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "winner", "losers"),
+    [
+        ("current", "current_A", ["motor_current_A", "current_true_A", "current_std_A", "max_current"]),
+        ("voltage", "Voltage", ["Cell_Voltage_1", "Cell_Voltage_2", "ocv_V", "voltage_limit_V"]),
+        ("voltage", "battery_voltage", ["cell_voltage"]),
+        ("time", "Test_Time(s)", ["Step_Time(s)", "Date_Time"]),
+        ("time", "elapsed_s", ["timestamp"]),
+        ("temperature", "temperature", ["ambient_temperature"]),
+        ("current", "I (A)", ["soc", "i2c_errors", "capacity_Ah"]),
+    ],
+)
+def test_the_battery_wins_over_its_neighbours(quantity, winner, losers):
+    others = {"time": "time_s", "current": "current", "voltage": "voltage"}
+    others.pop(quantity, None)
+    assert found([*losers, winner, *others.values()])[quantity][0] == winner
+
+
+def test_t_is_a_time_and_needs_a_unit_to_be_a_temperature():
+    assert "temperature" not in found(["t", "I", "U"])
+    assert found(["t", "I", "U", "T / K"])["temperature"] == ("T / K", "K")
+
+
+def test_overrides_win():
+    names = ["time_s", "current_A", "I_motor_mA", "voltage_V"]
+    assert found(names, columns={"current": "I_motor_mA"})["current"] == ("I_motor_mA", "mA")
+    assert found(names, columns={"current": "i_MOTOR_ma"})["current"] == ("I_motor_mA", "mA")
+    assert found(names, units={"voltage": "mV"})["voltage"] == ("voltage_V", "mV")
+
+
+@pytest.mark.parametrize(
+    ("names", "overrides", "message"),
+    [
+        ("time I_1 current voltage", {"columns": {"current": "I_2"}}, r"no column 'I_2' .*did you mean 'I_1'\?"),
+        ("time left_current right_current voltage", {}, r"both 'left_current' and 'right_current'.*--column current="),
+        ("time a_current voltage b_current", {}, r"columns=\{'current': 'a_current'\}"),
+        ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
+        ("time curLeft voltage", {}, r"name it with --column current=curLeft"),
+        ("time current voltage", {"units": {"current": "mV"}}, r"unit 'mV' of the current is not known; use .*mA"),
+        ("time current voltage", {"units": {"soc": "%"}}, r"unknown quantity 'soc'"),
+        ("time current voltage", {"columns": {"amps": "current"}}, r"unknown quantity 'amps'; ohmward knows time, cur"),
+    ],
+)
+def test_refusals_name_the_columns_and_the_fix(names, overrides, message):
+    with pytest.raises(InputError, match=message):
+        find_columns("f.csv", names.split(), **overrides)
+
+
+@pytest.mark.parametrize(
+    ("symbol", "value", "si"),
+    [("mA", 1500.0, 1.5), ("mV", 12600.0, 12.6), ("K", 298.15, 25.0), ("degF", 77.0, 25.0), ("h", 2.0, 7200.0)],
+)
+def test_units_convert(symbol, value, si):
+    unit = next(unit for unit in UNITS.values() if unit.symbol == symbol)
+    assert value * unit.scale + unit.offset == pytest.approx(si, rel=1e-12)
+
+
+def test_every_notation_of_a_unit_reads_alike():
+    for name in (
+        "Current [mA]",
+        "Current (mA)",
+        "Current / mA",
+        "Current/mA",
+        "Current_mA",
+        "Current mA",
+        "Current.mA",
+    ):
+        assert next((stem, unit.symbol) for stem, unit in split_unit(name)) == ("Current", "mA"), name

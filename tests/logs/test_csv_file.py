@@ -1,0 +1,106 @@
+import gzip
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.csv_file import open_csv
+
+
+def load(path):
+    file = open_csv(path)
+    return file.load(file.names)
+
+
+PLAIN = "time_s,current_A,voltage_V\n0,1.5,12.25\n1,-2,12.5\n2,,12\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (PLAIN, "utf-8"),
+        (PLAIN, "utf-8-sig"),
+        (PLAIN, "utf-16"),
+        (PLAIN.replace("\n", "\r\n"), "utf-8"),
+        (PLAIN.replace(",", ";"), "utf-8"),
+        (PLAIN.replace(",", "\t"), "utf-8"),
+        (PLAIN.replace(",", ";").replace(".", ","), "utf-8"),
+        (PLAIN.replace(",", "\t").replace(".", ","), "utf-8"),
+        (PLAIN.replace(",", " , "), "utf-8"),
+        ("# made by hand\n# at 20 °C\n\n" + PLAIN, "utf-8"),
+        ("# 20 °C\n" + PLAIN, "cp1252"),
+        ("% " + PLAIN, "utf-8"),
+        ("#" + PLAIN, "utf-8"),
+        (PLAIN.replace("time_s,", '"time_s",').replace("2,,", '"2","",'), "utf-8"),
+        (PLAIN.replace("2,,", "2,NaN,"), "utf-8"),
+        (PLAIN.replace("2,,", "2, null ,"), "utf-8"),
+        (PLAIN.rstrip("\n"), "utf-8"),
+        (PLAIN.replace("\n", "\n\n"), "utf-8"),
+        (PLAIN.replace("12.25\n", "12.25,\n"), "utf-8"),
+    ],
+)
+def test_every_dialect_gives_the_same_numbers(write_text, text, encoding):
+    table = load(write_text(text, encoding=encoding))
+    assert list(table.columns) == ["time_s", "current_A", "voltage_V"]
+    np.testing.assert_array_equal(table.columns["time_s"], [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(table.columns["current_A"], [1.5, -2.0, np.nan])
+    np.testing.assert_array_equal(table.columns["voltage_V"], [12.25, 12.5, 12.0])
+
+
+def test_gzip(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(PLAIN.encode()))
+    np.testing.assert_array_equal(load(path).columns["voltage_V"], [12.25, 12.5, 12.0])
+
+
+def test_quoted_names_may_contain_the_delimiter(write_text):
+    table = load(write_text('"time, s","current, A"\n0,1\n1,2\n'))
+    assert list(table.columns) == ["time, s", "current, A"]
+
+
+def test_lines_are_counted_as_an_editor_counts_them(write_text):
+    table = load(write_text("# one\n# two\n" + PLAIN))
+    np.testing.assert_array_equal(table.line, [4, 5, 6])
+
+
+def test_blocks_join(write_text, monkeypatch):
+    monkeypatch.setattr("ohmward.logs.csv_file._BLOCK_ROWS", 7)
+    rows = [f"{i},{i % 5},{'x' if i == 20 else i}" for i in range(40)]
+    table = load(write_text("time_s,a,b\n" + "\n".join(rows)))
+    np.testing.assert_array_equal(table.columns["time_s"], np.arange(40.0))
+    np.testing.assert_array_equal(table.line, np.arange(2, 42))
+    assert table.columns["b"][20] == "x"
+    assert float(table.columns["b"][39]) == 39.0
+
+
+@pytest.mark.parametrize("tail", ["3,1.0", "3", "3,\0\0\0\0"])
+def test_a_last_line_cut_by_a_power_failure_is_dropped_and_noted(write_text, tail):
+    table = load(write_text(PLAIN + tail))
+    assert table.line.size == 3
+    assert [str(note) for note in table.notes] == ["warning: the last line (5) is cut off: dropped"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("\n\n# nothing\n", "the file is empty"),
+        ("time_s,current_A,voltage_V\n", "no rows below it"),
+        ("0,1,12\n1,1,12\n", r"no header line: the first row is numbers \('0,1,12'\)"),
+        ("time_s\n1\n2\n", "only one column found"),
+        ("a,a,b\n1,2,3\n", "more than one column is named 'a'"),
+        ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
+        ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
+        ("a,b\0\0\0\n1,2\n", "not a text table"),
+    ],
+)
+def test_malformed_files_are_refused(write_text, text, message):
+    with pytest.raises(InputError, match=message):
+        load(write_text(text))
+
+
+def test_a_million_rows_take_seconds(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text("time_s,current_A,voltage_V\n" + "".join(f"{i},-1.25,12.5\n" for i in range(100_000)))
+    table = load(path)
+    assert table.line.size == 100_000
