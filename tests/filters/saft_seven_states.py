@@ -12,6 +12,8 @@ from ohmward.filters import Belief, adaptive
 from ohmward.filters.adaptive import Matching
 
 SCALE = np.array([1, 1, 1, 1e-4, 1e-2, 50, 1e-2])
+TRUE_PARAMETERS = np.array([1.2, 0.8, 1.1, 0.9])
+NOISE_STD_V = 2e-3
 MATCHING = Matching(Q_floor=np.diag([1e-10, 1e-10, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8]), R_floor=np.array([[1e-7]]))
 START = adaptive.init(
     Belief(np.array([12.8, 12.8, 12.8, 1.0, 1.0, 1.0, 1.0]), np.diag([1e-2, 1e-2, 1e-4, 0.04, 0.04, 0.04, 0.04])),
@@ -58,13 +60,13 @@ def step(state, sample, filter_step=adaptive.unscented_step_reusing_points, matc
     return filter_step(state, lambda z: next_state(z, current_A), terminal_voltage, y, matching)
 
 
-def simulated_log(length, seed=1, noise_std_V=2e-3):
+def simulated_log(length, seed=1):
     """Current [A] in random steps of 20 s and noisy voltage [V] of the model itself, (length,) each."""
     rng = np.random.default_rng(seed)
     current_A = np.repeat(rng.uniform(-6, 2, size=length // 20 + 1), 20)[:length]
-    z = np.array([12.9, 12.9, 12.9, 1.2, 0.8, 1.1, 0.9])
+    z = np.array([12.9, 12.9, 12.9, *TRUE_PARAMETERS])
     voltage_V = np.empty(length)
     for k, i in enumerate(current_A):
         z = next_state(z, i)
         voltage_V[k] = z[2]
-    return current_A, voltage_V + noise_std_V * rng.normal(size=length)
+    return current_A, voltage_V + NOISE_STD_V * rng.normal(size=length)

@@ -21,7 +21,6 @@ per robot. `windowed_moments` is the ring, to compare.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,13 +28,11 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation
 from ohmward.filters.gating import choose, passes
 from ohmward.filters.linear_algebra import lower_triangle, mirror_lower, symmetric_from
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize, minimum
-
-Function = Callable[[np.ndarray], np.ndarray]
 
 
 class NoiseEstimate(NamedTuple):
@@ -84,7 +81,7 @@ class PackedAdaptiveState(NamedTuple):
     samples: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Matching:
     """Settings of the covariance matching.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,9 @@ import numpy as np
 from ohmward.filters.linear_algebra import cholesky, lower_triangle, solve_lower, solve_spd, symmetric_from
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import isfinite, where
+
+Function = Callable[[np.ndarray], np.ndarray]
+"""What a filter needs of a model: f(x), the next state (n,), or h(x), the output (m,), of a state x (n,)."""
 
 
 class Belief(NamedTuple):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters import kalman
-from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize
-
-Function = Callable[[np.ndarray], np.ndarray]
 
 
 def predict(belief: Belief, f: Function, Q: np.ndarray) -> Belief:

@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ohmward.filters.belief import Belief, Innovation
+from ohmward.filters.belief import Belief, Function, Innovation
 from ohmward.filters.shapes import require_shape
 
-Function = Callable[[np.ndarray], np.ndarray]
 Update = Callable[[Belief, np.ndarray, Function, np.ndarray], tuple[Belief, Innovation]]
 
 

@@ -20,18 +20,16 @@ output that is a state), mean and covariance of that element are known exactly a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation
 from ohmward.filters.kalman import gain
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.filters.shapes import require_shape
-
-Function = Callable[[np.ndarray], np.ndarray]
 
 
 class Scaling(NamedTuple):
