@@ -53,6 +53,10 @@ def test_columns_are_equally_wide_in_x_not_in_samples():
     assert np.diff(column_edges(x, 4)).tolist() == [999, 1, 1, 2]
 
 
+def test_columns_start_where_the_data_start():
+    assert np.diff(column_edges(1.7e9 + np.arange(40.0), 4)).tolist() == [10, 10, 10, 10]
+
+
 def test_a_short_series_is_kept_whole():
     assert m4(np.arange(28.0), np.zeros(28), COLUMNS).tolist() == list(range(28))
     assert m4(np.arange(29.0), np.zeros(29), COLUMNS).size < 29

@@ -26,6 +26,8 @@ X = np.arange(3.0)
         (lambda: Figure("f", TIME, "y", y_limits=(1, 1)), "y_limits must ascend"),
         (lambda: Figure("f", TIME, "y", y_limits=(0, 1), log_y=True), "y_limits of a log axis must be positive"),
         (lambda: Figure("f", TIME, "y", markers=[Marker(1.0, "m", "pink")]), "role must be one of"),  # type: ignore[arg-type]
+        (lambda: Figure("f", TIME, "y", markers=[Marker(np.nan, "m")]), "must be finite"),
+        (lambda: Figure("f", TIME, "y", spans=[Span(0.0, np.inf, "m")]), "must be finite"),
         (lambda: Figure("f", TIME, "y", spans=[Span(2.0, 1.0, "m")]), "span 'm': x_from must not exceed x_to"),
     ],
 )

@@ -13,6 +13,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series, Span
+from ohmward.report.blocks import embed
 
 EVIL = "</script><script>alert('x')</script><b>&amp; \u2028 \"quoted\" $title ${body}"
 VOID = {"meta", "link", "br", "img", "hr", "input"}
@@ -96,6 +97,11 @@ def test_embedded_data_is_strict_json_and_survives_hostile_labels():
     assert series["y"][1:] == [None, None]
 
 
+def test_what_is_not_json_is_never_embedded():
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        embed({"x": float("nan")})
+
+
 def test_the_page_fetches_nothing_and_forbids_it():
     html = full_page().html()
     document = Document(html)
@@ -112,6 +118,10 @@ def test_the_policy_admits_exactly_the_code_of_the_page():
     code = Document(html).scripts()[1][1]
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     assert f"script-src 'sha256-{digest}'" in html
+
+
+def test_the_licence_of_the_plotting_code_travels_with_it():
+    assert "Permission is hereby granted, free of charge" in Page("p").html()
 
 
 def test_equal_input_gives_equal_bytes_and_a_page_is_never_changed():

@@ -164,6 +164,9 @@ def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
 
 
 def _check_limits(figure: Figure) -> None:
+    edges = [m.x for m in figure.markers] + [x for s in figure.spans for x in s[:2]] + list(figure.y_limits or ())
+    if not np.isfinite(edges).all():
+        raise InputError(f"figure {figure.title!r}: markers, spans and y_limits must be finite, got {edges}")
     for span in figure.spans:
         if span.x_from > span.x_to:
             raise InputError(f"span {span.label!r}: x_from must not exceed x_to, got {span.x_from:g} > {span.x_to:g}")

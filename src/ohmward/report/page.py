@@ -79,6 +79,7 @@ class Page:
             body="\n".join(self.body),
             footer=f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
             style=style,
+            licence=_asset("vendor/uplot/LICENSE"),
             code=code,
         )
 
