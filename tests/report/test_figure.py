@@ -51,3 +51,8 @@ def test_infinite_values_become_gaps_and_the_input_is_left_alone():
 
 def test_a_right_series_may_be_negative_beside_a_logarithmic_left_axis():
     Figure("f", TIME, "y", [Series(X, X + 1, "v"), Series(X, -X, "i", axis="right")], right_label="I [A]", log_y=True)
+
+
+def test_a_band_with_one_edge_unknown_has_a_gap_in_both():
+    band = Band(X, np.array([0.0, np.nan, 0.0]), np.array([1.0, 1.0, np.inf]), "b")
+    assert np.isnan(band.low).tolist() == np.isnan(band.high).tolist() == [False, True, True]

@@ -199,12 +199,29 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 
+def odd_figures():
+    """Figures that leave the drawing code little to hold on to."""
+    x = np.arange(3.0)
+    nothing = Series(np.empty(0), np.empty(0), "nothing")
+    return [
+        Figure("empty", TIME, "y"),
+        Figure("no sample", TIME, "y", [nothing], log_y=True),
+        Figure("only gaps", TIME, "y", [Series(x, np.full(3, np.nan), "gaps")], [Band(x, x * np.nan, x, "gap")]),
+        Figure("lone samples", TIME, "y", [Series(x, np.array([1, np.nan, 2]), "lone"), Series(x[:1], x[:1], "one")]),
+        Figure("right only", TIME, "", [Series(x, x, "r", axis="right")], right_label="r"),
+        Figure("log limits", TIME, "y", [Series(x, 10**x, "s")], log_y=True, y_limits=(0.1, 1000.0)),
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs the program chromium to run the page's code")
 def test_a_browser_draws_every_figure(tmp_path):
     path = tmp_path / "report.html"
-    full_page(EVIL).write(path)
+    page = full_page(EVIL).plot(*odd_figures())
+    for odd in odd_figures():
+        page = page.plot(odd)
+    page.write(path)
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom"]
     run = subprocess.run(["chromium", *options, path.as_uri()], capture_output=True, text=True, timeout=60, check=True)
-    assert run.stdout.count("<canvas") == 2
-    assert run.stdout.count('class="legend"') == 2
+    assert run.stdout.count("<canvas") == run.stdout.count('class="legend"') == 2 + 2 * len(odd_figures())
+    assert 'class="hint"' in run.stdout

@@ -61,7 +61,7 @@ class Series:
 class Band:
     """A shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
 
-    x: (n,) ascending; low, high: (n,), NaN is a gap.  role: as in `Series`, but not "auto".
+    x: (n,) ascending; low, high: (n,), NaN in either is a gap.  role: as in `Series`, but not "auto".
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
@@ -80,8 +80,10 @@ class Band:
             raise InputError(
                 f"band {self.label!r}: low must not exceed high, got {low[i]:g} > {high[i]:g} at index {i}"
             )
-        for name, values in (("x", x), ("low", low), ("high", high)):
-            object.__setattr__(self, name, values)
+        gap = np.isnan(low + high)
+        object.__setattr__(self, "x", x)
+        object.__setattr__(self, "low", np.where(gap, np.nan, low))
+        object.__setattr__(self, "high", np.where(gap, np.nan, high))
 
 
 class Marker(NamedTuple):

@@ -30,12 +30,21 @@
     return parts.length ? uPlot.join(parts, parts.map((p) => p.map(() => 2))) : [[]];
   }
 
+  /* Samples between gaps, which no line shows. */
+  function lone(ys) {
+    const seen = [...ys.keys()].filter((i) => ys[i] !== undefined);
+    return seen.filter((i, k) => ys[i] !== null && ys[seen[k - 1]] == null && ys[seen[k + 1]] == null);
+  }
+
+  const hasValues = (parts) => parts.some((part) => (part.y ?? part.low).some((y) => y !== null));
+
   /* ---- options of uPlot ---- */
 
   function lineOptions(s) {
     const stroke = () => colour(s.colour);
-    const base = { label: s.label, scale: s.axis, stroke, width: 1.6, points: { show: false } };
-    if (s.style === "points") return { ...base, paths: () => null, points: { show: true, size: 4, width: 0, fill: stroke, space: 0 } };
+    const dots = { show: true, size: 4, width: 0, fill: stroke, space: 0, filter: (u, i) => lone(u.data[i]) };
+    const base = { label: s.label, scale: s.axis, stroke, width: 1.6, points: dots };
+    if (s.style === "points") return { ...base, paths: () => null, points: { ...dots, filter: undefined } };
     if (s.style === "step") return { ...base, paths: uPlot.paths.stepped({ align: 1 }) };
     return s.style === "dashed" ? { ...base, dash: [7, 5] } : base;
   }
@@ -70,13 +79,13 @@
   }
 
   function options(stack, figure, last) {
+    const noLeft = !hasValues([...figure.bands, ...figure.series.filter((s) => s.axis === "left")]);
     const rightOfOthers = stack.figures.some((f) => f.right_label) ? Y_AXIS_SIZE + Y_LABEL_SIZE : 14;
-    const limits = figure.y_limits;
-    const left = figure.log_y ? { distr: 3 } : limits ? { range: limits } : {};
+    const left = { distr: figure.log_y ? 3 : 1, ...(figure.y_limits && { range: figure.y_limits }) };
     return {
       width: 600,
       height: figure.height_px + (last ? 22 : 0),
-      padding: [8, figure.right_label ? 0 : rightOfOthers, 0, 0],
+      padding: [8, figure.right_label ? 0 : rightOfOthers, 0, noLeft ? Y_AXIS_SIZE + Y_LABEL_SIZE : 0],
       legend: { show: false },
       scales: { x: { time: false, auto: false, min: stack.extent[0], max: stack.extent[1] }, left, right: {} },
       series: [{}, ...figure.bands.flatMap((b) => [bandEdge(b), bandEdge(b)]), ...figure.series.map(lineOptions)],
@@ -154,13 +163,14 @@
 
   function legend(stack, figure) {
     const row = element("div", "legend");
-    const place = fixedItem("", "");
+    const place = fixedItem("");
     const bands = figure.bands.map((b, i) => ({ ...b, style: "area", indices: [2 * i + 1, 2 * i + 2] }));
     const first = 1 + 2 * bands.length;
     const items = [...figure.series.map((s, i) => ({ ...s, indices: [first + i] })), ...bands];
     items.forEach((item) => row.append(toggle(figure, item)));
     const spans = new Map(figure.spans.map((s) => [s.label, s]));
     spans.forEach((s) => s.label && row.append(fixedItem(s.label, "area", s.colour)));
+    if (!hasValues(items)) row.append(fixedItem("no data"));
     place.append((figure.place = element("output")));
     row.append(place);
     reserve(stack, figure, items);
