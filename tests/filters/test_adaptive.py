@@ -5,9 +5,10 @@ from filters.examples import PENDULUM, PENDULUM_Q, PENDULUM_R, height, largest_d
 from ohmward.errors import InputError
 from ohmward.filters import Belief, adaptive, kalman, nis, unscented
 from ohmward.filters.adaptive import Matching, NoiseEstimate
+from ohmward.trace import Kernel
 
 STEPS = [adaptive.extended_step, adaptive.unscented_step, adaptive.unscented_step_reusing_points]
-WALK_STD, SENSOR_STD = 0.03, 0.2
+WALK_STD, SENSOR_STD, HIDDEN_STD = 0.03, 0.2, 0.01
 
 
 def scalar(value):
@@ -19,16 +20,19 @@ def same(x):
     return x * 1.0
 
 
-def follow_walk(Q, R, matching, length=2000, step=adaptive.extended_step):
-    """R, Q and NIS (length,) of an adaptive filter on a random walk whose noise is known."""
+def follow_walk(Q, R, matching, length=20_000):
+    """Mean R, mean Q and mean NIS of the adaptive filter after a while on a random walk whose noise is known."""
+
+    def step(state, y):
+        state, innovation = adaptive.extended_step(state, same, same, np.array([y]), matching)
+        return state, (state.R[0, 0], state.Q[0, 0], nis(innovation))
+
     rng = np.random.default_rng(1)
     walk = np.cumsum(WALK_STD * rng.normal(size=length))
-    state = adaptive.init(Belief(np.zeros(1), np.eye(1)), scalar(Q), scalar(R))
-    history = []
-    for y in walk + SENSOR_STD * rng.normal(size=length):
-        state, innovation = step(state, same, same, np.array([y]), matching)
-        history.append((state.R[0, 0], state.Q[0, 0], nis(innovation)))
-    return np.array(history).T
+    y = walk + SENSOR_STD * rng.normal(size=length)
+    start = adaptive.init(Belief(np.zeros(1), np.eye(1)), scalar(Q), scalar(R))
+    _, history = Kernel(step, start, 0.0).scan(start, y)
+    return tuple(np.mean(values[length // 4 :]) for values in history)
 
 
 def test_moments_are_plain_means_up_to_the_window():
@@ -55,10 +59,13 @@ def test_later_moments_forget_exponentially():
 
 def test_forgetting_scatters_as_a_ring_of_twice_the_window():
     values = np.random.default_rng(2).normal(size=(20_000, 1))
-    window, noise, recursive = 20, NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0), []
-    for value in values:
+    window, start = 20, NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
+
+    def step(noise, value):
         noise = adaptive.remember(noise, value, value, window)
-        recursive.append(noise.innovation[0, 0])
+        return noise, noise.innovation[0, 0]
+
+    _, recursive = Kernel(step, start, values[0]).scan(start, values)
     ring = adaptive.windowed_moments(values, 2 * window - 1)[:, 0, 0]
     assert np.std(recursive[500:]) == pytest.approx(np.std(ring[500:]), rel=0.05)
 
@@ -86,52 +93,51 @@ def test_matching_is_equations_3_49_and_3_50():
 @pytest.mark.parametrize("R", [100 * SENSOR_STD**2, SENSOR_STD**2 / 100])
 def test_a_wrong_measurement_noise_is_found(R):
     matching = Matching(scalar(WALK_STD**2), scalar(1e-8), match_Q=False)
-    found, _, statistic = follow_walk(WALK_STD**2, R, matching)
-    assert found[500:].mean() == pytest.approx(SENSOR_STD**2, rel=0.1)
-    assert statistic[500:].mean() == pytest.approx(1, abs=0.1)
+    found, _, mean_nis = follow_walk(WALK_STD**2, R, matching)
+    assert found == pytest.approx(SENSOR_STD**2, rel=0.03)
+    assert mean_nis == pytest.approx(1, abs=0.05)
 
 
 @pytest.mark.parametrize("Q", [100 * WALK_STD**2, WALK_STD**2 / 100])
-def test_a_wrong_process_noise_is_found(Q):
-    matching = Matching(scalar(1e-8), scalar(SENSOR_STD**2), match_R=False)
-    _, found, _ = follow_walk(Q, SENSOR_STD**2, matching)
-    assert found[500:].mean() == pytest.approx(WALK_STD**2, rel=0.35)
+def test_a_wrong_process_noise_is_found_in_a_long_window(Q):
+    matching = Matching(scalar(1e-8), scalar(SENSOR_STD**2), window=1000, match_R=False)
+    _, found, mean_nis = follow_walk(Q, SENSOR_STD**2, matching)
+    assert found == pytest.approx(WALK_STD**2, rel=0.15)
+    assert mean_nis == pytest.approx(1, abs=0.05)
 
 
 @pytest.mark.parametrize("scale", [100.0, 0.01])
 def test_matching_both_finds_the_size_but_not_the_ratio(scale):
-    R, Q, statistic = follow_walk(WALK_STD**2, scale * SENSOR_STD**2, Matching(scalar(1e-8), scalar(1e-8)))
-    true_ratio = (WALK_STD / SENSOR_STD) ** 2
-    assert statistic[500:].mean() == pytest.approx(1, abs=0.1)
-    assert (Q / R)[500:].mean() > 10 * true_ratio
+    R, Q, mean_nis = follow_walk(WALK_STD**2, scale * SENSOR_STD**2, Matching(scalar(1e-8), scalar(1e-8)))
+    assert mean_nis == pytest.approx(1, abs=0.05)
+    assert Q / R > 10 * (WALK_STD / SENSOR_STD) ** 2
 
 
-def drifting_sensor(matching, length=2000):
-    """NEES (length,), 1 in the mean when right, of a bias that shows every 50th sample only and moves in the middle."""
-    rng = np.random.default_rng(4)
-    bias = np.where(np.arange(length) < length // 2, 0.2, 0.8)
-    state = adaptive.init(Belief(np.zeros(2), np.eye(2)), matching.Q_floor, scalar(0.01))
-    history = []
-    for k in range(length):
-        gain = 0.3 * (k % 50 == 0)
-        y = np.array([np.sin(0.01 * k) + gain * bias[k] + 0.1 * rng.normal()])
+def nees_of_a_hidden_walk(matching, length=20_000):
+    """Mean NEES, 1 when right, of a walking bias that shows in every other 2000 samples only.
 
-        def step(x):
-            return np.array([x[0] * 1.0, x[1]])
+    While it does not show its gain is zero, so K C K' adds nothing to its variance.
+    """
 
-        def output(x, gain=gain):
-            return np.array([x[0] + gain * x[1]])
+    def step(state, sample):
+        shows, y, truth = sample
+        y = np.array([y])
+        state, _ = adaptive.extended_step(state, same, lambda x: np.array([x[0] + shows * x[1]]), y, matching)
+        return state, (state.belief.mean[1] - truth) ** 2 / state.belief.cov[1, 1]
 
-        state, _ = adaptive.extended_step(state, step, output, y, matching)
-        history.append((state.belief.mean[1] - bias[k]) ** 2 / state.belief.cov[1, 1])
-    return np.array(history)
+    rng, shows = np.random.default_rng(4), np.arange(length) // 2000 % 2
+    level, bias = np.cumsum(HIDDEN_STD * rng.normal(size=(2, length)), axis=1)
+    y = level + shows * bias + 0.1 * rng.normal(size=length)
+    start = adaptive.init(Belief(np.zeros(2), np.eye(2)), HIDDEN_STD**2 * np.eye(2), scalar(0.01))
+    _, nees = Kernel(step, start, (0.0, 0.0, 0.0)).scan(start, (shows, y, bias))
+    return nees[length // 10 :].mean()
 
 
 def test_without_floors_a_weakly_observable_state_collapses_and_with_floors_it_does_not():
     no_floors = Matching(np.zeros((2, 2)), scalar(0.0))
-    floors = Matching(np.diag([1e-4, 1e-4]), scalar(1e-4))
-    assert drifting_sensor(no_floors)[1000:].mean() > 5
-    assert drifting_sensor(floors)[1000:].mean() < 2.5
+    floors = Matching(HIDDEN_STD**2 * np.eye(2), scalar(1e-6))
+    assert nees_of_a_hidden_walk(no_floors) > 5
+    assert nees_of_a_hidden_walk(floors) < 1.5
 
 
 @pytest.mark.parametrize("step", STEPS)

@@ -95,6 +95,12 @@ def test_autocorrelation_of_a_known_series():
     result = whiteness(np.array([[1.0], [1.0], [-1.0], [-1.0]]), 3)
     np.testing.assert_allclose(result.autocorrelation[:, 0], [1 / 4, -2 / 4, -1 / 4])
     assert result.bound == pytest.approx(1.959964 / 2, rel=1e-6)
+    # Ljung-Box by hand: 4 * 6 * ((1/4)^2 / 3 + (2/4)^2 / 2 + (1/4)^2 / 1) = 5
+    assert result.p_value[0] == pytest.approx(chi2.sf(5.0, 3), rel=1e-12)
+
+
+def test_a_constant_is_correlated_with_itself():
+    np.testing.assert_allclose(whiteness(np.ones((4, 1)), 3).autocorrelation[:, 0], [3 / 4, 2 / 4, 1 / 4])
 
 
 def test_correlation_and_bias_are_found():

@@ -52,8 +52,10 @@ def test_the_boundary_is_accepted():
     assert not passes(innovation, 4.0 - 1e-12)
 
 
-def test_one_missing_element_of_two_skips_both():
-    posterior, innovation = unscented.update(PENDULUM, np.array([0.2, np.nan]), two_outputs, np.eye(2))
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("y", [[0.2, np.nan], [np.nan, 0.2], [0.2, np.inf], [np.inf, -np.inf]])
+def test_one_missing_element_of_two_skips_both(y):
+    posterior, innovation = unscented.update(PENDULUM, np.array(y), two_outputs, np.eye(2))
     belief, counts = gate(PENDULUM, posterior, innovation, GateCounts())
     assert largest_difference(belief, PENDULUM) == 0
     assert counts == (0, 0, 1)

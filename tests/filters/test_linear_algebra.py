@@ -50,8 +50,13 @@ def test_a_singular_covariance_is_no_failure():
 
 @pytest.mark.parametrize(
     "P",
-    [np.array([[1.0, 2.0], [2.0, 1.0]]), np.diag([1.0, -1e-3]), np.array([[0.0, 1.0], [1.0, 1.0]])],
-    ids=["correlation above one", "negative variance", "covariance with a constant"],
+    [
+        np.array([[1.0, 2.0], [2.0, 1.0]]),
+        np.diag([1.0, -1e-3]),
+        np.diag([-1e-3, 1.0]),
+        np.array([[0.0, 1.0], [1.0, 1.0]]),
+    ],
+    ids=["correlation above one", "negative variance", "negative variance first", "covariance with a constant"],
 )
 def test_an_indefinite_matrix_is_flagged_and_finite(P):
     L, ok = cholesky(P)

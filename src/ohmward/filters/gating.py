@@ -43,15 +43,12 @@ def gate(
 
 def passes(innovation: Innovation, threshold: float = math.inf) -> Any:
     """Whether the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
-    finite = isfinite(innovation.value[0])
-    for value in innovation.value[1:]:
-        finite = finite & isfinite(value)
-    return finite & (nis(innovation) <= threshold)
+    return _is_there(innovation) & (nis(innovation) <= threshold)
 
 
 def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCounts:
     """The counts with one more measurement."""
-    finite = where(isfinite(sum(innovation.value)), 1.0, 0.0)
+    finite = where(_is_there(innovation), 1.0, 0.0)
     used = where(accepted, 1.0, 0.0)
     return GateCounts(counts.accepted + used, counts.rejected + finite - used, counts.missing + 1 - finite)
 
@@ -63,3 +60,8 @@ def choose(condition: Any, a: Any, b: Any) -> Any:
     if isinstance(a, np.ndarray):
         return np.array([choose(condition, x, y) for x, y in zip(a, b, strict=True)])
     return where(condition, a, b)
+
+
+def _is_there(innovation: Innovation) -> Any:
+    """Whether every element is finite: a sum is not as soon as one of its terms is not."""
+    return isfinite(sum(innovation.value))
