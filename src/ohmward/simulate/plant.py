@@ -1,0 +1,223 @@
+"""The simulated battery over time: circuit, charge transfer, side reactions, limits, self-heating.
+
+V    = OCV(soc, T) + M h + sum v_j + R_0 i + B arcsinh(i / i_x)
+heat = M h i + sum v_j^2 / R_j + R_0 i^2 + B arcsinh(i / i_x) i + OCV (i - i_s) + i_s T dOCV/dT
+C dT/dt = heat - G (T - T_ambient)
+
+i_s is the part of the current that is stored. The last two terms are side reactions and reversible heat (Bernardi,
+Pawlikowski, Newman 1985). What `stored_energy_J` gains is what the terminals give less the heat: exactly where the
+R_j are constant, to about 3 % of the heat where they change with SoC while the v_j are not zero.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.thevenin import KELVIN, Input, next_state, ohmic_resistance, pair_resistances, voltage, warmth
+from ohmward.errors import InputError
+from ohmward.simulate.cells import SimulatedBattery
+from ohmward.simulate.profile import Profile
+from ohmward.trace import Kernel, exp, maximum, minimum, where
+
+_NEWTON_STEPS = 4
+_ENERGY_PARTS = 4000
+
+
+class PlantState(NamedTuple):
+    """Everything that the next instant depends on.
+
+    x: (n + 2,) state of the circuit, as `Thevenin.state_names`.
+    temperature_degC: of the battery.
+    current_A: that flows now.
+    heat_W: set free now; negative where a reversible part takes heat up.
+    heat_J: set free so far.
+    """
+
+    x: Any
+    temperature_degC: Any
+    current_A: Any
+    heat_W: Any
+    heat_J: Any
+
+
+class Demand(NamedTuple):
+    """One small step: its length [s], the current wanted at its end [A], the ambient temperature [degC]."""
+
+    dt_s: Any
+    current_A: Any
+    ambient_degC: Any
+
+
+class Truth(NamedTuple):
+    """What really is at an instant, numbers or (T,) arrays; heat_J is counted from the start."""
+
+    current_A: Any
+    voltage_V: Any
+    soc: Any
+    temperature_degC: Any
+    heat_J: Any
+
+
+class Simulation(NamedTuple):
+    """The truth at the times (T,) [s], and the state at the last of them."""
+
+    time_s: np.ndarray
+    truth: Truth
+    state: PlantState
+
+
+def resting_state(
+    battery: SimulatedBattery, soc: float, temperature_degC: float = 25.0, hysteresis: float = 0.0
+) -> PlantState:
+    """The battery after a long rest at this SoC; hysteresis is 1 after a charge, -1 after a discharge."""
+    if not 0.0 <= soc <= 1.0:
+        raise InputError(f"soc must be between 0 and 1, got {soc}")
+    x = np.array([soc, *np.zeros(battery.circuit.pairs), hysteresis])
+    return PlantState(x, float(temperature_degC), 0.0, 0.0, 0.0)
+
+
+def simulate(
+    battery: SimulatedBattery, profile: Profile, time_s: np.ndarray, state: PlantState, max_step_s: float = 1.0
+) -> Simulation:
+    """The truth at `time_s`, the battery being asked for `profile`, in steps of at most `max_step_s`.
+
+    time_s: (T,) [s], increasing, within the profile; the profile starts at its first time with `state`.
+
+    Raises:
+        InputError: times outside the profile or not increasing.
+    """
+    time_s = np.asarray(time_s, dtype=float)
+    _check_times(time_s, profile)
+    grid = fine_times(np.union1d(profile.time_s, time_s), max_step_s)
+    wanted = Demand(
+        np.diff(grid, prepend=grid[0]),
+        np.interp(grid, profile.time_s, profile.current_A),
+        np.interp(grid, profile.time_s, profile.ambient_degC),
+    )
+    last, truth = Kernel(step, state, Demand(0.0, 0.0, 0.0), constants=(battery,)).scan(state, wanted)
+    rows = np.searchsorted(grid, time_s)
+    return Simulation(time_s, Truth(*(values[rows] for values in truth)), last)
+
+
+def step(state: PlantState, demand: Demand, battery: SimulatedBattery) -> tuple[PlantState, Truth]:
+    """One small step: the current is linear, the circuit sees its mean, the temperature of its beginning.
+
+    The limits hold for the state to which the present current would lead.
+    """
+    p, T = battery.circuit, state.temperature_degC
+    ahead = next_state(state.x, Input(state.current_A, T), p, demand.dt_s)
+    current_A = within_limits(ahead, demand.current_A, T, battery)
+    mean = Input(0.5 * (state.current_A + current_A), T)
+    x = next_state(state.x, mean, p, demand.dt_s)
+    x[0] = state.x[0] + accepted_share(state.x[0], mean.current_A, battery) * (x[0] - state.x[0])
+    heat_W = heat(x, Input(current_A, T), battery)
+    mean_heat_W = 0.5 * (state.heat_W + heat_W)
+    T = next_temperature(T, mean_heat_W, demand, battery)
+    after = PlantState(x, T, current_A, heat_W, state.heat_J + mean_heat_W * demand.dt_s)
+    return after, Truth(current_A, terminal_voltage(x, Input(current_A, T), battery), x[0], T, after.heat_J)
+
+
+def terminal_voltage(x: np.ndarray, u: Input, battery: SimulatedBattery) -> Any:
+    """Terminal voltage [V] at the current of this instant."""
+    return voltage(x, u, battery.circuit)[0] + transfer_overpotential(u, battery)
+
+
+def transfer_overpotential(u: Input, battery: SimulatedBattery) -> Any:
+    """Butler-Volmer with symmetry 1/2 [V]: linear at small currents, logarithmic at large ones."""
+    return battery.transfer_V * np.arcsinh(u.current_A * warmth(u, battery.circuit) / battery.exchange_A)
+
+
+def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery: SimulatedBattery) -> Any:
+    """The part of the wanted current that keeps the voltage in its limits, as a charger's constant-voltage phase."""
+
+    def most(limit_V: float, direction: float) -> Any:
+        u = Input(direction, temperature_degC)
+        at_rest_V = voltage(x, Input(0.0, temperature_degC), battery.circuit)[0]
+        return current_at(limit_V - at_rest_V, u, x[0], battery)
+
+    charge = minimum(current_A, maximum(most(battery.voltage_max_V, 1.0), 0.0))
+    return where(current_A > 0, charge, maximum(current_A, minimum(most(battery.voltage_min_V, -1.0), 0.0)))
+
+
+def current_at(overpotential_V: Any, u: Input, soc: Any, battery: SimulatedBattery) -> Any:
+    """The current [A] with R_0 i + B arcsinh(i / i_x) = overpotential_V, R_0 as in the direction of u.
+
+    Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
+    """
+    r0_ohm = ohmic_resistance(soc, u, battery.circuit)
+    exchange_A = battery.exchange_A / warmth(u, battery.circuit)
+    i = overpotential_V / (r0_ohm + battery.transfer_V / exchange_A)
+    for _ in range(_NEWTON_STEPS):
+        excess = r0_ohm * i + battery.transfer_V * np.arcsinh(i / exchange_A) - overpotential_V
+        i = i - excess / (r0_ohm + battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A))
+    return i
+
+
+def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
+    """Share of a charge that still finds something to convert, 0 at full; the rest makes gas."""
+    if battery.full_width == 0.0:
+        return 1.0
+    return where(current_A > 0, 1 - exp((soc - 1) / battery.full_width), 1.0)
+
+
+def stored_current(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
+    """The part of the current [A] that changes the SoC."""
+    efficiency = where(current_A > 0, battery.circuit.coulombic_efficiency, 1.0)
+    return accepted_share(soc, current_A, battery) * efficiency * current_A
+
+
+def heat(x: np.ndarray, u: Input, battery: SimulatedBattery) -> Any:
+    """Heat [W] set free in state x; the formula is at the top of the file."""
+    p = battery.circuit
+    soc, *v, h = x
+    i, stored_A = u.current_A, stored_current(soc, u.current_A, battery)
+    diffusion = sum(vj * vj / rj for vj, rj in zip(v, pair_resistances(soc, u, p), strict=True))
+    ohmic = (ohmic_resistance(soc, u, p) * i + transfer_overpotential(u, battery)) * i
+    side_reactions = p.ocv.mean_V(soc, u.temperature_degC) * (i - stored_A)
+    reversible = stored_A * (u.temperature_degC + KELVIN) * _entropy_V_per_K(soc, battery)
+    return p.ocv.half_gap_V(soc) * h * i + diffusion + ohmic + side_reactions + reversible
+
+
+def next_temperature(temperature_degC: Any, heat_W: Any, demand: Demand, battery: SimulatedBattery) -> Any:
+    """Temperature [degC] after the step: one heat capacity, cooled by the ambient air, exact for constant heat."""
+    settled = demand.ambient_degC + heat_W / battery.cooling_W_per_K
+    decay = np.exp(-demand.dt_s * battery.cooling_W_per_K / battery.heat_capacity_J_per_K)
+    return settled + decay * (temperature_degC - settled)
+
+
+def stored_energy_J(state: PlantState, battery: SimulatedBattery) -> float:
+    """Chemical energy (enthalpy) above that of the empty battery plus that of the RC pairs' capacitors [J]."""
+    p = battery.circuit
+    soc, *v, _ = state.x
+    u = Input(state.current_A, state.temperature_degC)
+    middle = soc * (np.arange(_ENERGY_PARTS) + 0.5) / _ENERGY_PARTS
+    reversible_V = (p.reference_degC + KELVIN) * _entropy_V_per_K(middle, battery)
+    chemical = p.capacity_As * soc * np.mean(p.ocv.mean_V(middle, p.reference_degC) - reversible_V)
+    pairs = zip(v, p.tau_s, pair_resistances(soc, u, p), strict=True)
+    return float(chemical + sum(0.5 * tau / rj * vj * vj for vj, tau, rj in pairs))
+
+
+def fine_times(time_s: np.ndarray, max_step_s: float) -> np.ndarray:
+    """The times (T,) and as many between them, evenly, as steps of at most `max_step_s` need."""
+    parts = np.maximum(np.ceil(np.diff(time_s) / max_step_s - 1e-9), 1).astype(int)
+    share = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    inner = np.repeat(time_s[:-1], parts) + share * np.repeat(np.diff(time_s) / parts, parts)
+    return np.append(inner, time_s[-1])
+
+
+def _entropy_V_per_K(soc: Any, battery: SimulatedBattery) -> Any:
+    """dOCV/dT [V/K]; the curve is linear in temperature."""
+    ocv = battery.circuit.ocv
+    return ocv.mean_V(soc, ocv.reference_degC + 1.0) - ocv.mean_V(soc, ocv.reference_degC)
+
+
+def _check_times(time_s: np.ndarray, profile: Profile) -> None:
+    if not time_s.size or np.any(np.diff(time_s) <= 0):
+        raise InputError("time_s must hold at least one time and increase strictly; sort the times")
+    if time_s[0] < profile.time_s[0] or time_s[-1] > profile.time_s[-1]:
+        raise InputError(
+            f"time_s must lie within the profile, {profile.time_s[0]:g} to {profile.time_s[-1]:g} s, "
+            f"got {time_s[0]:g} to {time_s[-1]:g} s"
+        )

@@ -1,0 +1,52 @@
+"""What a battery is asked to do: current and ambient temperature over time, piecewise linear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+
+#: How long a switched current takes to change [s].
+EDGE_S = 0.05
+
+
+class Profile(NamedTuple):
+    """Wanted current [A] (> 0 charges) and ambient temperature [degC] at the times [s], (K,) each; linear between."""
+
+    time_s: np.ndarray
+    current_A: np.ndarray
+    ambient_degC: np.ndarray
+
+
+def steps(phases: Sequence[tuple[float, float]], ambient_degC: float = 25.0) -> Profile:
+    """Constant currents one after the other, with edges of EDGE_S between them.
+
+    phases: (duration_s, current_A) of each; longer than an edge.
+
+    Raises:
+        InputError: no phases, or one that is too short.
+    """
+    durations = np.array([duration for duration, _ in phases], dtype=float)
+    if not durations.size or durations.min() <= EDGE_S:
+        raise InputError(f"phases must be one or more, each longer than {EDGE_S} s, got {durations.tolist()}")
+    current = np.repeat([current for _, current in phases], 2)
+    stop = np.cumsum(durations)
+    start = np.concatenate([[0.0], stop[:-1] + EDGE_S])
+    time = np.column_stack([start, stop]).ravel()
+    return Profile(time, current, np.full(time.size, ambient_degC))
+
+
+def join(profiles: Sequence[Profile]) -> Profile:
+    """One profile after the other, with an edge between them; each starts at its own time 0."""
+    times: list[np.ndarray] = []
+    for profile in profiles:
+        start = times[-1][-1] + EDGE_S if times else 0.0
+        times.append(start + profile.time_s)
+    return Profile(
+        np.concatenate(times),
+        np.concatenate([p.current_A for p in profiles]),
+        np.concatenate([p.ambient_degC for p in profiles]),
+    )
