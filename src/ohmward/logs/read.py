@@ -20,7 +20,7 @@ from ohmward.logs.log import Log, Note
 from ohmward.logs.order import find_restarts, merge_equal_times, sort_rows
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
-from ohmward.logs.sign import SignEvidence, current_sign
+from ohmward.logs.sign import SignEvidence, sign_evidence
 from ohmward.logs.table import Table, TableFile
 
 CurrentSign = Literal["auto", "charge", "discharge"]
@@ -135,7 +135,7 @@ def _with_sign(log: Log, wanted: CurrentSign, *, is_bdf: bool) -> Log:
     """The log with current > 0 charging, and a note on how that was decided."""
     if wanted not in ("auto", "charge", "discharge"):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
-    evidence = current_sign(log.time_s, log.current_A, log.voltage_V)
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     meaning, note = _decide(log, wanted, evidence, is_bdf=is_bdf)
     current_A = -log.current_A if meaning == "discharge" else log.current_A
     return replace(log, current_A=current_A).with_notes(note)

@@ -13,10 +13,13 @@ import numpy as np
 
 from ohmward.logs.log import counted
 
-# Samples of a real log are not independent, so a clear |t| is far above the usual 3.
+# Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
 CLEAR_T = 10.0
+CLEAR_T_OF_MANY = 5.0
 CLEAR_AGREEMENT = 0.8
+_MANY = 8
 _EDGE = 0.2
+_LEAST_EDGE_A = 1e-9
 _STEADY = 0.1
 _TREND_PARTS = 5
 _TREND_LEAST_S = 300.0
@@ -39,7 +42,8 @@ class EdgeTest(NamedTuple):
     @property
     def sign(self) -> int:
         """1 when positive current clearly charges, -1 when it clearly discharges, else 0."""
-        clear = abs(self.t_value) > CLEAR_T and abs(self.agreement) >= CLEAR_AGREEMENT
+        clear_t = CLEAR_T_OF_MANY if self.edges >= _MANY else CLEAR_T
+        clear = abs(self.t_value) > clear_t and abs(self.agreement) >= CLEAR_AGREEMENT
         return int(np.sign(self.t_value)) if clear else 0
 
 
@@ -62,7 +66,7 @@ class SignEvidence(NamedTuple):
         return f"{count} of the current, t = {self.edges.t_value:.1f}, no clear trend"
 
 
-def current_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> SignEvidence:
+def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> SignEvidence:
     """The sign of the current from the data.
 
     time_s: (T,) [s] increasing; current_A: (T,) [A] of either sign; voltage_V: (T,) [V]; NaN samples are left out.
@@ -76,24 +80,23 @@ def current_sign(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarra
 
 
 def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
-    """Regression of dV on dI through the origin: R = sum(dI dV) / sum(dI^2), over changes between neighbouring samples.
+    """Regression of dV on dI, through the origin: R = sum(dI dV) / sum(dI^2) over changes between neighbours.
 
     An edge is at least a fifth of the largest change and six times the usual one. The error of R comes from what the
-    voltage does between edges (noise or slow drift, whichever is larger) and from its resolution.
+    voltage does between edges (noise or slow drift, whichever is larger) and from the rounding of two samples.
 
     current_A, voltage_V: (T,), no NaN.
     """
     dI, dV = np.diff(current_A), np.diff(voltage_V)
     size = np.abs(dI)
-    edge = (size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dI))
+    edge = (size >= _EDGE * size.max(initial=0.0)) & (size > max(6.0 * spread(dI), _LEAST_EDGE_A))
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)
     products, squares = dI[edge] * dV[edge], float(dI[edge] @ dI[edge])
     drift = float(np.percentile(np.abs(dV[~edge]), 95)) / 2 if (~edge).any() else 0.0
-    error = max(spread(dV), drift, resolution(voltage_V)) / np.sqrt(squares)
-    slope = float(products.sum()) / squares
-    total = float(np.abs(products).sum())
-    if total == 0.0:
+    error = max(spread(dV), drift, resolution(voltage_V) / np.sqrt(6.0)) / np.sqrt(squares)
+    slope, total = float(products.sum()) / squares, float(np.abs(products).sum())
+    if total == 0.0 or error == 0.0:
         return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
     return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)
 

@@ -9,7 +9,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.clean import find_gaps
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
-from ohmward.logs.sign import current_sign, resolution, spread
+from ohmward.logs.sign import resolution, sign_evidence, spread
 
 # A rest: less than this share of the largest current, for at least this long.
 _REST_SHARE = 0.05
@@ -31,11 +31,15 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Signal:
-    """Range, resolution and white noise of one quantity, in its own unit; `missing` counts NaN samples."""
+    """Range, resolution and white noise of one quantity, in its own unit.
+
+    missing counts NaN samples, levels distinct values; the resolution is the smallest step between two levels.
+    """
 
     minimum: float
     maximum: float
     missing: int
+    levels: int
     resolution: float
     noise_std: float
 
@@ -134,13 +138,14 @@ def _signal(values: np.ndarray, resting: np.ndarray) -> Signal:
         minimum=float(known.min()),
         maximum=float(known.max()),
         missing=int(values.size - known.size),
+        levels=int(np.unique(known).size),
         resolution=resolution(known),
         noise_std=float(noise_std(quiet if enough else values)),
     )
 
 
 def _sign(log: Log) -> Sign:
-    evidence = current_sign(log.time_s, log.current_A, log.voltage_V)
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     resistance = evidence.edges.resistance_ohm
     known = float(resistance) if np.isfinite(resistance) else None
     return Sign(evidence.verdict, evidence.edges.edges, known, float(evidence.edges.t_value))

@@ -1,0 +1,234 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.logs import read_log
+
+
+def csv(names, *columns):
+    rows = zip(*columns, strict=True)
+    return ",".join(names) + "\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+
+
+def texts(log):
+    return " | ".join(str(note) for note in log.notes)
+
+
+def test_a_plain_log(write_text, pulses):
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], *pulses), "robot.csv"))
+    assert log.name == "robot"
+    for values, expected in zip((log.time_s, log.current_A, log.voltage_V), pulses, strict=True):
+        np.testing.assert_array_equal(values, expected)
+    assert log.temperature_degC is None
+    assert "positive current charges the battery, told from the data" in texts(log)
+
+
+def test_a_file_in_which_positive_discharges_is_turned_around(write_text, pulses):
+    time_s, current_A, voltage_V = pulses
+    log = read_log(write_text(csv(["t", "I [mA]", "U [mV]"], 1000 * time_s, -1000 * current_A, 1000 * voltage_V)),
+                   units={"time": "ms"})  # fmt: skip
+    np.testing.assert_allclose(log.time_s, time_s, rtol=1e-12)
+    np.testing.assert_allclose(log.current_A, current_A, rtol=1e-12)
+    np.testing.assert_allclose(log.voltage_V, voltage_V, rtol=1e-12)
+    assert "positive current discharges the battery, told from the data" in texts(log)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_names_units_order_delimiter_and_sign_do_not_matter(tmp_path, pulses, data):
+    time_s, current_A, voltage_V = (x[:200] for x in pulses)
+    sign = data.draw(st.sampled_from([1.0, -1.0]))
+    time = data.draw(
+        st.sampled_from([("time_s", 1.0), ("Time [ms]", 1e-3), ("Test Time (min)", 60.0), ("t/h", 3600.0)])
+    )
+    current = data.draw(
+        st.sampled_from([("current_A", 1.0), ("I (mA)", 1e-3), ("Current / A", 1.0), ("battI_mA", 1e-3)])
+    )
+    voltage = data.draw(st.sampled_from([("voltage_V", 1.0), ("U/mV", 1e-3), ("Battery Voltage [V]", 1.0)]))
+    columns = [(name, values / scale) for (name, scale), values in zip(
+        (time, current, voltage), (time_s, sign * current_A, voltage_V), strict=True)]  # fmt: skip
+    columns.append(("soc", np.linspace(1.0, 0.5, 200)))
+    columns = data.draw(st.permutations(columns))
+    mark = data.draw(st.sampled_from([",", ";", "\t"]))
+    path = tmp_path / "log.csv"
+    names, values = zip(*columns, strict=True)
+    path.write_text(
+        "\n".join([mark.join(names), *(mark.join(map(repr, row)) for row in np.transpose(values).tolist())])
+    )
+    log = read_log(path, columns={"current": current[0]})
+    np.testing.assert_allclose(log.time_s, time_s, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(log.current_A, current_A, rtol=1e-12)
+    np.testing.assert_allclose(log.voltage_V, voltage_V, rtol=1e-12)
+    np.testing.assert_array_equal(log.extra["soc"], np.linspace(1.0, 0.5, 200))
+
+
+def test_a_sign_that_cannot_be_told_must_be_given(write_text):
+    path = write_text(csv(["time_s", "current_A", "voltage_V"], range(9), [1.0] * 9, [12.0] * 9))
+    with pytest.raises(InputError, match="--current-sign charge or --current-sign discharge"):
+        read_log(path)
+    np.testing.assert_array_equal(read_log(path, current_sign="charge").current_A, 1.0)
+    np.testing.assert_array_equal(read_log(path, current_sign="discharge").current_A, -1.0)
+    with pytest.raises(InputError, match="must be 'auto', 'charge' or 'discharge', not 'up'"):
+        read_log(path, current_sign="up")  # type: ignore[arg-type]
+
+
+def test_a_given_sign_against_the_data_is_kept_with_a_warning(write_text, pulses):
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], *pulses)), current_sign="discharge")
+    np.testing.assert_array_equal(log.current_A, -pulses[1])
+    assert "warning: positive current discharges the battery (given), but the data say the opposite" in texts(log)
+
+
+def test_the_sign_of_a_current_that_is_zero_does_not_matter(write_text):
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], range(9), [0] * 9, [12.0] * 9)))
+    assert "its sign does not matter" in texts(log)
+
+
+BDF = ["Test Time / s", "Current / A", "Voltage / V"]
+
+
+@pytest.mark.parametrize("names", [BDF, ["test_time_second", "current_ampere", "voltage_volt"]])
+def test_bdf_defines_the_sign(write_text, names):
+    log = read_log(write_text(csv(names, range(9), [1.0] * 9, [12.0] * 9), "cell.bdf.csv"))
+    assert log.name == "cell"
+    assert "by definition of BDF" in texts(log)
+
+
+def test_bdf_against_the_data_warns(write_text, pulses):
+    log = read_log(write_text(csv(BDF, pulses[0], -pulses[1], pulses[2]), "cell.bdf.csv"))
+    np.testing.assert_array_equal(log.current_A, -pulses[1])
+    assert "but the data say the opposite" in texts(log)
+
+
+def test_bdf_without_its_columns_is_refused(write_text):
+    with pytest.raises(InputError, match=r"BDF requires .*missing: 'Test Time / s'; it has: 'time', 'Current / A'"):
+        read_log(write_text("time,Current / A,Voltage / V\n0,1,12\n", "cell.bdf.csv"))
+
+
+def test_where_and_recording_choose_one_of_several(write_text, pulses):
+    time_s, current_A, voltage_V = (np.tile(x, 2) for x in pulses)
+    run = np.repeat([7, 8], 600)
+    path = write_text(csv(["time_s", "current_A", "voltage_V", "run"], time_s, current_A, voltage_V + run, run))
+    with pytest.raises(InputError, match="'run' \\(7, 8\\); choose one, for example --where run=7"):
+        read_log(path)
+    for where in ({"run": 8}, {"run": "8"}, {"recording": 2}):
+        log = read_log(path, where=where)
+        np.testing.assert_array_equal(log.voltage_V, pulses[2] + 8)
+        assert "recording" not in log.extra
+
+
+def test_only_the_columns_asked_for_are_kept(write_text, pulses):
+    path = write_text(csv(["time_s", "current_A", "voltage_V", "a", "b"], *pulses, pulses[0], pulses[1]))
+    assert list(read_log(path).extra) == ["a", "b"]
+    assert list(read_log(path, extra=["b"]).extra) == ["b"]
+    assert list(read_log(path, extra=[]).extra) == []
+    with pytest.raises(InputError, match="no column 'c' to keep"):
+        read_log(path, extra=["c"])
+
+
+def test_wall_clock_beside_elapsed_time_gives_the_start(write_text, pulses):
+    path = write_text(csv(["time_s", "current_A", "voltage_V", "unix_time_s"], *pulses, pulses[0] + 1.7e9))
+    log = read_log(path)
+    assert log.start_unix_s == 1.7e9
+    assert not log.extra
+
+
+def test_parquet_with_dates_dictionaries_booleans_and_nulls(tmp_path, pulses):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    time_s, current_A, voltage_V = pulses
+    path = tmp_path / "log.parquet"
+    table = {
+        "timestamp": pyarrow.array((time_s * 1e3).astype("M8[ms]") + np.timedelta64(1_600_000_000, "s")),
+        "current_mA": pyarrow.array((1000 * current_A).astype(np.int32)),
+        "voltage": pyarrow.array([*voltage_V.tolist()[:-1], None], pyarrow.float32()),
+        "mode": pyarrow.array(["a"] * 600).dictionary_encode(),
+        "charging": pyarrow.array([True] * 600),
+        "count": pyarrow.array(np.arange(600, dtype=np.uint64)),
+    }
+    parquet.write_table(pyarrow.table(table), path)
+    log = read_log(path, where={"mode": "a"})
+    np.testing.assert_allclose(log.time_s, time_s, atol=1e-9)
+    np.testing.assert_array_equal(log.current_A, current_A)
+    np.testing.assert_allclose(log.voltage_V[:-1], voltage_V[:-1], rtol=1e-6)
+    assert np.isnan(log.voltage_V[-1])
+    assert log.start_unix_s == 1.6e9
+    assert set(log.extra) == {"charging", "count"}
+    assert "1 of 600 samples have no voltage" in texts(log)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "the file is empty"),
+        (b"PAR1 and then nothing", "not a readable Parquet file"),
+        (bytes(range(256)) * 9, "not a text table"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "not a text table"),
+        (b"time_s,current_A,voltage_V\n", "no rows below it"),
+        (b"time_s,current_A,voltage_V\n0,1\n2,3\n", "line 2: 2 cells where the header has 3"),
+        (b"time_s,current_A,voltage_V\n0,1,12\n1,high,12\n", r"line 3, column 'current_A': 'high' is not a number"),
+        (b"time_s,current_A,voltage_V\nnow,1,12\n", r"line 2, column 'time_s': 'now' is not a time"),
+        (b"time_s,current_A,voltage_V\n0,,12\n1,,12\n", "column 'current_A' has no value"),
+        (b"time_s,current_A,voltage_V\n,1,12\n,1,12\n", "column 'time_s' has no value"),
+        (b"time_s,current_A,voltage_V\n0,1,12\n", "do not tell whether a positive current"),
+        (b"time_s,current_A,voltage_V\n5,1,12\n6,1,12\n0,1,12\n1,1,12\n", "several recordings"),
+        (b"time_s,left_current,right_current,voltage\n0,1,1,12\n", "both 'left_current' and 'right_current'"),
+    ],
+)
+def test_malformed_files_are_refused(tmp_path, content, message):
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_log(path)
+
+
+def test_missing_files_and_folders_are_refused(tmp_path):
+    with pytest.raises(InputError, match="there is no such file"):
+        read_log(tmp_path / "nothing.csv")
+    with pytest.raises(InputError, match="is a folder"):
+        read_log(tmp_path)
+
+
+def test_one_sample_is_a_log(write_text):
+    log = read_log(write_text("time_s,current_A,voltage_V\n3,1,12\n"), current_sign="charge")
+    assert (len(log), log.duration_s) == (1, 0.0)
+    assert "1 sample, 0 s, one sample" in log.describe()
+
+
+def test_parquet_without_pyarrow_names_the_fix(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    path = tmp_path / "log.parquet"
+    path.write_bytes(b"PAR1")
+    with pytest.raises(OhmwardError, match=r"pip install 'ohmward\[lab\]'"):
+        read_log(path)
+
+
+def test_importing_logs_imports_numpy_only():
+    program = "import sys, ohmward.logs; print(sorted({'pyarrow', 'scipy', 'pandas'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_measured_lead_acid_telemetry(measured):
+    """Voltage and temperature on rows of their own, dates, late rows, positive current discharges."""
+    log = read_log(measured("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv"))
+    assert len(log) == 5833
+    assert log.start_unix_s == pytest.approx(1_490_425_206.9)
+    assert log.temperature_degC is not None and np.isfinite(log.temperature_degC).all()
+    assert "19 rows out of order: sorted by time" in texts(log)
+    first_discharge = log.between(4264.0, 24_000.0)
+    assert -17.0 < first_discharge.charge_Ah()[-1] < -16.0
+
+
+@pytest.mark.parametrize("script", [1, 3])
+def test_measured_lfp_charge_matches_the_cycler(measured, script):
+    """The cycler's own Ah counters and the integral of the current differ by its gain error of 1.2 % at most."""
+    where: dict[str, float | str] = {"temp_C": 25, "script": script}
+    log = read_log(measured("plett_a123_lfp/a123_dyn.parquet"), where=where)
+    counted = np.ptp(log.extra["chg_Ah"]) - np.ptp(log.extra["dis_Ah"])
+    throughput = np.ptp(log.extra["chg_Ah"]) + np.ptp(log.extra["dis_Ah"])
+    assert abs(log.charge_Ah()[-1] - counted) < 0.012 * throughput

@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+
+from ohmward.logs.sign import edge_test, resolution, sign_evidence, trend_test
+
+
+@pytest.mark.parametrize(("sign", "verdict"), [(1.0, "charge"), (-1.0, "discharge")])
+def test_pulses_tell_the_sign_and_the_resistance(pulses, sign, verdict):
+    time_s, current_A, voltage_V = pulses
+    evidence = sign_evidence(time_s, sign * current_A, voltage_V)
+    assert evidence.verdict == verdict
+    assert evidence.edges.resistance_ohm == pytest.approx(sign * 0.02, rel=0.01)
+    assert evidence.edges.edges == np.count_nonzero(np.diff(current_A))
+
+
+def test_the_resistance_is_the_least_squares_slope_over_the_edges():
+    current_A = np.repeat([0.0, -4.0, 1.0, 0.0, 3.0], 20)
+    voltage_V = 12.0 + 0.03 * current_A + np.repeat([0.0, 0.01, -0.02, 0.005, 0.0], 20)
+    dI, dV = np.diff(current_A), np.diff(voltage_V)
+    slope = np.linalg.lstsq(dI[:, None], dV, rcond=None)[0][0]
+    assert edge_test(current_A, voltage_V).resistance_ohm == pytest.approx(slope, rel=1e-12)
+
+
+@pytest.mark.parametrize(("sign", "expected"), [(1.0, 1), (-1.0, -1)])
+def test_a_steady_discharge_without_edges_tells_the_sign(sign, expected):
+    time_s = np.arange(0.0, 3600.0, 10.0)
+    falling = 12.6 - time_s / 3600.0
+    assert trend_test(time_s, np.full(time_s.size, -3.0 * sign), falling) == expected
+    assert sign_evidence(time_s, np.full(time_s.size, 3.0 * sign), falling[::-1]).trend == expected
+
+
+def test_relaxation_under_a_small_current_is_not_a_trend():
+    """After 10 A, 0.1 A still discharge while the voltage rises and settles."""
+    time_s = np.arange(0.0, 1800.0, 10.0)
+    relaxing = 12.0 - 0.2 * np.exp(-time_s / 200.0)
+    assert trend_test(time_s, np.full(time_s.size, -0.1), relaxing) == 0
+
+
+def test_a_trend_against_the_edges_is_undecidable(pulses):
+    time_s, current_A, voltage_V = pulses
+    time_s = np.concatenate([time_s, 600.0 + np.arange(4000.0)])
+    current_A = np.concatenate([current_A, np.full(4000, -10.0)])
+    voltage_V = np.concatenate([voltage_V, np.linspace(11.8, 13.8, 4000)])
+    evidence = sign_evidence(time_s, current_A, voltage_V)
+    assert (evidence.edges.sign, evidence.trend, evidence.verdict) == (1, -1, "undecidable")
+
+
+@pytest.mark.parametrize("size", [0, 1, 2, 5, 500, 501, 502, 503])
+def test_many_small_edges_tell_the_sign_through_a_coarse_voltmeter(pulses):
+    """Steps of 0.2 V at a resolution of 0.1 V, as the voltmeters of many robots have it."""
+    time_s, current_A, voltage_V = pulses
+    assert sign_evidence(time_s, current_A, np.round(voltage_V, 1)).verdict == "charge"
+
+
+def test_noise_is_undecidable(size):
+    rng = np.random.default_rng(size)
+    evidence = sign_evidence(np.arange(float(size)), rng.normal(size=size), 12.0 + rng.normal(size=size))
+    assert evidence.verdict == "undecidable"
+    assert "no clear trend" in str(evidence)
+
+
+def test_rest_is_undecidable():
+    assert sign_evidence(np.arange(100.0), np.zeros(100), np.full(100, 12.0)).verdict == "undecidable"
+
+
+def test_missing_samples_are_left_out(pulses):
+    time_s, current_A, voltage_V = pulses
+    current_A, voltage_V = current_A.copy(), voltage_V.copy()
+    current_A[::7], voltage_V[::11] = np.nan, np.nan
+    assert sign_evidence(time_s, current_A, voltage_V).verdict == "charge"
+
+
+def test_resolution_is_the_smallest_step_and_ignores_rounding_of_float32():
+    assert resolution(np.array([1.0, 1.25, 1.75])) == 0.25
+    assert resolution(np.array([3.0, 3.0 + 1e-7, 3.001])) == pytest.approx(0.001, rel=1e-3)
+    assert resolution(np.array([2.0, 2.0])) == 0.0
+
+
+MEASURED = [
+    ("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet", {}, "charge"),
+    ("ornl_nissan_leaf_cell/cell-discharge-bitrode-1c.parquet", {}, "charge"),
+    ("panasonic_18650pf/25degC_Cycle_1.parquet", {}, "charge"),
+    ("panasonic_18650pf/25degC_C20_OCV.parquet", {}, "charge"),
+    ("panasonic_18650pf/0degC_HPPC.parquet", {}, "charge"),
+    ("plett_a123_lfp/a123_ocv.parquet", {"temp_C": 25, "script": 1}, "charge"),
+    ("plett_a123_lfp/a123_ocv.parquet", {"temp_C": -25, "script": 4}, "charge"),
+    ("plett_a123_lfp/a123_dyn.parquet", {"temp_C": 5, "script": 1}, "discharge"),
+    ("plett_a123_lfp/a123_dyn.parquet", {"temp_C": 45, "script": 2}, "discharge"),
+    ("calce_a123_lfp/a1_C20_charge_20C.parquet", {}, "charge"),
+    ("calce_inr18650_20r/DST_25C_80SOC.parquet", {}, "discharge"),
+    ("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv", {}, "discharge"),
+]
+
+
+def raw(path, where):
+    """Current and voltage of a file with the file's own sign."""
+    from ohmward.logs import read_log
+
+    log = read_log(path, where=where, current_sign="charge", extra=())
+    return log.time_s, log.current_A, log.voltage_V
+
+
+@pytest.mark.parametrize(("name", "where", "verdict"), MEASURED)
+def test_measured_recordings_tell_their_sign(measured, name, where, verdict):
+    assert sign_evidence(*raw(measured(name), where)).verdict == verdict
+
+
+@pytest.mark.parametrize(("name", "where", "verdict"), MEASURED)
+def test_windows_of_measured_recordings_tell_the_right_sign_or_none(measured, name, where, verdict):
+    """Windows of 5 to 3000 samples; one in some thousand is wrong (a lone edge just as the cell collapses)."""
+    signals = raw(measured(name), where)
+    rng = np.random.default_rng(3)
+    wrong = []
+    for size in (5, 10, 30, 100, 300, 1000, 3000):
+        for start in rng.integers(0, max(signals[0].size - size, 1), 10):
+            window = slice(start, start + size)
+            if sign_evidence(*(x[window] for x in signals)).verdict not in (verdict, "undecidable"):
+                wrong.append((size, int(start)))
+    assert wrong == []
