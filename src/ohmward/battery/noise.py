@@ -24,6 +24,7 @@ class Noise:
         current_offset_walk_A: change of the offset in one hour.
         capacity_std: error of the capacity and of the current sensor's gain, as a share.
         capacity_walk: change of that share in 1000 hours.
+        resistance_std: error of all resistances together, as a share.
         resistance_walk: change of the resistances in 100 hours, as a share.
     """
 
@@ -38,6 +39,7 @@ class Noise:
     current_offset_walk_A: float = 0.002
     capacity_std: float = 0.01
     capacity_walk: float = 0.01
+    resistance_std: float = 0.05
     resistance_walk: float = 0.05
 
     def __post_init__(self) -> None:

@@ -28,6 +28,16 @@ class Input(NamedTuple):
     temperature_degC: Any
 
 
+class Health(NamedTuple):
+    """How far the battery has moved from its file: what its capacity and its resistances are multiplied by."""
+
+    capacity_share: Any = 1.0
+    resistance_share: Any = 1.0
+
+
+NEW = Health()
+
+
 @dataclass(frozen=True)
 class Thevenin:
     """Parameters of the circuit. Resistances stand on a uniform grid of SoC from 0 to 1, ends included.
@@ -110,23 +120,42 @@ class Thevenin:
         )
 
 
-def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any) -> np.ndarray:
+def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any, health: Health = NEW) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
     x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
     """
     soc, *v, h = x
     i = u.current_A
-    decay = [np.exp(-dt_s / tau) for tau in p.tau_s]
-    v_next = [a * vj + (1 - a) * rj * i for a, vj, rj in zip(decay, v, pair_resistances(soc, u, p), strict=True)]
-    return np.array([soc + charge(i, dt_s, p) / p.capacity_As, *v_next, next_hysteresis(h, i, dt_s, p)])
+    drive = health.resistance_share * i
+    v_next = [
+        decay * vj + (1 - decay) * rj * drive
+        for decay, vj, rj in zip(pair_decays(p, dt_s), v, pair_resistances(soc, u, p), strict=True)
+    ]
+    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.capacity_share)
+    return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: Input, p: Thevenin) -> np.ndarray:
+def voltage(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
-    soc, *v, h = x
-    ocv = p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
-    return np.array([ocv + sum(v) + ohmic_resistance(soc, u, p) * u.current_A])
+    return np.array([open_circuit(x, u, p) + overpotential(x, u, p, health)])
+
+
+def open_circuit(x: np.ndarray, u: Input, p: Thevenin) -> Any:
+    """Voltage [V] that would remain after a very long rest, hysteresis included."""
+    soc, h = x[0], x[-1]
+    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
+
+
+def overpotential(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> Any:
+    """Voltage [V] that the current of this instant and of the past adds."""
+    soc, *v, _ = x
+    return sum(v) + ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)
+
+
+def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:
+    """What is left of each RC pair's voltage after `dt_s` without current."""
+    return [np.exp(-dt_s / tau) for tau in p.tau_s]
 
 
 def charge(current_A: Any, dt_s: Any, p: Thevenin) -> Any:

@@ -1,0 +1,77 @@
+"""State of charge before the first step: from a value, from the first voltage, or from both.
+
+On a grid of SoC the first voltage is weighed with all that can be wrong about it; mean and standard deviation of the
+result start the filter. A value that the voltage contradicts is overruled: the prior keeps a small share for "the value
+is wrong". Without a value the prior is flat. This is a Bayesian update without linearisation, where it matters most:
+an OCV curve is flat here and steep there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.checks import require_between, require_positive
+from ohmward.battery.noise import Noise
+from ohmward.battery.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+
+#: Share of the prior that says: the value given is wrong, and nothing is known.
+DOUBT = 0.02
+
+
+class InitialSoc(NamedTuple):
+    """State of charge and its standard deviation, before the first step."""
+
+    soc: float
+    std: float
+
+
+def initial_soc(
+    voltage_V: float, u: Input, p: Thevenin, noise: Noise, soc: float | None = None, soc_std: float = 0.03
+) -> InitialSoc:
+    """Mean and standard deviation of SoC given the first voltage and, where there is one, a value.
+
+    voltage_V: first terminal voltage; nan when there is none.
+    u: current and temperature at that sample.
+    soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
+    soc_std: standard deviation of that value.
+    """
+    grid = np.linspace(0.0, 1.0, 401)
+    density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
+    density /= density.sum()
+    mean = float(density @ grid)
+    return InitialSoc(mean, max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
+
+
+def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
+    """Density on the grid, up to a factor: around the value, with some doubt; flat without a value."""
+    if soc is None:
+        return np.ones_like(grid)
+    require_between("initial_soc", soc, 0.0, 1.0)
+    require_positive("initial_soc_std", soc_std)
+    peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
+    return (1 - DOUBT) * peak / peak.sum() + DOUBT / len(grid)
+
+
+def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+    """Likelihood of the voltage at each SoC, up to a factor; flat without a voltage."""
+    if not np.isfinite(voltage_V):
+        return np.ones_like(grid)
+    current = u.current_A if np.isfinite(u.current_A) else 0.0
+    u = Input(current, u.temperature_degC)
+    ocv = p.ocv.mean_V(grid, u.temperature_degC)
+    expected = ocv + ohmic_resistance(grid, u, p) * current
+    std = first_voltage_std(grid, u, p, noise)
+    with np.errstate(under="ignore"):
+        scaled = 0.5 * ((voltage_V - expected) / std) ** 2 + np.log(std)
+        return np.exp(-(scaled - scaled.min()))
+
+
+def first_voltage_std(soc: np.ndarray, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+    """How far the first voltage [V] may be from OCV + R_0 i: sensor, model, OCV axis, hysteresis, unknown past."""
+    slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
+    model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
+    past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)
+    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, 0.7 * p.ocv.half_gap_V(soc), 0.5 * past)
+    return np.sqrt(sum(np.square(t) for t in terms))

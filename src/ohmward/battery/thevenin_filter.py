@@ -1,0 +1,292 @@
+"""State of charge by a Kalman filter on the Thevenin model that also knows how wrong sensors and model may be.
+
+The state is the model's, then five that make the sigma honest:
+
+    soc, v_1 ... v_n, hysteresis     the circuit
+    offset                           of the current sensor [A]; a random walk
+    charge_gain                      of the current sensor over capacity: 1 / capacity share; a slow random walk
+    resistance                       share of the file's resistances; a slow random walk
+    model_error                      voltage error of the model in its own standard deviations. It is a function of SoC:
+                                     it stays while SoC stays, and is new after `model_soc_length`.
+
+The measurement noise is not white either: an error that holds on for `correlation_s` is one observation in that time,
+however often it is sampled, so R = variance * 2 correlation_s / dt.
+
+One step works with the extended and with the unscented filter, with or without covariance matching ([T] 3.49-3.50).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.initial_soc import initial_soc
+from ohmward.battery.noise import Noise
+from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
+from ohmward.battery.thevenin import (
+    Health,
+    Input,
+    Thevenin,
+    next_state,
+    open_circuit,
+    overpotential,
+    pair_decays,
+    pair_resistances,
+    voltage,
+)
+from ohmward.errors import InputError
+from ohmward.filters import adaptive, extended, unscented
+from ohmward.filters.belief import Belief, Correction, PackedBelief, nis, pack, unpack
+from ohmward.filters.gating import choose
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.trace import clip, isfinite, linearize, maximum, minimum, table, where
+
+METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
+
+
+class FilterState(NamedTuple):
+    """All that the filter carries from sample to sample: plain numbers.
+
+    belief: mean (n + 6,) and lower triangle of the covariance.
+    noise: moments for covariance matching [V^2].
+    gain: (n + 6,) of the last accepted voltage; covariance matching needs it.
+    current_A, temperature_degC: last finite ones.
+    rest_s: how long the current has looked like rest.
+    rejected_s: how long the voltage has been outside its gate.
+    """
+
+    belief: PackedBelief
+    noise: adaptive.NoiseEstimate
+    gain: np.ndarray
+    current_A: float
+    temperature_degC: float
+    rest_s: float
+    rejected_s: float
+
+
+@dataclass(frozen=True)
+class TheveninFilter:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        model: the circuit.
+        noise: what to assume about sensors and model.
+        method: "ekf" or "ukf" (redrawn sigma points).
+        matching: learn Q and R from innovations and residuals (AEKF, AUKF), `noise` being the floor.
+        window: effective samples of that; [T] takes 100.
+        rest_current_A: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown,
+            then a rest teaches nothing about the current sensor.
+        rest_hold_s: how long the current must look like rest first.
+        gap_s: a longer step between two samples says nothing about the current in between.
+        gate: largest NIS of a voltage that is used.
+        patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+    """
+
+    model: Thevenin
+    noise: Noise = field(default_factory=Noise)
+    method: str = "ekf"
+    matching: bool = False
+    window: float = 100.0
+    rest_current_A: float | None = None
+    rest_hold_s: float = 30.0
+    gap_s: float = 600.0
+    gate: float = 25.0
+    patience_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the belief's mean, in order."""
+        return (*self.model.state_names, "offset_A", "charge_gain", "resistance_share", "model_error")
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
+        """State before the first sample, which it looks at: the voltage says how far a given SoC can be true.
+
+        soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
+        """
+        u = Input(finite_or(first.current_A, 0.0), finite_or(first.temperature_degC, ROOM_DEGC))
+        start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
+        pairs = pair_resistances(start.soc, u, self.model)
+        likely_A = abs(u.current_A) + self.noise.current_offset_std_A
+        std = [start.std, *(float(r) * likely_A + 1e-5 for r in pairs), 0.7]
+        std += [self.noise.current_offset_std_A, self.noise.capacity_std, self.noise.resistance_std, 1.0]
+        mean = np.array([start.soc, *(0.0 for _ in pairs), 0.0, 0.0, 1.0, 1.0, 0.0])
+        moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
+        belief = pack(Belief(mean, np.diag(np.square(std))))
+        return FilterState(belief, moments, np.zeros(len(mean)), u.current_A, u.temperature_degC, 0.0, 0.0)
+
+    def step(self, state: FilterState, sample: Sample) -> tuple[FilterState, Estimate]:
+        """The state after a sample, and what is known then."""
+        reading = read(sample, state.current_A, state.temperature_degC, self.gap_s)
+        prior = METHODS[self.method].predict(
+            unpack(state.belief), lambda x: self.next_state(x, reading), self.process_noise(state, reading)
+        )
+        rest_s, resting = self.rest(state, prior, reading)
+        prior = choose(resting, self.zero_current_update(prior, reading), prior)
+
+        R = self.measurement_noise(state, prior.mean, reading)
+        measured = isfinite(sample.voltage_V)
+        y = np.array([where(measured, sample.voltage_V, 0.0)])
+        correction = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, reading), R)
+        accepted = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
+        posterior, limited = _within_limits(choose(accepted, correction.belief, prior), self.model.pairs)
+
+        moments, gain = self.learn(state, correction, reading, y)
+        after = FilterState(
+            pack(posterior),
+            choose(accepted, moments, state.noise),
+            choose(accepted, gain, state.gain),
+            reading.now.current_A,
+            reading.now.temperature_degC,
+            rest_s,
+            where(accepted | ~measured, 0.0, state.rejected_s + reading.dt_s),
+        )
+        flags = (
+            reading.flags
+            + where(measured, 0.0, float(Flag.NO_VOLTAGE))
+            + where(measured & ~accepted, float(Flag.VOLTAGE_REJECTED), 0.0)
+            + where(resting, float(Flag.REST), 0.0)
+            + where(limited, float(Flag.SOC_LIMITED), 0.0)
+        )
+        return after, self.estimate(posterior, correction, y, measured, flags)
+
+    def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+        """Mean of the state after the step, (n + 6,)."""
+        circuit, offset, health, error = self.split(x)
+        u = Input(reading.mean.current_A - offset, reading.mean.temperature_degC)
+        moved = next_state(circuit, u, self.model, reading.dt_s, health)
+        gain, resistance = x[-3], x[-2]
+        kept = self.error_kept(u.current_A, reading.dt_s)
+        return np.array(
+            [circuit[0] + gain * (moved[0] - circuit[0]), *moved[1:], offset, gain, resistance, kept * error]
+        )
+
+    def voltage(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+        """Terminal voltage [V] expected in state x, (1,)."""
+        circuit, offset, health, error = self.split(x)
+        u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
+        return voltage(circuit, u, self.model, health) + _on_grid(self.noise.model_std_V, circuit[0]) * error
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, Health, Any]:
+        """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
+        return x[:-4], x[-4], Health(resistance_share=x[-2]), x[-1]
+
+    def error_kept(self, current_A: Any, dt_s: Any) -> Any:
+        """Share of the model error that is still there after the charge of this step."""
+        return np.exp(-abs(current_A) * dt_s / (self.model.capacity_As * self.noise.model_soc_length))
+
+    def process_noise(self, state: FilterState, reading: Reading) -> np.ndarray:
+        """Q (n + 6, n + 6) of this step."""
+        noise, p, dt_s = self.noise, self.model, reading.dt_s
+        moved = abs(reading.mean.current_A) * dt_s / p.capacity_As
+        pairs = [
+            (0.005 * r * p.capacity_Ah) ** 2 * (1 - a**2)
+            for r, a in zip(pair_resistances(state.belief.mean[0], reading.mean, p), pair_decays(p, dt_s), strict=True)
+        ]
+        diagonal = [
+            self.charge_variance(reading),
+            *pairs,
+            0.01 * moved,
+            noise.current_offset_walk_A**2 * dt_s / 3600.0,
+            noise.capacity_walk**2 * dt_s / 3.6e6,
+            noise.resistance_walk**2 * dt_s / 3.6e5,
+            1 - self.error_kept(reading.mean.current_A, dt_s) ** 2,
+        ]
+        Q = np.diag(np.array(diagonal))
+        if not self.matching:
+            return Q
+        K = state.gain[:, None]
+        return mirror_lower(K @ state.noise.innovation @ K.T + Q)
+
+    def charge_variance(self, reading: Reading) -> Any:
+        """Variance of the change of SoC in this step: sensor noise, the path between two samples, a gap."""
+        sensor = self.noise.current_std_A**2 * reading.dt_s
+        path = (0.15 * reading.change_A * reading.dt_s) ** 2
+        unknown = where(reading.known > 0.5, 0.0, (0.3 * self.model.capacity_Ah * reading.dt_s) ** 2)
+        return minimum((sensor + path + unknown) / self.model.capacity_As**2, 0.25)
+
+    def measurement_noise(self, state: FilterState, x: np.ndarray, reading: Reading) -> np.ndarray:
+        """R (1, 1) of this step: white noise, and errors that hold on for `correlation_s`."""
+        noise = self.noise
+        circuit, offset, health, _ = self.split(x)
+        u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
+        _, slope = linearize(
+            lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), circuit[:1]
+        )
+        over = overpotential(circuit, u, self.model, health)
+        variance = (
+            noise.voltage_std_V**2 + (noise.soc_axis_std * slope[0, 0]) ** 2 + (noise.overpotential_share * over) ** 2
+        )
+        R = np.array([[variance * maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))]])
+        return R + state.noise.residual if self.matching else R
+
+    def rest(self, state: FilterState, prior: Belief, reading: Reading) -> tuple[Any, Any]:
+        """How long the current has looked like rest, and whether it counts as one.
+
+        It looks like rest where the current is the declared one, as far as the offset is known: |z| < 3.
+        """
+        if self.rest_current_A is None:
+            return 0.0 * reading.dt_s, reading.dt_s < 0.0
+        excess = reading.now.current_A - self.rest_current_A - prior.mean[-4]
+        variance = prior.cov[-4, -4] + self.noise.current_std_A**2
+        looks = (excess * excess < 9.0 * variance) & (reading.known > 0.5)
+        rest_s = where(looks, state.rest_s + reading.dt_s, 0.0)
+        return rest_s, rest_s > self.rest_hold_s
+
+    def zero_current_update(self, belief: Belief, reading: Reading) -> Belief:
+        """The belief once the sensor's reading at a known current has been used: it is the offset."""
+        if self.rest_current_A is None:
+            return belief
+        offset = belief.mean[-4]
+        R = self.noise.current_std_A**2
+        K = belief.cov[:, -4] / (belief.cov[-4, -4] + R)
+        mean = belief.mean + K * (reading.now.current_A - self.rest_current_A - offset)
+        return Belief(mean, mirror_lower(belief.cov - np.outer(K, belief.cov[-4])))
+
+    def learn(
+        self, state: FilterState, correction: Correction, reading: Reading, y: np.ndarray
+    ) -> tuple[adaptive.NoiseEstimate, np.ndarray]:
+        """Moments and gain for covariance matching, as after this voltage."""
+        if not self.matching:
+            return state.noise, state.gain
+        residual = y - self.voltage(correction.belief.mean, reading)
+        moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
+        return moments, correction.gain[:, 0]
+
+    def estimate(self, posterior: Belief, correction: Correction, y: np.ndarray, measured: Any, flags: Any) -> Estimate:
+        """What is known after the sample."""
+        x, innovation = posterior.mean, correction.innovation
+        return Estimate(
+            soc=x[0],
+            soc_std=np.sqrt(maximum(posterior.cov[0, 0], 0.0)),
+            voltage_V=y[0] - innovation.value[0],
+            voltage_std_V=np.sqrt(innovation.cov[0, 0]),
+            innovation_V=where(measured, innovation.value[0], math.nan),
+            current_offset_A=x[-4],
+            capacity_share=1.0 / maximum(x[-3], 0.1),
+            resistance_share=x[-2],
+            flags=flags,
+        )
+
+
+def _within_limits(belief: Belief, pairs: int) -> tuple[Belief, Any]:
+    """The belief with SoC projected into [0, 1] along its covariance, hysteresis into [-1, 1]; and whether SoC was."""
+    mean, P = belief.mean, belief.cov
+    excess = mean[0] - clip(mean[0], 0.0, 1.0)
+    projected = mean - P[:, 0] * (excess / maximum(P[0, 0], 1e-12))
+    h = pairs + 1
+    limited = np.array([clip(x, -1.0, 1.0) if k == h else x for k, x in enumerate(projected)])
+    return Belief(limited, P), abs(excess) > 0.0
+
+
+def _on_grid(values: tuple[float, ...], soc: Any) -> Any:
+    """Linear between points on a uniform grid of SoC from 0 to 1, constant beyond."""
+    return table(values, 0.0, 1.0 / (len(values) - 1), clip(soc, 0.0, 1.0))
