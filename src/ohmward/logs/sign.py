@@ -19,6 +19,7 @@ CLEAR_T_OF_MANY = 5.0
 CLEAR_AGREEMENT = 0.8
 _MANY = 8
 _EDGE = 0.2
+_EDGE_OF_LEVEL = 0.02
 _LEAST_EDGE_A = 1e-9
 _STEADY = 0.1
 _TREND_PARTS = 5
@@ -82,14 +83,16 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
 def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     """Regression of dV on dI, through the origin: R = sum(dI dV) / sum(dI^2) over changes between neighbours.
 
-    An edge is at least a fifth of the largest change and six times the usual one. The error of R comes from what the
-    voltage does between edges (noise or slow drift, whichever is larger) and from the rounding of two samples.
+    An edge is at least a fifth of the largest change, 2 % of the largest current and six times the usual change. The
+    error of R comes from what the voltage does between edges (noise or slow drift, whichever is larger) and from the
+    rounding of two samples.
 
     current_A, voltage_V: (T,), no NaN.
     """
     dI, dV = np.diff(current_A), np.diff(voltage_V)
     size = np.abs(dI)
-    edge = (size >= _EDGE * size.max(initial=0.0)) & (size > max(6.0 * spread(dI), _LEAST_EDGE_A))
+    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * np.abs(current_A).max(initial=0.0), _LEAST_EDGE_A)
+    edge = (size >= least) & (size > 6.0 * spread(dI))
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)
     products, squares = dI[edge] * dV[edge], float(dI[edge] @ dI[edge])
