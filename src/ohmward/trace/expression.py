@@ -269,7 +269,7 @@ def _power(base: Expression, exponent: Any) -> Any:
     n = number(exponent)
     if isinstance(n, float) and n.is_integer() and abs(n) <= 16:
         return _whole_power(number(base), int(n))
-    if n == 0.5 and isinstance(n, float):
+    if isinstance(n, float) and n == 0.5:
         return apply("sqrt", number(base))
     return _binary("power", base, exponent)
 

@@ -159,7 +159,7 @@ def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
             f"{words[1]}.take(index, None, {target}, 'clip')",
         ]
     else:
-        loop.lines.append(f"{node.operation.name}({', '.join([*words, target])})")
+        loop.lines.append(f"{node.operation.name}({', '.join(words)}, out={target})")
 
 
 def _write_results(loop: _Loop) -> list[str]:

@@ -65,8 +65,8 @@ def run_traced(function: Callable, *args: Any) -> Any:
         if "which has no callable" not in str(error):
             raise
         raise TraceError(
-            f"{_last_line(error)}: {error}. The array mixes traced values with floats: use exp, log, sqrt, tanh, sin or "
-            "cos from ohmward.trace, which take both"
+            f"{_last_line(error)}: {error}. The array mixes traced values with floats: use exp, log, sqrt, tanh, sin "
+            "or cos from ohmward.trace, which take both"
         ) from error
 
 
