@@ -109,30 +109,40 @@ def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
 def next_state(x: np.ndarray, current_A: Any, p: Circuit | RcModel, dt_s: Any) -> np.ndarray:
     """State after `dt_s` of constant current, exact for the coupled pair.
 
-    The charge q = C_b V_cb + C_s V_cs integrates the current; the difference d = V_cs - V_cb relaxes at the rate
-    w = (1/C_b + 1/C_s) / D towards what the current holds up.
+    With the bulk's share of a common elastance, s = (1/C_b) / (1/C_b + 1/C_s), the charge raises the weighted mean
+    (1 - s) V_cb + s V_cs by i dt / (C_b + C_s), and the difference V_cs - V_cb relaxes at `relaxation_rate` towards
+    ((1 - s) R_b - s R_s) i.
 
     x: (2,) [V_cb, V_cs] in V.  current_A: mean over the step.  dt_s: >= 0.
     Returns: (2,), the same at the end of the step.
     """
     bulk, surface = x
-    d = surface - bulk
-    rise, d_next = _step(d, current_A, p, dt_s)
-    share = p.c_surface_F / (p.c_bulk_F + p.c_surface_F)
-    bulk_next = bulk + rise - share * (d_next - d)
-    return np.array([bulk_next, bulk_next + d_next])
+    per_bulk, per_surface = 1 / p.c_bulk_F, 1 / p.c_surface_F
+    s = per_bulk / (per_bulk + per_surface)
+    decay = np.exp(-relaxation_rate(p) * dt_s)
+    change = (1 - decay) * (((1 - s) * p.r_bulk_ohm - s * p.r_surface_ohm) * current_A - (surface - bulk))
+    rise = s * per_surface * dt_s * current_A
+    return np.array([bulk + rise - s * change, surface + rise + (1 - s) * change])
 
 
 def voltage(x: np.ndarray, current_A: Any, p: Circuit | RcModel) -> np.ndarray:
     """Terminal voltage [V] in state x = [V_cb, V_cs] at the current of this instant, as (1,)."""
     bulk, surface = x
-    D = p.r_bulk_ohm + p.r_surface_ohm
-    return np.array([bulk + p.r_bulk_ohm / D * (surface - bulk) + instant_resistance(p) * current_A])
+    bulk_share, _ = divider(p)
+    return np.array([bulk + bulk_share * (surface - bulk) + instant_resistance(p) * current_A])
+
+
+def divider(p: Circuit | RcModel) -> tuple[Any, Any]:
+    """R_b / D and R_s / D; a half each, without a division, where both are the very same object, as in [T]."""
+    if p.r_bulk_ohm is p.r_surface_ohm:
+        return 0.5, 0.5
+    per_D = 1 / (p.r_bulk_ohm + p.r_surface_ohm)
+    return p.r_bulk_ohm * per_D, p.r_surface_ohm * per_D
 
 
 def instant_resistance(p: Circuit | RcModel) -> Any:
     """R_t + R_b R_s / D [ohm]: what a sudden change of current sees."""
-    return p.r_terminal_ohm + p.r_bulk_ohm * p.r_surface_ohm / (p.r_bulk_ohm + p.r_surface_ohm)
+    return p.r_terminal_ohm + p.r_surface_ohm * divider(p)[0]
 
 
 def next_state_with_voltage(
@@ -152,13 +162,14 @@ def next_state_with_voltage(
 
 def disturbance_rate(p: Circuit | RcModel) -> Any:
     """A33 [1/s], the rate at which V as a state returns to the circuit's output; negative while R_s C_s < R_b C_b."""
-    D = p.r_bulk_ohm + p.r_surface_ohm
-    return p.r_surface_ohm / (p.c_bulk_F * p.r_bulk_ohm * D) - 1 / (p.c_surface_F * D)
+    bulk_share, surface_share = divider(p)
+    ratio = surface_share / bulk_share
+    return (ratio * (1 / p.c_bulk_F) - 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
 
 
 def relaxation_rate(p: Circuit | RcModel) -> Any:
-    """W = (1/C_b + 1/C_s) / D [1/s], the rate at which the two capacitors come to the same voltage."""
-    return (1 / p.c_bulk_F + 1 / p.c_surface_F) / (p.r_bulk_ohm + p.r_surface_ohm)
+    """Rate (1/C_b + 1/C_s) / D [1/s] at which the two capacitors come to the same voltage."""
+    return (1 / p.c_bulk_F + 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
 
 
 def transition(p: Circuit | RcModel, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -184,12 +195,3 @@ def rates_with_voltage(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:
     B31 = surface - R_s * R_t / (p.c_bulk_F * R_b * D)
     A, B = rates(p)
     return np.block([[A, np.zeros((2, 1))], [np.array([[-A33, 0.0, A33]])]]), np.array([*B, B31])
-
-
-def _step(d: Any, current_A: Any, p: Circuit | RcModel, dt_s: Any) -> tuple[Any, Any]:
-    """Rise of the charge-weighted mean voltage over the step, and the difference d at its end [V]."""
-    D = p.r_bulk_ohm + p.r_surface_ohm
-    w = relaxation_rate(p)
-    decay = np.exp(-w * dt_s)
-    drive = (p.r_bulk_ohm / p.c_surface_F - p.r_surface_ohm / p.c_bulk_F) / D * current_A
-    return current_A * dt_s / (p.c_bulk_F + p.c_surface_F), decay * d + (1 - decay) / w * drive
