@@ -72,6 +72,7 @@ def lfp_12V8() -> SimulatedBattery:
 
     The plateau has the two steps of the graphite stages, near 27 % and 68 %, 35 and 40 mV high; half the distance of
     the branches is about 12 mV (Plett 2015, 2.8). 6 mohm a cell include the wiring and the protection's transistors.
+    The charger stops at 13.8 V, the protection at 11 V: gentle limits, at which the cell at rest is full and empty.
     """
     cell = Thevenin(
         capacity_Ah=12.0,
@@ -179,9 +180,9 @@ def nca_18650() -> SimulatedBattery:
 
 
 def _lfp_ocv(soc: np.ndarray) -> tuple[float, ...]:
-    """Two flat stages and a half, a fall at empty, a rise at full: 2.5 to 3.6 V."""
+    """Two flat stages and a half, a fall at empty, a rise at full: 2.75 to 3.45 V."""
     plateau = 3.245 + 0.02 * soc + 0.035 * _step(soc, 0.27, 0.03) + 0.040 * _step(soc, 0.68, 0.02)
-    return tuple(plateau - 0.745 * _fall(soc, 0.025) + 0.26 * _fall(1.0 - soc, 0.008))
+    return tuple(plateau - 0.495 * _fall(soc, 0.025) + 0.11 * _fall(1.0 - soc, 0.006))
 
 
 def _step(soc: np.ndarray, at: float, width: float) -> np.ndarray:

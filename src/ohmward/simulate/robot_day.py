@@ -1,0 +1,100 @@
+"""One robot and its battery, recorded on the bench and through a day: what `ohmward demo` and tests run on."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs import Log, Note, write_log
+from ohmward.simulate import mission
+from ohmward.simulate.battery_test import bench_times, pulse_test
+from ohmward.simulate.cells import BATTERIES, SimulatedBattery
+from ohmward.simulate.plant import Simulation, resting_state, simulate
+from ohmward.simulate.sensors import Sensors, low_cost_sensors, on_the_bench
+from ohmward.simulate.telemetry import Telemetry
+
+CHEMISTRIES = ("lfp", "lead-acid")
+
+
+class RobotDay(NamedTuple):
+    """Simulated logs of the same battery by the same sensors; both start fully charged and carry `soc_true`."""
+
+    pulse_test: Log
+    mission: Log
+
+
+def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
+    """A pulse test on the bench and a working day, of a 12 V, 12 Ah battery on the robot of [P]'s kind.
+
+    chemistry: "lfp" or "lead-acid". seed: draws the sensors' errors, the day's work and the noise; same seed, same day.
+
+    Raises:
+        InputError: another chemistry.
+    """
+    if chemistry not in CHEMISTRIES:
+        raise InputError(f"chemistry must be one of {', '.join(CHEMISTRIES)}, got {chemistry!r}")
+    battery = BATTERIES[chemistry]
+    rng = np.random.default_rng(seed)
+    sensors = low_cost_sensors(rng)
+    bench = on_the_bench(sensors)
+    return RobotDay(
+        record(battery, f"simulated {chemistry} pulse test", run_pulse_test(battery), bench, rng),
+        record(battery, f"simulated {chemistry} robot day", run_mission(battery, rng), sensors, rng),
+    )
+
+
+def run_pulse_test(battery: SimulatedBattery) -> Simulation:
+    """The truth of the pulse test at 25 degC, from full."""
+    profile = pulse_test(battery)
+    return simulate(battery, profile, bench_times(profile), resting_state(battery, soc=1.0, hysteresis=1.0))
+
+
+def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulation:
+    """The truth of the day at the times at which its telemetry arrives, from full and as cold as the morning."""
+    profile = mission.robot_day(rng, battery.charge_current_A)
+    times = Telemetry().times(profile.time_s[-1], rng)
+    morning_degC = float(profile.ambient_degC[0])
+    return simulate(battery, profile, times, resting_state(battery, 1.0, morning_degC, hysteresis=1.0))
+
+
+def record(
+    battery: SimulatedBattery, name: str, simulation: Simulation, sensors: Sensors, rng: np.random.Generator
+) -> Log:
+    """The simulation as the sensors show it, with the true SoC as the extra column `soc_true`."""
+    time_s, truth = simulation.time_s, simulation.truth
+    offset_A, gain = sensors.current.offset, sensors.current.gain_error
+    return Log(
+        name=name,
+        time_s=time_s,
+        current_A=sensors.current.read(truth.current_A, time_s, rng),
+        voltage_V=sensors.voltage.read(truth.voltage_V, time_s, rng),
+        temperature_degC=sensors.temperature.read(truth.temperature_degC, time_s, rng),
+        extra={"soc_true": truth.soc},
+        notes=(
+            Note(f"simulated, not measured: {battery.name}, capacity {battery.circuit.capacity_Ah:g} Ah"),
+            Note(f"simulated current sensor: offset {1e3 * offset_A:+.0f} mA, gain error {100 * gain:+.2f} %"),
+        ),
+    )
+
+
+def write_robot_day(day: RobotDay, folder: str | PathLike[str], suffix: str = ".csv") -> RobotDayFiles:
+    """Write both logs into an existing folder, named after them; `suffix` as `write_log` knows them.
+
+    Raises:
+        InputError, OhmwardError: as `write_log`.
+    """
+    paths = [Path(folder) / f"{log.name.replace(' ', '-')}{suffix}" for log in day]
+    for log, path in zip(day, paths, strict=True):
+        write_log(log, path)
+    return RobotDayFiles(*paths)
+
+
+class RobotDayFiles(NamedTuple):
+    """Where the logs of a `RobotDay` were written."""
+
+    pulse_test: Path
+    mission: Path

@@ -1,0 +1,105 @@
+"""Sensors as robots have them: wrong in offset and gain, noisy, coarse, limited, at times absurd or silent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.checks import require_between, require_positive
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One analogue sensor and its converter; all in the unit of what it measures.
+
+    Attributes:
+        low, high: range of the converter; what lies beyond reads as the end.
+        resolution: of the converter, > 0.
+        noise_std: white, before the converter.
+        offset: reading at zero, constant over one recording.
+        offset_walk_std: random walk of the offset over one hour.
+        gain_error: share of the true value that is added to the reading.
+        spike_share, spike_std: share of the samples that are hit by interference, and its size.
+        missing_share: share of the samples that are NaN.
+    """
+
+    low: float
+    high: float
+    resolution: float
+    noise_std: float
+    offset: float = 0.0
+    offset_walk_std: float = 0.0
+    gain_error: float = 0.0
+    spike_share: float = 0.0
+    spike_std: float = 0.0
+    missing_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("sensor.resolution", self.resolution)
+        require_positive("sensor.high - sensor.low", self.high - self.low)
+        for name in ("noise_std", "offset_walk_std", "spike_std"):
+            require_between(f"sensor.{name}", getattr(self, name), 0.0, np.inf)
+        for name in ("spike_share", "missing_share"):
+            require_between(f"sensor.{name}", getattr(self, name), 0.0, 1.0)
+
+    def read(self, true: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """What the sensor shows of `true` (T,) at the times [s]: disturbed, rounded, limited, NaN where it is mute."""
+        signal = (1.0 + self.gain_error) * true + self.offset + self._drift(time_s, rng)
+        signal = signal + self.noise_std * rng.standard_normal(true.size)
+        hit = rng.random(true.size) < self.spike_share
+        signal = signal + np.where(hit, self.spike_std * rng.standard_normal(true.size), 0.0)
+        shown = np.clip(self.resolution * np.round(signal / self.resolution), self.low, self.high)
+        return np.where(rng.random(true.size) < self.missing_share, np.nan, shown)
+
+    def _drift(self, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        hours = np.diff(time_s, prepend=time_s[0]) / 3600.0
+        return np.cumsum(self.offset_walk_std * np.sqrt(hours) * rng.standard_normal(time_s.size))
+
+
+class Sensors(NamedTuple):
+    """What measures a battery on board: current [A], voltage [V], temperature [degC]."""
+
+    current: Sensor
+    voltage: Sensor
+    temperature: Sensor
+
+
+def low_cost_sensors(rng: np.random.Generator) -> Sensors:
+    """One copy of the electronics of [P]'s kind of robot; its offsets and gains are drawn, as parts differ.
+
+    Current: Hall sensor ACS712-20A, 100 mV/A, 5 V converter of 10 bit (49 mA), 16 readings averaged (12 mA); the
+    datasheet's total error is 1.5 %, its noise about 20 mA, and its zero moves by tens of mA with temperature and
+    time. Voltage: divider by 5 on a 3.3 V converter of 12 bit (4 mV), resistors of 0.1 %. Temperature: DS18B20.
+    """
+    current = Sensor(
+        low=-20.0,
+        high=20.0,
+        resolution=0.0122,
+        noise_std=0.020,
+        offset=float(rng.choice((-1.0, 1.0)) * rng.uniform(0.03, 0.06)),
+        offset_walk_std=0.003,
+        gain_error=float(rng.normal(0.0, 0.007)),
+        spike_share=2e-4,
+        spike_std=8.0,
+        missing_share=5e-4,
+    )
+    voltage = Sensor(
+        low=0.0,
+        high=16.5,
+        resolution=0.00403,
+        noise_std=0.004,
+        gain_error=float(rng.normal(0.0, 0.001)),
+        spike_share=2e-4,
+        spike_std=0.5,
+        missing_share=5e-4,
+    )
+    temperature = Sensor(-55.0, 125.0, resolution=0.0625, noise_std=0.03, offset=float(rng.uniform(-0.4, 0.4)))
+    return Sensors(current, voltage, temperature)
+
+
+def on_the_bench(sensors: Sensors) -> Sensors:
+    """The same sensors, the current's zero just trimmed to 1 mA, without the interference of the drives."""
+    current = replace(sensors.current, offset=0.001, offset_walk_std=0.0, spike_share=0.0, missing_share=0.0)
+    return Sensors(current, replace(sensors.voltage, spike_share=0.0, missing_share=0.0), sensors.temperature)
