@@ -27,7 +27,6 @@ def run(
     state: Any,
     samples: Any,
     progress: Callable[[int, int], None] | None = None,
-    block: int = BLOCK,
 ) -> tuple[Any, Any]:
     """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
     states = _arrays(state_structure, state, "state")
@@ -41,10 +40,10 @@ def run(
     ]
     views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
     final = [np.empty(width, r.dtype) for r in rows]
-    starts = range(0, width, block)
+    starts = range(0, width, BLOCK)
     report = _reporter(progress, count * len(starts))
     for start in starts:
-        part = slice(start, min(start + block, width))
+        part = slice(start, min(start + BLOCK, width))
         _run_block(lanes, rows, columns, views, final, part, count, report)
     return _state_tree(state_structure, final, width), unflatten(output_structure, iter(outputs))
 

@@ -129,9 +129,11 @@ def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -
 def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
     """The value of a leaf as an array of any shape; InputError if it holds no numbers."""
     try:
-        return np.asarray(value, dtype=leaf.dtype)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path} must hold numbers, got {value!r:.80}") from error
+        if value is not None:  # which NumPy would take for nan
+            return np.asarray(value, dtype=leaf.dtype)
+    except (TypeError, ValueError):
+        pass
+    raise InputError(f"{path} must hold numbers, got {value!r:.80}")
 
 
 def check(structure: Structure, tree: Any, path: str = "") -> None:
