@@ -12,7 +12,9 @@ The state is the model's, then five that make the sigma honest:
 The measurement noise is not white either: an error that holds on for `correlation_s` is one observation in that time,
 however often it is sampled, so R = variance * 2 correlation_s / dt.
 
-One step works with the extended and with the unscented filter, with or without covariance matching ([T] 3.49-3.50).
+One step works with the extended and with the unscented filter, with or without covariance matching ([T] 3.49-3.50) of R.
+Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which is what sets the gain
+(`ohmward.filters.adaptive`), and the Q here is physical.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.coulomb import charge_variance
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
@@ -44,7 +47,7 @@ from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, PackedBelief, nis, pack, unpack
 from ohmward.filters.gating import choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, isfinite, linearize, maximum, minimum, table, where
+from ohmward.trace import clip, isfinite, linearize, maximum, table, where
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
@@ -54,7 +57,6 @@ class FilterState(NamedTuple):
 
     belief: mean (n + 6,) and lower triangle of the covariance.
     noise: moments for covariance matching [V^2].
-    gain: (n + 6,) of the last accepted voltage; covariance matching needs it.
     current_A, temperature_degC: last finite ones.
     rest_s: how long the current has looked like rest.
     rejected_s: how long the voltage has been outside its gate.
@@ -62,7 +64,6 @@ class FilterState(NamedTuple):
 
     belief: PackedBelief
     noise: adaptive.NoiseEstimate
-    gain: np.ndarray
     current_A: float
     temperature_degC: float
     rest_s: float
@@ -77,7 +78,7 @@ class TheveninFilter:
         model: the circuit.
         noise: what to assume about sensors and model.
         method: "ekf" or "ukf" (redrawn sigma points).
-        matching: learn Q and R from innovations and residuals (AEKF, AUKF), `noise` being the floor.
+        matching: learn R from the residuals (AEKF, AUKF), `noise` being the floor.
         window: effective samples of that; [T] takes 100.
         rest_current_A: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown,
             then a rest teaches nothing about the current sensor.
@@ -121,7 +122,7 @@ class TheveninFilter:
         mean = np.array([start.soc, *(0.0 for _ in pairs), 0.0, 0.0, 1.0, 1.0, 0.0])
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
         belief = pack(Belief(mean, np.diag(np.square(std))))
-        return FilterState(belief, moments, np.zeros(len(mean)), u.current_A, u.temperature_degC, 0.0, 0.0)
+        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0)
 
     def step(self, state: FilterState, sample: Sample) -> tuple[FilterState, Estimate]:
         """The state after a sample, and what is known then."""
@@ -139,11 +140,10 @@ class TheveninFilter:
         accepted = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
         posterior, limited = _within_limits(choose(accepted, correction.belief, prior), self.model.pairs)
 
-        moments, gain = self.learn(state, correction, reading, y)
+        moments = self.learn(state, correction, reading, y)
         after = FilterState(
             pack(posterior),
             choose(accepted, moments, state.noise),
-            choose(accepted, gain, state.gain),
             reading.now.current_A,
             reading.now.temperature_degC,
             rest_s,
@@ -192,7 +192,7 @@ class TheveninFilter:
             for r, a in zip(pair_resistances(state.belief.mean[0], reading.mean, p), pair_decays(p, dt_s), strict=True)
         ]
         diagonal = [
-            self.charge_variance(reading),
+            charge_variance(reading, noise, p),
             *pairs,
             0.01 * moved,
             noise.current_offset_walk_A**2 * dt_s / 3600.0,
@@ -200,18 +200,7 @@ class TheveninFilter:
             noise.resistance_walk**2 * dt_s / 3.6e5,
             1 - self.error_kept(reading.mean.current_A, dt_s) ** 2,
         ]
-        Q = np.diag(np.array(diagonal))
-        if not self.matching:
-            return Q
-        K = state.gain[:, None]
-        return mirror_lower(K @ state.noise.innovation @ K.T + Q)
-
-    def charge_variance(self, reading: Reading) -> Any:
-        """Variance of the change of SoC in this step: sensor noise, the path between two samples, a gap."""
-        sensor = self.noise.current_std_A**2 * reading.dt_s
-        path = (0.15 * reading.change_A * reading.dt_s) ** 2
-        unknown = where(reading.known > 0.5, 0.0, (0.3 * self.model.capacity_Ah * reading.dt_s) ** 2)
-        return minimum((sensor + path + unknown) / self.model.capacity_As**2, 0.25)
+        return np.diag(np.array(diagonal))
 
     def measurement_noise(self, state: FilterState, x: np.ndarray, reading: Reading) -> np.ndarray:
         """R (1, 1) of this step: white noise, and errors that hold on for `correlation_s`."""
@@ -253,13 +242,12 @@ class TheveninFilter:
 
     def learn(
         self, state: FilterState, correction: Correction, reading: Reading, y: np.ndarray
-    ) -> tuple[adaptive.NoiseEstimate, np.ndarray]:
-        """Moments and gain for covariance matching, as after this voltage."""
+    ) -> adaptive.NoiseEstimate:
+        """Moments that R is matched to, as after this voltage."""
         if not self.matching:
-            return state.noise, state.gain
+            return state.noise
         residual = y - self.voltage(correction.belief.mean, reading)
-        moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
-        return moments, correction.gain[:, 0]
+        return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
     def estimate(self, posterior: Belief, correction: Correction, y: np.ndarray, measured: Any, flags: Any) -> Estimate:
         """What is known after the sample."""

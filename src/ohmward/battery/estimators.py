@@ -1,0 +1,103 @@
+"""Estimators by name: what the command line offers and what `compare` runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from ohmward.battery.coulomb import CoulombCounting
+from ohmward.battery.rest_ocv import RestOcv
+from ohmward.battery.soc_estimator import Estimator
+from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.errors import InputError
+
+if TYPE_CHECKING:
+    from ohmward.battery.battery import Battery
+
+#: What a user gets who does not choose.
+DEFAULT = "ekf"
+
+
+class Settings(NamedTuple):
+    """What a user may say about the use of the battery, whatever the estimator.
+
+    rest_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
+        when unknown.
+    gap_s: a longer step between two samples says nothing about the current in between [s].
+    """
+
+    rest_current_A: float | None = None
+    gap_s: float = 600.0
+
+
+class Choice(NamedTuple):
+    """One estimator: what it is, and how to make it from a battery file."""
+
+    title: str
+    make: Callable[[Battery, Settings], Estimator]
+
+
+def make_estimator(name: str, battery: Battery, settings: Settings | None = None) -> Estimator:
+    """The estimator called `name` for a battery.
+
+    Raises:
+        InputError: there is none of that name, or the battery file lacks the model it needs.
+    """
+    if name not in ESTIMATORS:
+        raise InputError(f"filter must be one of {', '.join(ESTIMATORS)}, got {name!r}")
+    return ESTIMATORS[name].make(battery, settings or Settings(battery.idle_current_A))
+
+
+def available(battery: Battery) -> tuple[str, ...]:
+    """Names of the estimators that the models in the battery file allow."""
+
+    def possible(name: str) -> bool:
+        try:
+            make_estimator(name, battery)
+        except InputError:
+            return False
+        return True
+
+    return tuple(filter(possible, ESTIMATORS))
+
+
+def _thevenin(battery: Battery) -> Thevenin:
+    if battery.thevenin is None:
+        raise InputError(
+            f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; "
+            "identify one with `ohmward identify ... --model thevenin-2rc`"
+        )
+    return battery.thevenin
+
+
+def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Estimator]:
+    def make(battery: Battery, settings: Settings) -> Estimator:
+        return TheveninFilter(
+            _thevenin(battery),
+            battery.noise,
+            method=method,
+            matching=matching,
+            rest_current_A=settings.rest_current_A,
+            gap_s=settings.gap_s,
+        )
+
+    return make
+
+
+def _coulomb(battery: Battery, settings: Settings) -> Estimator:
+    return CoulombCounting(_thevenin(battery), battery.noise, settings.gap_s)
+
+
+def _rest_ocv(battery: Battery, settings: Settings) -> Estimator:
+    return RestOcv(_thevenin(battery), battery.noise, settings.gap_s)
+
+
+ESTIMATORS: dict[str, Choice] = {
+    "coulomb": Choice("coulomb counting", _coulomb),
+    "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
+    "ekf": Choice("Thevenin model, extended Kalman filter", _filter("ekf", matching=False)),
+    "aekf": Choice("Thevenin model, adaptive extended Kalman filter", _filter("ekf", matching=True)),
+    "ukf": Choice("Thevenin model, unscented Kalman filter", _filter("ukf", matching=False)),
+    "aukf": Choice("Thevenin model, adaptive unscented Kalman filter", _filter("ukf", matching=True)),
+}

@@ -1,0 +1,82 @@
+"""Coulomb counting that is corrected by the open-circuit voltage whenever the battery has rested long enough."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.coulomb import CoulombCounting, CoulombState
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.noise import Noise
+from ohmward.battery.thevenin import Input, Thevenin, pair_resistances
+from ohmward.trace import clip, isfinite, linearize, maximum, where
+
+
+class RestOcvState(NamedTuple):
+    """Coulomb counting, and how long the battery has rested.
+
+    used: 1 once the voltage of this rest has been used: at a rest it says the same again and again.
+    """
+
+    counting: CoulombState
+    rest_s: Any
+    used: Any
+
+
+@dataclass(frozen=True)
+class RestOcv:
+    """Settings.
+
+    Attributes:
+        model, noise, gap_s: as for coulomb counting.
+        rest_share: current below this share of 1 C counts as rest.
+        settle_s: length of a rest before its voltage is used.
+    """
+
+    model: Thevenin
+    noise: Noise = field(default_factory=Noise)
+    gap_s: float = 600.0
+    rest_share: float = 0.03
+    settle_s: float = 900.0
+
+    @property
+    def counting(self) -> CoulombCounting:
+        """What runs between the rests."""
+        return CoulombCounting(self.model, self.noise, self.gap_s)
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
+        """State before the first sample; `soc` None takes it from the first voltage."""
+        return RestOcvState(self.counting.init(first, soc, soc_std), 0.0, 0.0)
+
+    def step(self, state: RestOcvState, sample: Sample) -> tuple[RestOcvState, Estimate]:
+        """The state after a sample, and what is known then."""
+        counting, counted = self.counting.step(state.counting, sample)
+        quiet = abs(counting.current_A) < self.rest_share * self.model.capacity_Ah
+        rest_s = where(quiet, state.rest_s + maximum(where(isfinite(sample.dt_s), sample.dt_s, 0.0), 0.0), 0.0)
+        usable = isfinite(sample.voltage_V) & (rest_s > self.settle_s) & (state.used < 0.5)
+        y = where(isfinite(sample.voltage_V), sample.voltage_V, 0.0)
+        corrected, voltage, voltage_std = self.corrected(counting, counted.soc_std, y)
+        after = CoulombState(*(where(usable, new, old) for new, old in zip(corrected, counting, strict=True)))
+        used = where(quiet, where(usable, 1.0, state.used), 0.0)
+        estimate = self.counting.estimate(after, counted.flags + where(usable, float(Flag.REST), 0.0))
+        innovation = where(usable, y - voltage, math.nan)
+        estimate = estimate._replace(voltage_V=voltage, voltage_std_V=voltage_std, innovation_V=innovation)
+        return RestOcvState(after, rest_s, used), estimate
+
+    def corrected(self, state: CoulombState, soc_std: Any, voltage_V: Any) -> tuple[CoulombState, Any, Any]:
+        """Coulomb counting started anew from this rest's voltage (a scalar Kalman update), OCV and its std [V]."""
+        noise, T = self.noise, state.temperature_degC
+        ocv, slope = linearize(lambda s: np.array([self.model.ocv.mean_V(s[0], T)]), np.array([state.soc]))
+        gap = self.model.ocv.half_gap_V(state.soc)
+        left = sum(pair_resistances(state.soc, Input(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
+        R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * slope[0, 0]) ** 2
+        R = R + (0.7 * gap) ** 2 + left**2
+        P = soc_std * soc_std
+        S = slope[0, 0] * slope[0, 0] * P + R
+        K = P * slope[0, 0] / S
+        soc = clip(state.soc + K * (voltage_V - ocv[0]), 0.0, 1.0)
+        anew = state._replace(soc=soc, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
+        return anew, ocv[0], np.sqrt(S)

@@ -1,0 +1,113 @@
+"""For people: an estimator that remembers its state. `update` takes live samples, `run` takes a whole log."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.errors import InputError
+from ohmward.logs.log import Log
+from ohmward.trace import Kernel
+
+Progress = Callable[[int, int], None]
+
+
+class Estimator(Protocol):
+    """What every estimator of the battery offers: pure functions of frozen settings."""
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> Any:
+        """State before the first sample; `soc` None is unknown."""
+        ...
+
+    def step(self, state: Any, sample: Sample) -> tuple[Any, Estimate]:
+        """The state after a sample, and what is known then."""
+        ...
+
+
+class Run(NamedTuple):
+    """An estimator's answer to a whole log.
+
+    estimates: every field an array (T,), as the log's samples.
+    seconds: what it took, compilation included.
+    """
+
+    estimates: Estimate
+    seconds: float
+
+    def counts(self) -> dict[str, int]:
+        """How many samples carry each flag, by name; flags that never occur are left out."""
+        flags = self.estimates.flags.astype(int)
+        counted = {flag.name.lower(): int(np.count_nonzero(flags & flag)) for flag in Flag if flag.name}
+        return {name: count for name, count in counted.items() if count}
+
+
+class SocEstimator:
+    """State of charge, live or from logs.
+
+    >>> estimator = SocEstimator(TheveninFilter(model, noise), initial_soc=0.8)     # doctest: +SKIP
+    >>> estimator.update(time_s=0.0, current_A=-3.2, voltage_V=12.9).soc            # doctest: +SKIP
+    0.801
+
+    Args:
+        estimator: settings, as `TheveninFilter`; `ohmward.battery.make_estimator` finds one by name.
+        initial_soc: in [0, 1]; None takes it from the first voltage.
+        initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
+    """
+
+    def __init__(self, estimator: Estimator, initial_soc: float | None = None, initial_soc_std: float = 0.03):
+        if initial_soc is not None and not 0.0 <= initial_soc <= 1.0:
+            raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
+        self.estimator = estimator
+        self.initial_soc = initial_soc
+        self.initial_soc_std = initial_soc_std
+        self.state: Any = None
+        self.time_s = math.nan
+        self._kernel: Kernel | None = None
+
+    def update(self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan) -> Estimate:
+        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
+
+        time_s: of the sample, on a clock that only goes forwards.  current_A: > 0 charges.
+        """
+        dt_s = 0.0 if self.state is None else time_s - self.time_s
+        sample = Sample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
+        if self.state is None:
+            self._start(sample)
+        if math.isfinite(time_s) and not time_s < self.time_s:
+            self.time_s = time_s
+        self.state, estimate = self.kernel(self.state, sample)
+        return estimate
+
+    def run(self, log: Log, progress: Progress | None = None) -> Run:
+        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
+        began = time.perf_counter()
+        samples = samples_of(log, self.time_s)
+        if self.state is None:
+            self._start(Sample(*(float(column[0]) for column in samples)))
+        self.state, estimates = self.kernel.scan(self.state, samples, progress)
+        self.time_s = float(log.time_s[-1])
+        return Run(estimates, time.perf_counter() - began)
+
+    @property
+    def kernel(self) -> Kernel:
+        """The compiled step."""
+        if self._kernel is None:
+            self._kernel = Kernel(self.estimator.step, self.state, Sample(0.0, 0.0, 0.0, 0.0))
+        return self._kernel
+
+    def _start(self, first: Sample) -> None:
+        self.state = self.estimator.init(first, self.initial_soc, self.initial_soc_std)
+
+
+def samples_of(log: Log, before_s: float = math.nan) -> Sample:
+    """The log as samples (T,), its first step counted from `before_s` where that is a time before it."""
+    first = log.time_s[0] if not before_s < log.time_s[0] else before_s
+    temperature = log.temperature_degC
+    if temperature is None:
+        temperature = np.full(len(log.time_s), math.nan)
+    return Sample(np.diff(log.time_s, prepend=first), log.current_A, log.voltage_V, temperature)
