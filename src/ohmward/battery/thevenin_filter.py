@@ -12,7 +12,7 @@ The state is the model's, then five that make the sigma honest:
 The measurement noise is not white either: an error that holds on for `correlation_s` is one observation in that time,
 however often it is sampled, so R = variance * 2 correlation_s / dt.
 
-One step works with the extended and with the unscented filter, with or without covariance matching ([T] 3.49-3.50) of R.
+One step works with the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
 Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which is what sets the gain
 (`ohmward.filters.adaptive`), and the Q here is physical.
 """
