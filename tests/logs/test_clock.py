@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,16 @@ def test_wall_clocks_start_at_zero_and_remember_when(values, unit):
     read = clock(values, unit)
     np.testing.assert_allclose(read.time_s, [0.0, 1.5], atol=1e-6)
     assert read.start_unix_s == pytest.approx(START, abs=1e-6)
+
+
+def test_dates_without_a_zone_are_utc_wherever_the_computer_stands(monkeypatch):
+    monkeypatch.setenv("TZ", "America/Bogota")
+    time.tzset()
+    try:
+        assert clock(text("2017-03-25 07:00:06.500")).start_unix_s == START
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_nanoseconds_keep_their_digits():

@@ -58,6 +58,11 @@ def test_quoted_names_may_contain_the_delimiter(write_text):
     assert list(table.columns) == ["time, s", "current, A"]
 
 
+def test_commas_in_names_are_not_delimiters_when_the_rows_have_none(write_text):
+    table = load(write_text("time;voltage (V, mean, raw, x);current\n0;12;1\n"))
+    assert list(table.columns) == ["time", "voltage (V, mean, raw, x)", "current"]
+
+
 def test_lines_are_counted_as_an_editor_counts_them(write_text):
     table = load(write_text("# one\n# two\n" + PLAIN))
     np.testing.assert_array_equal(table.line, [4, 5, 6])

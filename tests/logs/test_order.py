@@ -21,6 +21,15 @@ def test_a_late_row_is_sorted_and_noted():
     assert [note.text for note in ordered.notes] == ["1 row out of order: sorted by time"]
 
 
+def test_sorting_keeps_the_order_of_equal_times():
+    """Of equal times the last row counts, so sorting must not exchange them."""
+    time_s = np.repeat(np.arange(100.0), 20)
+    time_s[[990, 991]] = [50.0, 49.5]
+    merged = merge_equal_times(sort_rows(table(time_s, row=np.arange(2000.0)), "time"), "time")
+    last = {time: row for row, time in enumerate(time_s)}
+    np.testing.assert_array_equal(merged.columns["row"], [last[time] for time in sorted(last)])
+
+
 def test_rows_in_order_are_left_alone():
     rows = table([0.0, 1.0, 1.0, 5.0])
     assert sort_rows(rows, "time") is rows

@@ -137,6 +137,30 @@ def test_wall_clock_beside_elapsed_time_gives_the_start(write_text, pulses):
     assert not log.extra
 
 
+def test_the_start_is_that_of_the_first_row_that_stays(write_text):
+    rows = "2017-03-25T07:00:00Z,,,20\n2017-03-25T07:00:05Z,1,12,\n2017-03-25T07:00:06Z,1,12,\n"
+    log = read_log(write_text("time,current,voltage,temperature\n" + rows), current_sign="charge")
+    np.testing.assert_array_equal(log.time_s, [0.0, 1.0])
+    assert log.start_unix_s == 1_490_425_205.0
+
+
+def test_unsigned_nanoseconds_with_a_late_row(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    time_ns = (
+        np.array([1, 0, 2, 3, 4, 5, 6, 7, 8, 9] * 3, dtype=np.uint64) + np.repeat(np.arange(3), 10).astype("u8") * 10
+    )
+    path = tmp_path / "log.parquet"
+    columns = {"timestamp_ns": np.uint64(17 * 10**17) + time_ns * 10**9, "current": np.ones(30), "voltage": np.ones(30)}
+    parquet.write_table(pyarrow.table(columns), path)
+    with pytest.raises(InputError, match="3 of 30 rows are late"):
+        read_log(path, current_sign="charge")
+    log = read_log(path, current_sign="charge", sort_time=True)
+    np.testing.assert_array_equal(log.time_s, np.arange(30.0))
+    assert log.start_unix_s == 1.7e9
+
+
 def test_parquet_with_dates_dictionaries_booleans_and_nulls(tmp_path, pulses):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet

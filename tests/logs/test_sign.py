@@ -21,6 +21,11 @@ def test_the_resistance_is_the_least_squares_slope_over_the_edges():
     assert edge_test(current_A, voltage_V).resistance_ohm == pytest.approx(slope, rel=1e-12)
 
 
+def test_the_ripple_of_a_steady_current_is_no_edge():
+    ripple = np.where(np.arange(400) % 40 == 0, 0.01, 0.0)
+    assert edge_test(-3.0 + ripple, 12.0 - np.arange(400) / 4000.0).edges == 0
+
+
 @pytest.mark.parametrize(("sign", "expected"), [(1.0, 1), (-1.0, -1)])
 def test_a_steady_discharge_without_edges_tells_the_sign(sign, expected):
     time_s = np.arange(0.0, 3600.0, 10.0)
