@@ -27,6 +27,7 @@ import numpy as np
 
 from ohmward.battery.checks import require_positive
 from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.thevenin import Thevenin
 from ohmward.errors import InputError
 
 STATE_NAMES = ("bulk_V", "surface_V")
@@ -176,6 +177,19 @@ def transition(p: Circuit | RcModel, dt_s: Any) -> tuple[np.ndarray, np.ndarray]
     """F (2, 2) and B (2,) of the exact step x+ = F x + B i, for linear filters."""
     columns = [next_state(e, 0.0, p, dt_s) for e in np.eye(2)]
     return np.column_stack(columns), next_state(np.zeros(2), 1.0, p, dt_s)
+
+
+def equivalent_thevenin(model: RcModel) -> Thevenin:
+    """The circuit with one RC pair that has the same voltage where the OCV curve is a straight line.
+
+    Its SoC is that of both capacitors together. With s = C_s / (C_b + C_s): R_0 = R_t + R_b R_s / D,
+    R_1 = (R_b - s D)^2 / D, tau_1 = 1 / `relaxation_rate`.
+    """
+    D = model.r_bulk_ohm + model.r_surface_ohm
+    s = model.c_surface_F / (model.c_bulk_F + model.c_surface_F)
+    r0, r1 = instant_resistance(model), (model.r_bulk_ohm - s * D) ** 2 / D
+    tau_s = 1 / relaxation_rate(model)
+    return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))
 
 
 def rates(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ import numpy as np
 from ohmward.battery import rc
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.estimate import Flag, Sample
-from ohmward.battery.rc_reading import Reading, read
+from ohmward.battery.reading import ROOM_DEGC, Reading, read
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Correction, PackedBelief, is_healthy, nis, pack, unpack
@@ -36,7 +36,7 @@ from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
 
 LOST = 7.0
-"""A parameter that has gone further than a factor of e^7 from its nominal value is lost, and the filter starts again."""
+"""A parameter further than a factor of e^7 from its nominal value is lost, and the filter starts again."""
 
 BULK_STD_V = 0.5
 """How far the open-circuit voltage may be from the first voltage [V], unless said otherwise."""
@@ -179,41 +179,43 @@ class RcJoint:
 
     def step(self, state: JointState, sample: Sample) -> tuple[JointState, JointEstimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, self.gap_s)
-        before, healthy = self.revived(unpack(state.belief), reading)
+        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
+        voltage_V = sample.voltage_V
+        before, healthy = self.revived(unpack(state.belief), voltage_V)
         prior, correction = unscented.correct_reusing_points(
             before,
             lambda x: self.next_state(x, reading),
             lambda x: self.voltage(x, reading),
-            np.array([reading.voltage_V]),
+            np.array([voltage_V]),
             self.process_noise(state, reading),
             self.measurement_noise(state, before, reading),
             self.scaling,
         )
-        measured = isfinite(reading.voltage_V) & ((reading.dt_s > 0) | (state.noise.samples < 0.5))
+        measured = isfinite(voltage_V) & ((reading.dt_s > 0) | (state.noise.samples < 0.5))
         used = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
         rejected = measured & logical_not(used)
         posterior = choose(used, correction.belief, prior)
         after = JointState(
             pack(posterior),
-            choose(used, self.moments(state, correction, reading), state.noise),
+            choose(used, self.moments(state, correction, reading, voltage_V), state.noise),
             choose(used, correction.gain[:, 0], state.gain),
-            reading.now_A,
+            reading.now.current_A,
             where(rejected, state.rejected_s + reading.dt_s, 0.0),
         )
         flags = (
             reading.flags
+            + where(isfinite(voltage_V), 0.0, float(Flag.NO_VOLTAGE))
             + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
             + where(healthy, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
         )
-        return after, self.estimate(posterior, correction, reading, flags)
+        return after, self.estimate(posterior, correction, voltage_V, flags)
 
-    def revived(self, belief: Belief, reading: Reading) -> tuple[Belief, Any]:
+    def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
         """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
         healthy = is_healthy(belief) > 0.5
         for logarithm in belief.mean[:PARAMETERS]:
             healthy = healthy & (abs(logarithm) < LOST)
-        level_V = where(isfinite(reading.voltage_V), reading.voltage_V, belief.mean[PARAMETERS])
+        level_V = where(isfinite(voltage_V), voltage_V, belief.mean[PARAMETERS])
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:
@@ -232,16 +234,18 @@ class RcJoint:
         """State after the step, (n,); the parameters stay."""
         p, voltages = self.circuit(x), x[PARAMETERS:]
         if self.voltage_as == "output":
-            moved = rc.next_state(voltages, reading.mean_A, p, reading.dt_s)
+            moved = rc.next_state(voltages, reading.mean.current_A, p, reading.dt_s)
         else:
-            moved = rc.next_state_with_voltage(
-                voltages, reading.before_A, reading.mean_A, reading.now_A, p, reading.dt_s
-            )
+            now_A = reading.now.current_A
+            before_A = now_A - reading.change_A
+            moved = rc.next_state_with_voltage(voltages, before_A, reading.mean.current_A, now_A, p, reading.dt_s)
         return np.array([*x[:PARAMETERS], *moved])
 
     def voltage(self, x: np.ndarray, reading: Reading) -> np.ndarray:
         """Terminal voltage [V] in state x, (1,)."""
-        return x[-1:] if self.voltage_as == "state" else rc.voltage(x[PARAMETERS:], reading.now_A, self.circuit(x))
+        return (
+            x[-1:] if self.voltage_as == "state" else rc.voltage(x[PARAMETERS:], reading.now.current_A, self.circuit(x))
+        )
 
     def process_noise(self, state: JointState, reading: Reading) -> np.ndarray:
         """Q (n, n) of this step: the floor, and what the innovations of the last steps say."""
@@ -265,12 +269,14 @@ class RcJoint:
         matched = state.noise.residual + P_yy
         return where(state.noise.samples < 0.5, floor, maximum(floor, matched))
 
-    def moments(self, state: JointState, correction: Correction, reading: Reading) -> adaptive.NoiseEstimate:
+    def moments(
+        self, state: JointState, correction: Correction, reading: Reading, voltage_V: Any
+    ) -> adaptive.NoiseEstimate:
         """Second moments of innovation and residual with this sample."""
-        residual = np.array([reading.voltage_V]) - self.voltage(correction.belief.mean, reading)
+        residual = np.array([voltage_V]) - self.voltage(correction.belief.mean, reading)
         return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
-    def estimate(self, x: Belief, correction: Correction, reading: Reading, flags: Any) -> JointEstimate:
+    def estimate(self, x: Belief, correction: Correction, voltage_V: Any, flags: Any) -> JointEstimate:
         """What is known after the sample."""
         innovation = correction.innovation
         std = [np.sqrt(maximum(x.cov[k, k], 0.0)) for k in range(PARAMETERS)]
@@ -282,7 +288,7 @@ class RcJoint:
             r_terminal_std=std[3],
             bulk_V=x.mean[PARAMETERS],
             surface_V=x.mean[PARAMETERS + 1],
-            voltage_V=reading.voltage_V - innovation.value[0],
+            voltage_V=voltage_V - innovation.value[0],
             voltage_std_V=np.sqrt(innovation.cov[0, 0]),
             innovation_V=innovation.value[0],
             flags=flags,
