@@ -12,8 +12,8 @@ from ohmward.errors import InputError
 from ohmward.trace.numpy_source import Lanes
 from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
 
-#: Lanes that run together. A NumPy call costs as much as its work on 1000 to 2000 lanes; beyond 8192 the registers of a
-#: seven-state filter leave the cache.
+#: Lanes that run together: a NumPy call costs as much as its work on 1000 to 2000 lanes, and the registers of a
+#: seven-state filter with 4096 lanes take 3 MB of the cache.
 BLOCK = 4096
 #: Steps between two reports of progress.
 _CHUNK = 4096

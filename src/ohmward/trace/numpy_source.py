@@ -52,25 +52,24 @@ class _Allocator:
 
 @dataclass
 class _Loop:
-    """The text of one step while it is written: place of every value, lines, constants and tables by name."""
+    """The text of one step while it is written: place of every value, lines, constants and tables by their text."""
 
     program: Program
     state_size: int
     arrays: _Allocator = field(default_factory=_Allocator)
     place: dict[int, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
-    constants: dict[str, Any] = field(default_factory=dict)
+    constants: dict[str, tuple[str, Any]] = field(default_factory=dict)
 
     def word(self, arg: Any) -> str:
         """The name of an argument: where a node is, or a constant."""
         if isinstance(arg, Expression):
             return self.place[arg.serial]
-        for name, known in self.constants.items():
-            if known is arg or (type(known) is type(arg) and repr(known) == repr(arg)):
-                return name
-        name = f"c{len(self.constants)}"
-        self.constants[name] = arg
-        return name
+        return self.constants.setdefault(repr(arg), (f"c{len(self.constants)}", arg))[0]
+
+
+#: Written in two lines, so that the result must not overlap an argument.
+_STEPWISE = ("where", "gather")
 
 
 def compile_lanes(program: Program, state_size: int) -> Lanes:
@@ -80,8 +79,8 @@ def compile_lanes(program: Program, state_size: int) -> Lanes:
     _write_operations(loop)
     final = _write_results(loop)
     source = _source(loop, final)
-    namespace: dict[str, Any] = {name: _constant(value) for name, value in loop.constants.items()}
-    names = {node.operation.name for node in program.nodes} - {"where", "gather"}
+    namespace: dict[str, Any] = {name: _constant(value) for name, value in loop.constants.values()}
+    names = {node.operation.name for node in program.nodes} - set(_STEPWISE)
     namespace |= {name: getattr(np, name) for name in names} | {"copyto": np.copyto}
     exec(compile(source, "<ohmward trace: lanes>", "exec"), namespace)
     return Lanes(namespace["scan"], source, tuple(loop.arrays.registers))
@@ -105,23 +104,20 @@ def _kind(x: Any) -> type:
 
 
 def _write_operations(loop: _Loop) -> None:
-    """One line per operation, into a register, or into the output if nothing but the output keeps the value."""
+    """One line per operation, into its output if it has one, else into a register."""
     program, last = loop.program, _last_uses(loop.program)
     targets = _output_targets(program, loop.state_size)
-    states = {y.serial for y in program.outputs[: loop.state_size] if isinstance(y, Expression)}
     for symbol in program.inputs:
         if last.get(symbol.serial, -1) < 0:
             loop.arrays.give(loop.place[symbol.serial])
     for position, node in enumerate(program.nodes):
-        direct = targets.get(node.serial) if node.serial not in states else None
         dying = [a for a in _unique(node.args) if last[a.serial] == position]
-        overlap = node.operation.name not in ("where", "gather")
-        if overlap:
+        if node.operation.name not in _STEPWISE:
             _release(loop, dying)
-        target = direct or loop.arrays.take(_kind(node))
+        target = targets.get(node.serial) or loop.arrays.take(_kind(node))
         _write_operation(loop, node, target)
         loop.place[node.serial] = target
-        if not overlap:
+        if node.operation.name in _STEPWISE:
             _release(loop, dying)
 
 

@@ -59,7 +59,7 @@ def _end_slope(d0: float, d1: float) -> float:
     slope = (3.0 * d0 - d1) / 2.0
     if slope * d0 <= 0:
         return 0.0
-    return 3.0 * d0 if d0 * d1 < 0 and abs(slope) > abs(3.0 * d0) else slope
+    return 3.0 * d0 if abs(slope) > abs(3.0 * d0) else slope
 
 
 @lru_cache(maxsize=256)
