@@ -1,0 +1,221 @@
+"""Stage 3: the state of charge along a log, from charge counted and from places where it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.segments import REST_RATE, find_rests, is_rest
+from ohmward.battery.ocv import OcvCurve
+from ohmward.errors import InputError
+from ohmward.logs.log import Note
+
+FULL_STD = 0.005
+FULL_RATE = 1 / 20
+_SWEEP_SHARE = 0.85
+_SWEEP_STD = 0.03
+_TOP_SHARE = 0.02
+_TOP_BREAK_S = 600.0
+_SHORTEST_TOP_S = 60.0
+_TAPER_SAMPLES = 3
+_TAPER_CHARGE = 0.003
+_FIRST_REST_STD = 0.005
+_LONG_REST_S = 600.0
+_VOLTAGE_STD_SHARE = 0.0015
+_SHORTEST_EFFICIENCY_GAP = 0.01
+_MOST_OUTSIDE = 0.1
+_CAPACITY_WARNING = 0.03
+
+
+class Anchor(NamedTuple):
+    """A sample at which the state of charge is known, how well, and why."""
+
+    sample: int
+    soc: float
+    std: float
+    reason: str
+
+
+class SocAxis(NamedTuple):
+    """State of charge along a record.
+
+    soc: (T,); anchors: those it was tied to; efficiency: share of the charging current that is stored;
+    notes: how it was set.
+    """
+
+    soc: np.ndarray
+    anchors: tuple[Anchor, ...]
+    efficiency: float
+    notes: tuple[Note, ...]
+
+
+def anchor_soc(
+    record: Record, capacity_Ah: float, ocv: OcvCurve | None = None, initial_soc: float | None = None
+) -> SocAxis:
+    """The state of charge along a record, tied to what is known best.
+
+    In order: `initial_soc` of the user; the ends of full charges; the rest at which `ocv` tells the SoC best; a sweep
+    of at least 85 % of the capacity, whose top is taken as full. Between two full charges the loss in charging is the
+    coulombic efficiency, and what remains is spread over the charge that flowed.
+
+    Raises:
+        InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
+    """
+    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc)
+    efficiency = _efficiency(record, anchors)
+    axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
+    _require_inside(record, axis.soc, capacity_Ah)
+    return axis._replace(notes=_notes(record, axis, capacity_Ah, ocv))
+
+
+def find_anchors(
+    record: Record, capacity_Ah: float, ocv: OcvCurve | None, initial_soc: float | None
+) -> tuple[Anchor, ...]:
+    """The anchors that the axis is tied to: one, or all ends of full charges."""
+    if initial_soc is not None:
+        return (Anchor(0, initial_soc, 0.0, "given"),)
+    if full := full_charges(record, capacity_Ah):
+        return full
+    known = (rest_anchors(record, ocv) if ocv else ()) + sweep_anchor(record, capacity_Ah)
+    if not known:
+        raise InputError(
+            f"log {record.log.name!r}: nothing tells its state of charge (no full charge, no rest at a known "
+            f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
+            f"give it as initial_soc {{{record.log.name!r}: 0.8}}, or add a low-rate test of the same battery"
+        )
+    return (min(known, key=lambda a: a.std),)
+
+
+def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
+    """Ends of charges with constant voltage: at the highest voltage of the log the current fell below C/20.
+
+    A log that starts at rest at the voltage of the rest after such a charge started full as well.
+    """
+    ends = [end for first, last in _tops(record, capacity_Ah) if (end := _end_of_taper(record, first, last, capacity_Ah))]
+    if ends and _starts_like(record, ends):
+        ends = [0, *ends]
+    return tuple(Anchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
+
+
+def rest_anchors(record: Record, ocv: OcvCurve) -> tuple[Anchor, ...]:
+    """What the ends of long rests, and the rest at the start, say by the inverse of the open-circuit voltage."""
+    starts = [p for p in record.phases[:1] if is_rest(p)]
+    degC = record.temperature_degC(ocv.reference_degC)
+    return tuple(
+        _by_voltage(float(record.log.voltage_V[p.last]), ocv, float(degC[p.last]), p.last)
+        for p in [*starts, *find_rests(record.phases, _LONG_REST_S)]
+        if np.isfinite(record.log.voltage_V[p.last])
+    )
+
+
+def sweep_anchor(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
+    """A log that moves at least 85 % of the capacity was full at its highest charge."""
+    total_Ah = record.charge.total_Ah
+    if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
+        return ()
+    return (Anchor(int(np.argmax(total_Ah)), 1.0, _SWEEP_STD, "highest charge of a full sweep"),)
+
+
+def count_soc(record: Record, capacity_Ah: float, efficiency: float = 1.0) -> np.ndarray:
+    """(T,) change of SoC since the first sample by counting charge."""
+    moved_Ah = record.charge.moved_Ah
+    return np.cumsum(np.where(moved_Ah > 0, efficiency * moved_Ah, moved_Ah)) / capacity_Ah
+
+
+def capacity_from_rests(record: Record, axis: SocAxis, ocv: OcvCurve, capacity_Ah: float) -> float | None:
+    """Capacity [Ah] for which the counted charge agrees with the open-circuit voltage at the rests, or None.
+
+    None where the rests span less than half of the SoC range or their voltages tell SoC to no better than 2 %.
+    """
+    rests = [a for a in rest_anchors(record, ocv) if a.std < 0.02 and 0.0 < a.soc < 1.0]
+    counted = np.array([axis.soc[a.sample] for a in rests])
+    told = np.array([a.soc for a in rests])
+    if len(rests) < 2 or np.ptp(told) < 0.5:
+        return None
+    return float(capacity_Ah * np.polyfit(told, counted, 1)[0])
+
+
+def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
+    """First and last sample of each stay within 2 % of the highest voltage.
+
+    Breaks of up to 10 minutes are bridged, unless the battery was discharged.
+    """
+    voltage_V, time_s = np.nan_to_num(record.log.voltage_V), record.log.time_s
+    at = np.flatnonzero(voltage_V >= (1 - _TOP_SHARE) * voltage_V.max())
+    discharged = np.diff(np.cumsum(record.current_A < -REST_RATE * capacity_Ah)[at]) > 0
+    breaks = np.flatnonzero(discharged | (np.diff(time_s[at]) > _TOP_BREAK_S))
+    return list(zip(at[np.append(0, breaks + 1)], at[np.append(breaks, at.size - 1)], strict=True))
+
+
+def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> int | None:
+    """Where the current has died away in a charge with constant voltage among the samples first ... last, or None."""
+    current_A = record.current_A[first : last + 1]
+    charging = np.flatnonzero(current_A > REST_RATE * capacity_Ah)
+    if charging.size < _TAPER_SAMPLES or record.log.time_s[last] - record.log.time_s[first] < _SHORTEST_TOP_S:
+        return None
+    end_A = float(current_A[charging[-_TAPER_SAMPLES:]].mean())
+    charged_Ah = record.charge.moved_Ah[first : last + 1].sum()
+    tapered = end_A <= FULL_RATE * capacity_Ah and current_A.max() >= 2 * end_A
+    return int(first + charging[-1]) if tapered and charged_Ah >= _TAPER_CHARGE * capacity_Ah else None
+
+
+def _starts_like(record: Record, full: Sequence[int]) -> bool:
+    """Whether the log starts at rest at (or above) the lowest voltage of a rest after a full charge, within 1 %."""
+    if not is_rest(record.phases[0]):
+        return False
+    after = [p for p in record.phases if p.kind == "rest" and any(end < p.first <= end + _TAPER_SAMPLES for end in full)]
+    voltage_V = record.log.voltage_V
+    return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
+
+
+def _by_voltage(voltage_V: float, ocv: OcvCurve, degC: float, sample: int) -> Anchor:
+    """SoC at a rest voltage; the hysteresis and 1.5 mV per volt are not known."""
+    soc = ocv.soc_at(voltage_V, degC)
+    doubt_V = float(ocv.half_gap_V(soc)) + _VOLTAGE_STD_SHARE * voltage_V
+    low, high = (ocv.soc_at(voltage_V + s * doubt_V, degC) for s in (-1, 1))
+    return Anchor(sample, soc, max(_FIRST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
+
+
+def _efficiency(record: Record, anchors: Sequence[Anchor]) -> float:
+    """Charge that came out over charge that went in between the first and the last full charge; 1 above 0.99."""
+    if len(anchors) < 2:
+        return 1.0
+    moved_Ah = record.charge.moved_Ah[anchors[0].sample + 1 : anchors[-1].sample + 1]
+    into, out_of = moved_Ah[moved_Ah > 0].sum(), -moved_Ah[moved_Ah < 0].sum()
+    efficiency = out_of / into if into > 0 else 1.0
+    return float(efficiency) if 0.5 <= efficiency < 1 - _SHORTEST_EFFICIENCY_GAP else 1.0
+
+
+def _tied(record: Record, capacity_Ah: float, anchors: Sequence[Anchor], efficiency: float) -> np.ndarray:
+    """Counted SoC, corrected so that it passes the anchors; between them in proportion to the charge that flowed."""
+    counted = count_soc(record, capacity_Ah, efficiency)
+    at = [a.sample for a in anchors]
+    flowed = np.cumsum(np.abs(record.charge.moved_Ah))
+    return counted + np.interp(flowed, flowed[at], [a.soc - counted[a.sample] for a in anchors])
+
+
+def _require_inside(record: Record, soc: np.ndarray, capacity_Ah: float) -> None:
+    outside = max(-soc.min(), soc.max() - 1.0)
+    if outside > _MOST_OUTSIDE:
+        raise InputError(
+            f"log {record.log.name!r}: with a capacity of {capacity_Ah:g} Ah its state of charge would run from "
+            f"{soc.min():.2f} to {soc.max():.2f}; it moves {np.ptp(record.charge.total_Ah):.4g} Ah, so give a larger "
+            "capacity_Ah, or the right initial_soc"
+        )
+
+
+def _notes(record: Record, axis: SocAxis, capacity_Ah: float, ocv: OcvCurve | None) -> tuple[Note, ...]:
+    name, first = record.log.name, axis.anchors[0]
+    tied = f"{first.reason}, +-{2 * first.std:.1%}" if len(axis.anchors) == 1 else f"{len(axis.anchors)} full charges"
+    notes = [Note(f"{name!r}: SoC starts at {axis.soc[0]:.3f} and runs from {axis.soc.min():.3f} to "
+                  f"{axis.soc.max():.3f} ({tied})")]
+    if axis.efficiency < 1:
+        notes.append(Note(f"{name!r}: {axis.efficiency:.1%} of the charging current is stored"))
+    seen_Ah = capacity_from_rests(record, axis, ocv, capacity_Ah) if ocv else None
+    if seen_Ah and abs(seen_Ah / capacity_Ah - 1) > _CAPACITY_WARNING:
+        notes.append(Note(f"{name!r}: its rest voltages and its charge agree for a capacity of {seen_Ah:.4g} Ah, "
+                          f"not for the given {capacity_Ah:g} Ah", "warning"))
+    return tuple(notes)

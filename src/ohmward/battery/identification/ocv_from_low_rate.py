@@ -1,0 +1,189 @@
+"""Stage 4a: the open-circuit voltage from discharges and charges so slow that they hardly disturb it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.segments import LOW_RATE, Phase
+from ohmward.battery.ocv import OcvCurve
+from ohmward.errors import InputError
+from ohmward.logs.log import Note
+
+GRID = np.linspace(0.0, 1.0, 201)
+SAME_TEMPERATURE_K = 5.0
+_COMPLETE_SHARE = 0.93
+_SHORTEST_SHARE = 0.3
+_CAPACITY_WARNING = 0.03
+_SMOOTHING_POINTS = 21
+
+
+class Branch(NamedTuple):
+    """One low-rate discharge or charge on its own axis of SoC.
+
+    soc: (N,) state of charge, voltage_V: (N,) at it, both in order of time.
+    current_A: mean current, > 0 charges.
+    moved_Ah: charge of the whole branch, >= 0.
+    temperature_degC: median during the branch, or None.
+    complete: whether it runs from full to empty or back, and so defines the axis by itself.
+    """
+
+    log_name: str
+    direction: Literal["discharge", "charge"]
+    soc: np.ndarray
+    voltage_V: np.ndarray
+    current_A: float
+    moved_Ah: float
+    temperature_degC: float | None
+    complete: bool
+
+
+def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None = None) -> tuple[Branch, ...]:
+    """The low-rate branches of a record. A branch of at least 93 % of the capacity runs from full to empty or back.
+
+    A shorter branch starts where the branch before it ended, or at `initial_soc`.
+
+    Raises:
+        InputError: a branch is shorter and nothing says where it starts.
+    """
+    branches: list[Branch] = []
+    for phase in record.phases:
+        moved_Ah = float(record.charge.moved_Ah[phase.first + 1 : phase.last + 1].sum())
+        slow = phase.kind != "rest" and abs(phase.current_A) < LOW_RATE * capacity_Ah
+        if slow and abs(moved_Ah) > _SHORTEST_SHARE * capacity_Ah:
+            branches.append(_branch(record, phase, moved_Ah, capacity_Ah, branches[-1:], initial_soc))
+    return tuple(branches)
+
+
+def ocv_from_branches(branches: Sequence[Branch], reference_degC: float) -> OcvCurve:
+    """Mean of the charge and the discharge branch, half their distance, and their change with temperature.
+
+    Branches within 5 K belong together; the group nearest to `reference_degC` gives the curve, all give the change
+    with temperature. With one direction only, its voltage is the curve and the hysteresis is 0.
+    """
+    groups = _by_temperature(branches, reference_degC)
+    curves = {degC: _mean_and_half_gap(group) for degC, group in groups.items()}
+    nearest = min(curves, key=lambda degC: abs(degC - reference_degC))
+    mean_V, half_gap_V = curves[nearest]
+    return OcvCurve(
+        voltage_V=tuple(mean_V),
+        hysteresis_V=tuple(half_gap_V),
+        temperature_V_per_K=tuple(_temperature_slope({degC: mean for degC, (mean, _) in curves.items()})),
+        reference_degC=nearest,
+    )
+
+
+def branch_notes(branches: Sequence[Branch], capacity_Ah: float) -> tuple[Note, ...]:
+    """How the axis of SoC of each branch was set, with a warning where its charge is not the given capacity."""
+    return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
+
+
+def monotone(values: np.ndarray) -> np.ndarray:
+    """(N,) non-decreasing: the middle of the running maximum from the left and the running minimum from the right."""
+    return 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
+
+
+def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
+    """(N,) moving average over `points`, fewer at the ends."""
+    kernel = np.ones(points)
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+
+
+def _branch(
+    record: Record, phase: Phase, moved_Ah: float, capacity_Ah: float, before: list[Branch], initial_soc: float | None
+) -> Branch:
+    rows = slice(phase.first, phase.last + 1)
+    total_Ah = np.cumsum(record.charge.moved_Ah[rows]) - record.charge.moved_Ah[phase.first]
+    complete = abs(moved_Ah) >= _COMPLETE_SHARE * capacity_Ah
+    scale_Ah = abs(moved_Ah) if complete else before[-1].moved_Ah if before else capacity_Ah
+    start = (1.0 if moved_Ah < 0 else 0.0) if complete else _start_of_part(record, before, initial_soc)
+    soc, voltage_V = start + total_Ah / scale_Ah, record.log.voltage_V[rows]
+    known = np.isfinite(voltage_V)
+    degC = None if record.log.temperature_degC is None else float(np.nanmedian(record.log.temperature_degC[rows]))
+    direction: Literal["discharge", "charge"] = "discharge" if moved_Ah < 0 else "charge"
+    return Branch(
+        record.log.name, direction, soc[known], voltage_V[known], phase.current_A, abs(moved_Ah), degC, complete
+    )
+
+
+def _start_of_part(record: Record, before: list[Branch], initial_soc: float | None) -> float:
+    if before:
+        return float(before[-1].soc[-1])
+    if initial_soc is not None:
+        return initial_soc
+    raise InputError(
+        f"log {record.log.name!r}: its low-rate test moves less than {_COMPLETE_SHARE:.0%} of the given capacity, so "
+        f"where it starts is not known; give its initial_soc ({{{record.log.name!r}: 0.5}}), or check the capacity"
+    )
+
+
+def _by_temperature(branches: Sequence[Branch], otherwise_degC: float) -> dict[float, list[Branch]]:
+    """Branches grouped by temperature within 5 K; the key is that of the group's first."""
+    groups: dict[float, list[Branch]] = {}
+    for branch in branches:
+        degC = otherwise_degC if branch.temperature_degC is None else branch.temperature_degC
+        near = [key for key in groups if abs(key - degC) < SAME_TEMPERATURE_K]
+        groups.setdefault(near[0] if near else degC, []).append(branch)
+    return groups
+
+
+def _mean_and_half_gap(branches: Sequence[Branch]) -> tuple[np.ndarray, np.ndarray]:
+    """(201,) mean curve and half gap [V]; where only one direction was measured, the gap is held."""
+    curves = [_on_grid([b for b in branches if b.direction == way]) for way in ("discharge", "charge")]
+    discharge, charge = curves
+    if np.isnan(discharge).all() or np.isnan(charge).all():
+        mean_V = discharge if np.isnan(charge).all() else charge
+        return monotone(_held(mean_V)), np.zeros_like(GRID)
+    half_gap_V = np.maximum(_closing(0.5 * (charge - discharge)), 0.0)
+    mean_V = np.where(np.isnan(charge), discharge + half_gap_V, charge - half_gap_V)
+    both = ~np.isnan(charge) & ~np.isnan(discharge)
+    mean_V[both] = 0.5 * (charge + discharge)[both]
+    return monotone(_held(mean_V)), half_gap_V
+
+
+def _on_grid(branches: Sequence[Branch]) -> np.ndarray:
+    """(201,) mean voltage of the branches of one direction, nan where none was measured."""
+    rows = [_interpolated(branch) for branch in branches]
+    known = np.sum([~np.isnan(row) for row in rows], axis=0) if rows else np.zeros(GRID.size)
+    total = np.nansum(rows, axis=0) if rows else np.zeros(GRID.size)
+    return np.where(known > 0, total / np.maximum(known, 1), np.nan)
+
+
+def _interpolated(branch: Branch) -> np.ndarray:
+    order = np.argsort(branch.soc, kind="stable")
+    return np.interp(GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
+
+
+def _closing(half_gap_V: np.ndarray) -> np.ndarray:
+    """(201,) the half gap, closing to 0 at an end of SoC that one of the branches did not reach."""
+    known = np.flatnonzero(~np.isnan(half_gap_V))
+    return np.interp(GRID, [-1e-9, *GRID[known], 1 + 1e-9], [0.0, *half_gap_V[known], 0.0])
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """The values with each unknown one replaced by its nearest known neighbours."""
+    known = ~np.isnan(values)
+    return np.interp(GRID, GRID[known], values[known])
+
+
+def _temperature_slope(curves: dict[float, np.ndarray]) -> np.ndarray:
+    """(201,) [V/K] slope of the curves over temperature, smoothed over 10 % of SoC; 0 with one temperature."""
+    if len(curves) < 2:
+        return np.zeros_like(GRID)
+    degC = np.array(list(curves))
+    centred = degC - degC.mean()
+    return smooth(centred @ np.array(list(curves.values())) / (centred @ centred))
+
+
+def _branch_note(branch: Branch, capacity_Ah: float) -> Note:
+    what = f"low-rate {branch.direction} in {branch.log_name!r} at {abs(branch.current_A):.3g} A"
+    if not branch.complete:
+        return Note(f"{what} covers SoC {branch.soc.min():.3f} to {branch.soc.max():.3f}")
+    error = branch.moved_Ah / capacity_Ah - 1.0
+    text = f"{what} moved {branch.moved_Ah:.4g} Ah ({error:+.1%} of the given capacity): its SoC runs from 0 to 1"
+    if abs(error) <= _CAPACITY_WARNING:
+        return Note(text)
+    return Note(f"{text}; is {capacity_Ah:g} Ah the capacity that estimators should use?", "warning")

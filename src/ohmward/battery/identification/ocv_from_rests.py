@@ -1,0 +1,105 @@
+"""Stage 4b: the open-circuit voltage from the ends of rests, where no low-rate test exists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.ocv_from_low_rate import monotone
+from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.segments import find_rests, is_rest
+from ohmward.battery.ocv import OcvCurve
+from ohmward.errors import InputError
+
+SHORTEST_REST_S = 600.0
+_POINTS = 101
+_SAME_SOC = 0.01
+_FEWEST_POINTS = 2
+_SMALLEST_SPAN = 0.2
+
+
+class RestPoint(NamedTuple):
+    """Voltage at the end of a rest.
+
+    sample: index of the last sample of the rest; soc at it; voltage_V there; duration_s of the rest.
+    """
+
+    log_name: str
+    sample: int
+    soc: float
+    voltage_V: float
+    duration_s: float
+
+
+def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
+    """The end of each rest of at least 10 minutes, and of the rest with which the log starts.
+
+    soc: (T,) state of charge along the record.
+    """
+    first = [p for p in record.phases[:1] if is_rest(p)]
+    ends = [(p, last_known(record.log.voltage_V, p.first, p.last)) for p in [*first, *rests_after_current(record)]]
+    return tuple(
+        RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
+        for p, at in ends
+        if at is not None
+    )
+
+
+def rests_after_current(record: Record) -> tuple:
+    """The rests of at least 10 minutes that follow a current."""
+    return find_rests(record.phases, SHORTEST_REST_S)
+
+
+def last_known(voltage_V: np.ndarray, first: int, last: int) -> int | None:
+    """The last sample in first ... last with a voltage, or None."""
+    known = np.flatnonzero(np.isfinite(voltage_V[first : last + 1]))
+    return first + int(known[-1]) if known.size else None
+
+
+def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: float) -> OcvCurve:
+    """Monotone cubic through the ends of the rests.
+
+    empty_V: lowest voltage of the logs [V]; the curve ends there at SoC 0 when no rest came near.
+
+    Raises:
+        InputError: fewer than 2 rests, or all at nearly the same SoC.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    soc, voltage_V = _merged(points)
+    if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:
+        raise InputError(
+            f"only {soc.size} rests of {SHORTEST_REST_S:g} s or more, over {np.ptp(soc) if soc.size else 0:.0%} of SoC: "
+            "the open-circuit voltage cannot be told from the voltage under load; add a log with a low-rate discharge "
+            "and charge, or one with rests at several states of charge"
+        )
+    soc, voltage_V = _with_ends(soc, voltage_V, empty_V)
+    grid = np.linspace(0.0, 1.0, _POINTS)
+    return OcvCurve(tuple(monotone(PchipInterpolator(soc, voltage_V)(grid))), reference_degC=reference_degC)
+
+
+def _merged(points: Sequence[RestPoint]) -> tuple[np.ndarray, np.ndarray]:
+    """SoC and voltage of the rests, averaged within 1 % of SoC, both rising."""
+    ordered = sorted(points, key=lambda p: p.soc)
+    groups: list[list[RestPoint]] = []
+    for point in ordered:
+        if groups and point.soc - groups[-1][0].soc < _SAME_SOC:
+            groups[-1].append(point)
+        else:
+            groups.append([point])
+    soc = np.array([np.mean([p.soc for p in g]) for g in groups])
+    return soc, monotone(np.array([np.mean([p.voltage_V for p in g]) for g in groups]))
+
+
+def _with_ends(soc: np.ndarray, voltage_V: np.ndarray, empty_V: float) -> tuple[np.ndarray, np.ndarray]:
+    """The points with one at SoC 0 and one at SoC 1: straight on from the last two, and down to `empty_V` at 0."""
+    slope = np.diff(voltage_V) / np.diff(soc)
+    if soc[0] > 0:
+        straight_V = voltage_V[0] - slope[0] * soc[0]
+        bottom_V = straight_V if soc[0] < _SAME_SOC else min(straight_V, max(empty_V, straight_V - voltage_V[0] * 0.1))
+        soc, voltage_V = np.append(0.0, soc), np.append(bottom_V, voltage_V)
+    if soc[-1] < 1:
+        soc, voltage_V = np.append(soc, 1.0), np.append(voltage_V, voltage_V[-1] + slope[-1] * (1 - soc[-1]))
+    return soc, voltage_V
