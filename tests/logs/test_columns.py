@@ -47,6 +47,9 @@ def test_bdf_labels_with_spaces_and_brackets():
         ("time", "Test_Time(s)", ["Step_Time(s)", "Date_Time"]),
         ("time", "elapsed_s", ["timestamp"]),
         ("temperature", "temperature", ["ambient_temperature"]),
+        ("temperature", "Temperature T1 / degC", ["Ambient Temperature / degC"]),
+        ("temperature", "Surface Temperature T1 / degC", ["Ambient Temperature / degC"]),
+        ("temperature", "temperature_t1_celsius", ["ambient_temperature_celsius"]),
         ("current", "I (A)", ["soc", "i2c_errors", "capacity_Ah"]),
     ],
 )

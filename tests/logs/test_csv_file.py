@@ -63,6 +63,13 @@ def test_commas_in_names_are_not_delimiters_when_the_rows_have_none(write_text):
     assert list(table.columns) == ["time", "voltage (V, mean, raw, x)", "current"]
 
 
+def test_a_column_without_a_name_is_passed_over(write_text):
+    """The index that pandas writes."""
+    table = load(write_text(",time_s,current_A\n0,5,1\n1,6,2\n"))
+    assert list(table.columns) == ["time_s", "current_A"]
+    np.testing.assert_array_equal(table.columns["time_s"], [5.0, 6.0])
+
+
 def test_lines_are_counted_as_an_editor_counts_them(write_text):
     table = load(write_text("# one\n# two\n" + PLAIN))
     np.testing.assert_array_equal(table.line, [4, 5, 6])

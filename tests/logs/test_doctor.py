@@ -79,6 +79,7 @@ def test_noise_below_the_resolution_is_that_of_rounding():
         (lambda x: {"time_s": 20 * x.time_s}, "warning: one sample every 20 s"),
         (lambda x: {"time_s": x.time_s + 500 * (x.time_s > 300)}, "warning: 1 gap without samples, the longest 501 s"),
         (lambda x: {"time_s": x.time_s + 20 * (x.time_s > 300)}, "info: 1 gap without samples, the longest 21 s"),
+        (lambda x: {"time_s": x.time_s + 1.7e9 * (x.time_s > 300)}, "error: a gap of 53.9 years -> the clock was set"),
         (lambda x: {"time_s": np.cumsum(1 + 0.3 * np.sin(x.time_s))}, "info: .* of the intervals differ"),
         (
             lambda x: {"voltage_V": np.where(x.time_s % 9 == 0, np.nan, x.voltage_V)},

@@ -86,7 +86,7 @@ def test_csv_is_plain_to_the_eye(tmp_path):
 def test_bdf_has_the_names_of_the_format(tmp_path):
     write_log(log(temperature_degC=[20.0, 20.5], start_unix_s=5.0), tmp_path / "log.bdf.csv")
     header = (tmp_path / "log.bdf.csv").read_text().splitlines()[0]
-    assert header == "Test Time / s,Current / A,Voltage / V,Surface Temperature T1 / degC,Unix Time / s"
+    assert header == "Test Time / s,Current / A,Voltage / V,Temperature T1 / degC,Unix Time / s"
 
 
 def test_text_columns_can_be_written(tmp_path):

@@ -1,4 +1,4 @@
-"""Names and rules of the Battery Data Format (BDF, Battery Data Alliance): current > 0 charges by definition."""
+"""Names and rules of the Battery Data Format (BDF, Battery Data Alliance, ontology 1.2): current > 0 charges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "time_s": ("Test Time / s", "test_time_second"),
     "voltage_V": ("Voltage / V", "voltage_volt"),
     "current_A": ("Current / A", "current_ampere"),
-    "temperature_degC": ("Surface Temperature T1 / degC", "surface_temperature_t1_degree_celsius"),
+    "temperature_degC": ("Temperature T1 / degC", "temperature_t1_celsius"),
     "unix_time_s": ("Unix Time / s", "unix_time_second", "unix_time_s"),
 }
 REQUIRED = ("time_s", "voltage_V", "current_A")

@@ -20,7 +20,7 @@ _SYNONYMS: dict[str, frozenset[str]] = {
     ),
     "current": frozenset(("current", "i", "curr", "amps", "amperage", "ibat", "ibatt")),
     "voltage": frozenset(("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe")),
-    "temperature": frozenset(("temperature", "temp", "t", "tbat", "tbatt")),
+    "temperature": frozenset(("temperature", "temp", "t", "tbat", "tbatt", "temperature t")),
 }  # fmt: skip
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _BATTERY_WORDS = frozenset(

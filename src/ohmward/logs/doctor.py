@@ -9,6 +9,8 @@ from typing import Literal
 from ohmward.logs.log import Log, counted
 from ohmward.logs.survey import Survey, survey
 
+_YEAR_S = 365.25 * 86400.0
+
 Severity = Literal["info", "warning", "error"]
 
 
@@ -113,7 +115,13 @@ def _check_sampling(s: Survey) -> Iterator[Finding]:
 
 
 def _check_gaps(s: Survey) -> Iterator[Finding]:
-    if s.sampling.gaps:
+    if s.sampling.longest_gap_s > _YEAR_S:
+        yield Finding(
+            "error",
+            f"a gap of {s.sampling.longest_gap_s / _YEAR_S:.1f} years",
+            "the clock was set while the log ran; keep one side of the gap",
+        )
+    elif s.sampling.gaps:
         yield Finding(
             "warning" if s.sampling.longest_gap_s > 60.0 else "info",
             f"{counted(s.sampling.gaps, 'gap')} without samples, the longest {s.sampling.longest_gap_s:g} s",

@@ -44,7 +44,7 @@ _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\
 # `Voltage / V`, `U/V`
 _SLASH = re.compile(r"^(?P<stem>.+?)\s*/\s*(?P<unit>[^/]+?)\s*(?P<rest>)$")
 # `current_A`, `voltage mV`, `time.ms`
-_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w+|deg[ _][cfCF])(?P<rest>)$")
+_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w+|deg[ _][cfCF]|degree[ _]celsius)(?P<rest>)$")
 
 
 def unit_of(spelling: str) -> Unit | None:
