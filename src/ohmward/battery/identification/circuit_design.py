@@ -1,0 +1,132 @@
+"""The voltage of the circuit as a sum of columns: linear in everything but time constants and rates.
+
+With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
+
+    V = OCV(soc) + c(soc) + ms D(soc) h + r0(soc, sign i) i + sum_j v_j,   v_j driven by r_j(soc) i,
+
+is linear in r0_discharge, r0_charge, r_1 ... r_n on a grid of SoC, in the scale ms of the hysteresis, in a correction
+c of the OCV curve on knots, and in the states v_j and h at the start of each record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.along import hysteresis_decay, scan
+from ohmward.battery.identification.samples import Samples
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.thevenin import KELVIN
+
+GRID = np.linspace(0.0, 1.0, 21)
+KNOTS = np.concatenate([
+    [0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.arange(0.1, 0.905, 0.05), [0.92, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99],
+    [0.995, 1.0],
+])  # fmt: skip
+
+
+class Rates(NamedTuple):
+    """What the voltage is not linear in.
+
+    tau_s: (n,) time constants; hysteresis_rate: gamma; activation_K: of the resistances.
+    """
+
+    tau_s: tuple[float, ...]
+    hysteresis_rate: float
+    activation_K: float = 0.0
+
+
+class Layout(NamedTuple):
+    """Where each group of unknowns stands in the vector x (K,).
+
+    pairs: number n of RC pairs; records: number of records; hysteresis: whether the OCV curve has any.
+    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on GRID; then ms (with hysteresis), the OCV correction
+    on KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
+    """
+
+    pairs: int
+    records: int
+    hysteresis: bool
+
+    @property
+    def blocks(self) -> int:
+        """Number of resistances along SoC."""
+        return 2 + self.pairs
+
+    @property
+    def resistances(self) -> slice:
+        """All resistances."""
+        return slice(0, self.blocks * GRID.size)
+
+    def block(self, j: int) -> slice:
+        """One resistance along SoC: 0 r0_discharge, 1 r0_charge, 1 + j r_j."""
+        return slice(j * GRID.size, (j + 1) * GRID.size)
+
+    @property
+    def scale(self) -> slice:
+        """Scale ms of the hysteresis; empty without hysteresis."""
+        return slice(self.resistances.stop, self.resistances.stop + self.hysteresis)
+
+    @property
+    def correction(self) -> slice:
+        """Correction of the OCV curve on KNOTS [V]."""
+        return slice(self.scale.stop, self.scale.stop + KNOTS.size)
+
+    def initial(self, record: int) -> slice:
+        """States at the start of a record."""
+        width = self.pairs + self.hysteresis
+        return slice(self.correction.stop + record * width, self.correction.stop + (record + 1) * width)
+
+    @property
+    def size(self) -> int:
+        """Length K of x."""
+        return self.initial(self.records).start
+
+
+def design(
+    samples: Samples, record: int, layout: Layout, rates: Rates, ocv: OcvCurve, capacity_Ah: float, reference_degC: float
+) -> np.ndarray:
+    """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
+    A = np.zeros((samples.soc.size, layout.size))
+    warm = warmth(samples, rates.activation_K, reference_degC)
+    here = hat(samples.soc, GRID) * (warm * samples.current_A)[:, None]
+    driven = hat(samples.soc_before, GRID) * (warm * samples.mean_current_A)[:, None]
+    A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
+    A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
+    initial = layout.initial(record).start
+    for j, tau in enumerate(rates.tau_s):
+        decay = np.exp(-samples.dt_s / tau)
+        A[:, layout.block(2 + j)] = scan(decay, (1 - decay)[:, None] * driven)
+        A[:, initial + j] = np.cumprod(decay)
+    A[:, layout.correction] = hat(samples.soc, KNOTS)
+    if layout.hysteresis:
+        gap_V = ocv.half_gap_V(samples.soc)
+        decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
+        h = scan(decay, (1 - decay) * np.sign(samples.mean_current_A))
+        A[:, layout.scale] = (gap_V * h)[:, None]
+        A[:, initial + layout.pairs] = gap_V * np.cumprod(decay)
+    return A
+
+
+def warmth(samples: Samples, activation_K: float, reference_degC: float) -> np.ndarray:
+    """(N,) factor of the resistances at the temperature of each sample (Arrhenius)."""
+    return np.exp(activation_K * (1 / (samples.temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
+
+
+def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """(N, K) weights of linear interpolation between the knots, held beyond the ends."""
+    x = np.clip(x, knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    share = (x - knots[left]) / (knots[left + 1] - knots[left])
+    weights = np.zeros((x.size, knots.size))
+    rows = np.arange(x.size)
+    weights[rows, left] = 1 - share
+    weights[rows, left + 1] += share
+    return weights
+
+
+def pair_names(pairs: int) -> Sequence[str]:
+    """Names of the resistances along SoC, in the order of the blocks."""
+    return ("r0_discharge_ohm", "r0_charge_ohm", *(f"r{j}_ohm" for j in range(1, pairs + 1)))

@@ -1,0 +1,106 @@
+"""What is known of the circuit before the fit. It regularises where data are thin, and so gives honest covariances.
+
+Volts are relative to a lithium-ion cell of 3.7 V, so that a pack or a lead-acid battery needs no other numbers.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.circuit_design import GRID, KNOTS, Layout
+from ohmward.battery.ocv import OcvCurve
+
+CELL_V = 3.7
+
+
+class Prior(NamedTuple):
+    """Standard deviations of the prior.
+
+    walk_share: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC.
+    level_share: of the level itself.
+    direction_share: between r0 in charge and in discharge.
+    ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; it holds on over `ocv_length` of SoC.
+    hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
+    rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
+    """
+
+    walk_share: float = 0.25
+    level_share: float = 1.0
+    direction_share: float = 0.1
+    ocv_V: float = 0.004
+    ocv_soc: float = 0.01
+    ocv_length: float = 0.05
+    hysteresis: tuple[float, float] = (0.5, 0.2)
+    rest_V: float = 0.002
+    start_V: float = 0.03
+
+
+LOW_RATE_PRIOR = Prior()
+RESTS_PRIOR = Prior(ocv_V=0.008, ocv_soc=0.02)
+
+
+class Gaussian(NamedTuple):
+    """Prior of x: precision (K, K) and precision times mean (K,)."""
+
+    precision: np.ndarray
+    information: np.ndarray
+
+
+def make_prior(
+    prior: Prior, layout: Layout, levels: np.ndarray, shapes: np.ndarray, ocv: OcvCurve, at_rest: list[bool], volts: float
+) -> Gaussian:
+    """The prior of all unknowns.
+
+    levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
+    at_rest: for each record, whether it starts with a long rest.
+    volts: voltage of the battery over that of a lithium-ion cell.
+    """
+    precision, information = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
+    for j in range(layout.blocks):
+        add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
+        if j != 1:
+            row = 1 / (prior.level_share * levels[j] * GRID.size * shapes[j])
+            add_rows(precision, layout.block(j), row[None, :])
+            information[layout.block(j)] += row / prior.level_share
+    _tie_directions(precision, layout, prior.direction_share * levels[0])
+    if layout.hysteresis:
+        mean, std = prior.hysteresis
+        precision[layout.scale, layout.scale] += 1 / std**2
+        information[layout.scale] += mean / std**2
+    precision[layout.correction, layout.correction] += ocv_precision(prior, ocv, volts)
+    for record, rests in enumerate(at_rest):
+        where = layout.initial(record)
+        v = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
+        std = np.concatenate([v, np.full(int(layout.hysteresis), prior.hysteresis[0])])
+        precision[where, where] += np.diag(1 / std**2)
+    return Gaussian(precision, information)
+
+
+def ocv_precision(prior: Prior, ocv: OcvCurve, volts: float) -> np.ndarray:
+    """(K, K) precision of the OCV correction on KNOTS: exponential correlation along SoC, wider on a steep curve."""
+    slope = np.abs(np.gradient(np.asarray(ocv.mean_V(KNOTS, ocv.reference_degC)), KNOTS))
+    std = np.hypot(volts * prior.ocv_V, prior.ocv_soc * slope)
+    correlation = np.exp(-np.abs(KNOTS[:, None] - KNOTS) / prior.ocv_length)
+    return np.linalg.inv(std[:, None] * correlation * std)
+
+
+def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
+    """Add the precision of `rows` @ x[where] ~ N(., 1) to precision (K, K), in place."""
+    precision[where, where] += rows.T @ rows
+
+
+def _walk(prior: Prior, level: float) -> np.ndarray:
+    """(20, 21) differences of neighbouring grid points over their standard deviation."""
+    std = prior.walk_share * level * np.sqrt(np.diff(GRID) / 0.1)
+    return np.diff(np.eye(GRID.size), axis=0) / std[:, None]
+
+
+def _tie_directions(precision: np.ndarray, layout: Layout, std_ohm: float) -> None:
+    discharge, charge = layout.block(0), layout.block(1)
+    tie = np.eye(GRID.size) / std_ohm**2
+    precision[discharge, discharge] += tie
+    precision[charge, charge] += tie
+    precision[discharge, charge] -= tie
+    precision[charge, discharge] -= tie
