@@ -1,6 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ohmward.errors import InputError
 from ohmward.simulate.mission import Robot, ambient_degC, drive, leg_speed, robot_day, shaft_power_W
 
 
@@ -53,3 +56,11 @@ def test_same_seed_same_day_other_seed_other_day():
     one, same, other = (robot_day(np.random.default_rng(seed), 5.0) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one.current_A, same.current_A)
     assert one.current_A.size != other.current_A.size or np.any(one.current_A != other.current_A)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("mass_kg", 0.0), ("efficiency", 65.0), ("regeneration", -0.1), ("speed_m_s", (0.0, 1.0))]
+)
+def test_impossible_robots_are_refused(name, value):
+    with pytest.raises(InputError, match=rf"robot\.{name} must be .*got"):
+        replace(Robot(), **{name: value})

@@ -39,6 +39,16 @@ def test_voltage_at_constant_current_is_the_closed_form():
     np.testing.assert_allclose(sim.truth.voltage_V, expected, atol=1e-9)
 
 
+def test_a_cold_battery_resists_more():
+    simple = simple_battery()
+    battery = replace(simple, circuit=replace(simple.circuit, activation_K=3000.0))
+    i, warm = -8.0, np.exp(3000.0 * (1 / 263.15 - 1 / 298.15))
+    start = resting_state(battery, 0.5, temperature_degC=-10.0)
+    truth = simulate(battery, constant(i, 1.0, -10.0), np.array([0.0]), start).truth
+    expected = 12.5 - 35.0 * 1e-3 + warm * 0.02 * i + 0.2 * np.arcsinh(warm * i / 20.0)
+    assert truth.voltage_V[0] == pytest.approx(expected, abs=1e-12)
+
+
 def test_energy_in_is_energy_stored_plus_heat():
     battery = simple_battery()
     start = resting_state(battery, 0.8, temperature_degC=15.0)

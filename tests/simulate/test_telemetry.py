@@ -32,6 +32,11 @@ def test_dropouts_take_rate_times_length_of_the_time():
     assert np.mean(lost) == pytest.approx(expected, rel=0.15)
 
 
+def test_the_first_sample_arrives_even_over_a_dead_link():
+    dead = Telemetry(1.0, 0.0, dropouts_per_hour=1e5, dropout_mean_s=1e5)
+    assert dead.times(50.0, np.random.default_rng(0))[0] == 0.0
+
+
 def test_without_faults_it_is_a_raster():
     np.testing.assert_array_equal(
         Telemetry(0.5, 0.0, 0.0).times(5.0, np.random.default_rng(0)), np.arange(0.0, 5.0, 0.5)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ohmward.battery.checks import require_between, require_positive
 from ohmward.simulate.profile import Profile, join
 
 _GRAVITY_M_S2 = 9.81
@@ -31,6 +32,9 @@ class Robot:
         idle_W: computer, lidar, radio.
         tool_W: mower or lift while it works, in a third of the legs.
         nominal_V: what turns power into current.
+
+    Raises:
+        InputError: a value out of its range.
     """
 
     mass_kg: float = 50.0
@@ -44,6 +48,14 @@ class Robot:
     idle_W: float = 9.0
     tool_W: float = 25.0
     nominal_V: float = 12.5
+
+    def __post_init__(self) -> None:
+        for name in ("mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V"):
+            require_positive(f"robot.{name}", getattr(self, name))
+        for name in ("payload_kg", "rolling", "grade_std", "idle_W", "tool_W"):
+            require_between(f"robot.{name}", getattr(self, name), 0.0, np.inf)
+        for name in ("efficiency", "regeneration"):
+            require_between(f"robot.{name}", getattr(self, name), 0.0, 1.0)
 
 
 def robot_day(rng: np.random.Generator, charge_current_A: float, robot: Robot | None = None) -> Profile:

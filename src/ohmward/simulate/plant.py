@@ -5,8 +5,8 @@ heat = M h i + sum v_j^2 / R_j + R_0 i^2 + B arcsinh(i / i_x) i + OCV (i - i_s) 
 C dT/dt = heat - G (T - T_ambient)
 
 i_s is the part of the current that is stored. The last two terms are side reactions and reversible heat (Bernardi,
-Pawlikowski, Newman 1985). What `stored_energy_J` gains is what the terminals give less the heat: exactly where the
-R_j are constant, to about 3 % of the heat where they change with SoC while the v_j are not zero.
+Pawlikowski, Newman 1985). What `stored_energy_J` gains is what the terminals give less the heat: up to the step
+length where the R_j are constant, within 3 % of the heat where they change with SoC while the v_j are not zero.
 """
 
 from __future__ import annotations

@@ -27,6 +27,13 @@ class RobotDay(NamedTuple):
     mission: Log
 
 
+class RobotDayFiles(NamedTuple):
+    """Where the logs of a `RobotDay` were written."""
+
+    pulse_test: Path
+    mission: Path
+
+
 def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
     """A pulse test on the bench and a working day, of a 12 V, 12 Ah battery on the robot of [P]'s kind.
 
@@ -91,10 +98,3 @@ def write_robot_day(day: RobotDay, folder: str | PathLike[str], suffix: str = ".
     for log, path in zip(day, paths, strict=True):
         write_log(log, path)
     return RobotDayFiles(*paths)
-
-
-class RobotDayFiles(NamedTuple):
-    """Where the logs of a `RobotDay` were written."""
-
-    pulse_test: Path
-    mission: Path

@@ -23,6 +23,9 @@ class Sensor:
         gain_error: share of the true value that is added to the reading.
         spike_share, spike_std: share of the samples that are hit by interference, and its size.
         missing_share: share of the samples that are NaN.
+
+    Raises:
+        InputError: a value out of its range.
     """
 
     low: float

@@ -18,6 +18,9 @@ class Telemetry:
         jitter_std_s: of each sample about its place in the raster, cut at 0.4 intervals.
         dropouts_per_hour: how often the link is lost (Poisson).
         dropout_mean_s: how long (exponential).
+
+    Raises:
+        InputError: a value out of its range.
     """
 
     interval_s: float = 1.0
