@@ -48,7 +48,7 @@ def test_the_day_charges_at_noon_and_is_as_warm_as_it_should_be():
     assert 11.0 < clock[charging].min() < 12.0 < 13.0 < clock[charging].max()
     work = day.current_A < 0
     assert -18.0 < np.sum((day.current_A * np.gradient(day.time_s))[work]) / 3600.0 < -13.0
-    assert ambient_degC(np.array([0.0, 43200.0]), 4.0).tolist() == [9.0, 23.0]
+    assert ambient_degC(np.array([0.0, 43200.0]), 4.0).tolist() == [12.0, 24.0]
     assert np.all(np.diff(day.time_s) > 0.0)
 
 

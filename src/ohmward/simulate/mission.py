@@ -82,9 +82,9 @@ def robot_day(rng: np.random.Generator, charge_current_A: float, robot: Robot | 
 
 
 def ambient_degC(time_s: np.ndarray, start_hour: float) -> np.ndarray:
-    """Outdoor temperature [degC] over a day in spring: 9 at four in the morning, 23 at four in the afternoon."""
+    """Outdoor temperature [degC] over a day in spring: 12 at four in the morning, 24 at four in the afternoon."""
     hour = start_hour + time_s / _HOUR_S
-    return 16.0 - 7.0 * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
+    return 18.0 - 6.0 * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
 
 
 def drive(rng: np.random.Generator, robot: Robot, duration_s: float) -> Profile:

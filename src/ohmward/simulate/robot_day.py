@@ -18,6 +18,7 @@ from ohmward.simulate.sensors import Sensors, low_cost_sensors, on_the_bench
 from ohmward.simulate.telemetry import Telemetry
 
 CHEMISTRIES = ("lfp", "lead-acid")
+_WORKSHOP_DEGC = 20.0
 
 
 class RobotDay(NamedTuple):
@@ -55,9 +56,10 @@ def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
 
 
 def run_pulse_test(battery: SimulatedBattery) -> Simulation:
-    """The truth of the pulse test at 25 degC, from full."""
-    profile = pulse_test(battery)
-    return simulate(battery, profile, bench_times(profile), resting_state(battery, soc=1.0, hysteresis=1.0))
+    """The truth of the pulse test in the workshop, from full."""
+    profile = pulse_test(battery, _WORKSHOP_DEGC)
+    start = resting_state(battery, 1.0, _WORKSHOP_DEGC, hysteresis=1.0)
+    return simulate(battery, profile, bench_times(profile), start)
 
 
 def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulation:
