@@ -1,0 +1,157 @@
+"""The RC model from a whole log, by least squares that are linear but for one number.
+
+With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of the model is, exactly,
+
+    V = V_start + q / C + R_1 F[i] + R_0 i
+
+where q is the charge since the start, F a first-order filter of gain 1 and rate w, and
+
+    C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
+
+For a given w this is linear: one search in w finds the best. It also says what no test can tell: five elements
+stand behind four numbers. [T] and [P] settle it by R_b = R_s; where that would make R_t negative (a slow, large C_s),
+R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery import rc
+from ohmward.battery.rc_rule import TERMINAL_SHARE
+from ohmward.battery.rc_samples import Samples
+
+_LONGEST_WEIGHT_S = 60.0
+_RATES = 40
+
+
+class VoltageFit(NamedTuple):
+    """The four numbers that the voltage of an RC model shows, see the top of the file.
+
+    start_V: open-circuit voltage at the start of the log.
+    capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
+    residual_V: (T,) measured minus fitted voltage, of the samples that have one.
+    """
+
+    start_V: float
+    capacitance_F: float
+    r0_ohm: float
+    r1_ohm: float
+    tau_s: float
+    residual_V: np.ndarray
+
+    @property
+    def rms_V(self) -> float:
+        """Root of the mean square of the residual."""
+        return float(np.sqrt(np.mean(self.residual_V**2)))
+
+
+def fit_voltage(samples: Samples, capacitance_F: float | None = None) -> VoltageFit | None:
+    """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
+
+    Samples weigh as the time they stand for, up to 60 s. No number may be negative.
+
+    capacitance_F: C where it is known; None finds it too.
+    """
+    from scipy.optimize import minimize_scalar
+
+    grid = np.geomspace(_shortest_s(samples), 0.5 * (samples.time_s[-1] - samples.time_s[0]), _RATES)
+    costs = [_solve(samples, tau, capacitance_F)[1] for tau in grid]
+    best = int(np.argmin(costs))
+    low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
+    found = minimize_scalar(
+        lambda log_tau: _solve(samples, math.exp(log_tau), capacitance_F)[1], bounds=(low, high), method="bounded"
+    )
+    return _fit_at(samples, math.exp(found.x), capacitance_F)
+
+
+def _fit_at(samples: Samples, tau_s: float, capacitance_F: float | None) -> VoltageFit | None:
+    (per_C, r1, r0), _ = _solve(samples, tau_s, capacitance_F)
+    if not (per_C > 0 and r0 > 0):
+        return None
+    modelled = _columns(samples, tau_s) @ np.array([per_C, r1, r0])
+    start_V = float(np.average(samples.voltage_V - modelled, weights=_weights(samples) ** 2))
+    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s, samples.voltage_V - start_V - modelled)
+
+
+def _solve(samples: Samples, tau_s: float, capacitance_F: float | None) -> tuple[tuple[float, float, float], float]:
+    """Best 1 / C, R_1 and R_0 >= 0 for a time constant, and the weighted sum of squares that they leave."""
+    from scipy.optimize import nnls
+
+    weights = _weights(samples)
+    columns = _centred(_columns(samples, tau_s), weights)
+    y = _centred(samples.voltage_V, weights)
+    if capacitance_F is None:
+        values, norm = nnls(columns, y)
+        return tuple(values.tolist()), norm**2
+    values, norm = nnls(columns[:, 1:], y - columns[:, 0] / capacitance_F)
+    return (1 / capacitance_F, *values.tolist()), norm**2
+
+
+def _columns(samples: Samples, tau_s: float) -> np.ndarray:
+    """What 1 / C, R_1 and R_0 multiply, (T, 3): charge, filtered current, current."""
+    return np.column_stack([samples.charge_As, filtered(samples, tau_s), samples.current_A])
+
+
+def filtered(samples: Samples, tau_s: float) -> np.ndarray:
+    """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step, from rest."""
+    from scipy.linalg import solve_banded
+
+    decay = np.exp(-samples.dt_s / tau_s)
+    bands = np.array([np.ones_like(decay), np.append(-decay[1:], 0.0)])
+    return solve_banded((1, 0), bands, (1 - decay) * samples.mean_A)
+
+
+def _weights(samples: Samples) -> np.ndarray:
+    """Root of the time that each sample stands for, (T,)."""
+    return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
+
+
+def _centred(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted values without their weighted mean: what is left once V_start is the best."""
+    weights = weights.reshape(-1, *[1] * (values.ndim - 1))
+    return weights * (
+        values - np.average(values, axis=0, weights=weights[:, 0] ** 2 if values.ndim > 1 else weights**2)
+    )
+
+
+def _shortest_s(samples: Samples) -> float:
+    """Half the typical step [s]: faster than that nothing can be told from R_0."""
+    return 0.5 * float(np.median(samples.dt_s[1:]))
+
+
+def circuit_of(fit: VoltageFit) -> rc.Circuit:
+    """Elements that show these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
+
+    With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
+    """
+    C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s
+    r_e = 2 * (r1 + tau / C)
+    if r0 > r_e / 2:
+        s = 0.5 * (1 - math.sqrt(1 - 1 / (1 + r1 * C / tau)))
+        return rc.Circuit((1 - s) * C, s * C, r_e, r_e, r0 - r_e / 2)
+    return _uneven_circuit(C, (1 - TERMINAL_SHARE) * r0, r1, tau, TERMINAL_SHARE * r0)
+
+
+def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> rc.Circuit:
+    """Elements with R_b R_s / D = `parallel`: the root in s of a (1 - a) D = parallel, a = R_b / D = s + sqrt(R_1 / D).
+
+    The bulk has the larger share: s in (0, s_1], where a reaches 1 and the left side 0.
+    """
+    from scipy.optimize import brentq
+
+    def shares(s: float) -> tuple[float, float]:
+        D = tau / (s * (1 - s) * C)
+        return s + math.sqrt(r1 / D), D
+
+    def excess(s: float) -> float:
+        a, D = shares(s)
+        return a * (1 - a) * D - parallel
+
+    largest = tau / (tau + r1 * C)
+    s = float(brentq(excess, 1e-9 * largest, largest))
+    a, D = shares(s)
+    return rc.Circuit((1 - s) * C, s * C, a * D, (1 - a) * D, r_terminal)

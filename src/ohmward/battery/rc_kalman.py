@@ -1,0 +1,152 @@
+"""State of charge by a linear Kalman filter on the RC model, through the inverse OCV curve ([P] section 3).
+
+    x = [V_cb, V_cs, model_error, offset]    soc = OCV^-1(V_cb)
+
+[P] has the first two. The others make the sigma honest, see `rc_linear`. The capacitance is one number, so charge moves
+V_cb along a straight line while the curve has bends: the difference of the slopes is process noise of V_cb, which then
+follows the voltage rather than the charge where the curve is not straight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery import rc, rc_linear
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.initial_soc import initial_soc
+from ohmward.battery.noise import Noise
+from ohmward.battery.rc_linear import BULK, OFFSET, LinearState, Outcome, on_soc_grid
+from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
+from ohmward.battery.thevenin import Input
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief, pack, unpack
+from ohmward.trace import clip, maximum, table
+
+_CURVE_POINTS = 1001
+
+
+@dataclass(frozen=True)
+class RcKalman:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        model: the circuit and its OCV curve.
+        noise: what to assume about sensors and model.
+        gap_s: a longer step between two samples says nothing about the current in between.
+        gate: largest NIS of a voltage that is used.
+        patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+    """
+
+    model: rc.RcModel
+    noise: Noise = field(default_factory=Noise)
+    gap_s: float = 600.0
+    gate: float = 25.0
+    patience_s: float = 60.0
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the belief's mean, in order."""
+        return (*rc.STATE_NAMES, "model_error", "offset_A")
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
+        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        u = Input(finite_or(first.current_A, 0.0), ROOM_DEGC)
+        start = initial_soc(first.voltage_V, u, rc.equivalent_thevenin(self.model), self.noise, soc, soc_std)
+        ocv_V, slope_V = self.ocv_V(start.soc), float(on_soc_grid(self.slope_V, start.soc))
+        past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.noise.current_offset_std_A
+        voltages = (slope_V * start.std) ** 2 + np.diag([0.0, past_V**2])
+        errors = np.diag(np.square([1.0, self.noise.current_offset_std_A]))
+        cov = np.block([[voltages, np.zeros((2, 2))], [np.zeros((2, 2)), errors]])
+        return LinearState(pack(Belief(np.array([ocv_V, ocv_V, 0.0, 0.0]), cov)), u.current_A, 0.0)
+
+    def step(self, state: LinearState, sample: Sample) -> tuple[LinearState, Estimate]:
+        """The state after a sample, and what is known then."""
+        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
+        prior = self.predicted(unpack(state.belief), reading)
+        outcome = self.corrected(prior, state, reading, sample.voltage_V)
+        low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
+        posterior, limited = rc_linear.limited(outcome.belief, BULK, low, high)
+        after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s)
+        flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
+        return after, self.estimate(posterior, outcome, flags)
+
+    def predicted(self, belief: Belief, reading: Reading) -> Belief:
+        """The belief after the step, before its voltage."""
+        current_A, dt_s = reading.mean.current_A, reading.dt_s
+        moved = abs(current_A) * dt_s / self.model.capacity_As
+        kept = rc_linear.error_kept(moved, self.noise)
+        F, B = rc_linear.transition(self.model, kept, dt_s)
+        return kalman.predict(belief, F, self.process_noise(belief, reading, moved, kept), B * current_A)
+
+    def process_noise(self, belief: Belief, reading: Reading, moved: Any, kept: Any) -> np.ndarray:
+        """Q (4, 4) of a step in which SoC moves by `moved`."""
+        noise = self.noise
+        charge = rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
+        bend_V = on_soc_grid(self.slope_V, self.soc(belief.mean[BULK])) - self.straight_slope_V
+        voltages = self.straight_slope_V**2 * charge + bend_V**2 * moved * 2 * noise.model_soc_length
+        walk = noise.current_offset_walk_A**2 * reading.dt_s / 3600.0
+        errors = np.diag(np.array([1 - kept**2, walk]))
+        return np.block([[np.full((2, 2), voltages), np.zeros((2, 2))], [np.zeros((2, 2)), errors]])
+
+    def corrected(self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any) -> Outcome:
+        """What becomes of the voltage of this step."""
+        p, noise = self.model, self.noise
+        soc = self.soc(prior.mean[BULK])
+        H = rc_linear.output(p, on_soc_grid(noise.model_std_V, soc))
+        y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * reading.now.current_A
+        R = rc_linear.voltage_variance(reading, y_hat - prior.mean[BULK], on_soc_grid(self.slope_V, soc), noise)
+        gate = self.gate, self.patience_s
+        return rc_linear.correct(prior, H, R, y_hat, voltage_V, state.rejected_s, reading.dt_s, gate)
+
+    def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
+        """What is known after the sample."""
+        bulk_V, std_V = belief.mean[BULK], np.sqrt(maximum(belief.cov[BULK, BULK], 0.0))
+        half_width = 0.5 * (self.soc_beyond(bulk_V + std_V) - self.soc_beyond(bulk_V - std_V))
+        unknown = math.nan * bulk_V
+        return Estimate(
+            soc=self.soc(bulk_V),
+            soc_std=np.sqrt(half_width**2 + self.noise.soc_axis_std**2),
+            voltage_V=outcome.voltage_V,
+            voltage_std_V=outcome.voltage_std_V,
+            innovation_V=outcome.innovation_V,
+            current_offset_A=belief.mean[OFFSET],
+            capacity_share=unknown,
+            resistance_share=unknown,
+            flags=flags,
+        )
+
+    def soc(self, bulk_V: Any) -> Any:
+        """State of charge in [0, 1] at which the OCV curve passes `bulk_V`."""
+        return clip(self.soc_beyond(bulk_V), 0.0, 1.0)
+
+    def soc_beyond(self, bulk_V: Any) -> Any:
+        """The same without limits: the inverse curve goes on as a straight line."""
+        low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
+        return table(self.inverse_curve, low, (high - low) / (_CURVE_POINTS - 1), bulk_V)
+
+    def ocv_V(self, soc: float) -> float:
+        """Open-circuit voltage [V] at the curve's reference temperature."""
+        return float(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC))
+
+    @cached_property
+    def inverse_curve(self) -> tuple[float, ...]:
+        """SoC on a uniform grid of voltage between the ends of the OCV curve."""
+        ocv = self.model.ocv
+        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _CURVE_POINTS)
+        return tuple(ocv.soc_at(v, ocv.reference_degC) for v in grid_V)
+
+    @cached_property
+    def slope_V(self) -> tuple[float, ...]:
+        """Slope of the OCV curve [V per unit of SoC] on a uniform grid of SoC."""
+        soc = np.linspace(0.0, 1.0, 101)
+        return tuple(np.gradient(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC), soc).tolist())
+
+    @property
+    def straight_slope_V(self) -> float:
+        """Slope that the capacitances stand for, Q / (C_b + C_s) [V per unit of SoC]."""
+        return self.model.capacity_As / (self.model.c_bulk_F + self.model.c_surface_F)

@@ -1,0 +1,137 @@
+"""What the linear Kalman filters on the RC model share: the circuit with what is wrong with sensor and model as states.
+
+    x = [V_cb, V_cs, model_error, offset]
+
+`offset` [A] is what the current sensor shows at zero current, a random walk. `model_error` is the voltage error of the
+model in its own standard deviations: a function of SoC, it stays while SoC stays and is new after `model_soc_length`.
+Errors of a battery model are not white; as white noise they would average out, and the filter would be sure and wrong.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery import rc
+from ohmward.battery.estimate import Flag
+from ohmward.battery.noise import Noise
+from ohmward.battery.reading import Reading
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief, PackedBelief, nis
+from ohmward.filters.gating import choose
+from ohmward.trace import clip, isfinite, logical_not, maximum, table, where
+
+BULK, SURFACE, MODEL_ERROR, OFFSET = range(4)
+
+
+class LinearState(NamedTuple):
+    """All that a linear filter on the RC model carries from sample to sample: plain numbers.
+
+    belief: mean (n,) and lower triangle of the covariance.
+    current_A: of the sample before.
+    rejected_s: how long the voltage has been outside its gate.
+    """
+
+    belief: PackedBelief
+    current_A: float
+    rejected_s: float
+
+
+class Outcome(NamedTuple):
+    """What became of a voltage.
+
+    belief: after it, or the prior where it was not used.
+    voltage_V, voltage_std_V: expected, and how far off the measurement may be.
+    innovation_V: measured minus expected; nan where there is none.
+    flags: sum of `Flag`.
+    rejected_s: how long the voltage has been outside its gate.
+    """
+
+    belief: Belief
+    voltage_V: Any
+    voltage_std_V: Any
+    innovation_V: Any
+    flags: Any
+    rejected_s: Any
+
+
+def transition(p: rc.Circuit | rc.RcModel, kept: Any, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
+    """F (4, 4) and B (4,) of the step x+ = F x + B i_measured.
+
+    kept: share of the model error that is still there after the step.
+    """
+    A, b = rc.transition(p, dt_s)
+    F = np.block([[A, np.zeros((2, 1)), -b[:, None]], [np.zeros((2, 2)), np.diag(np.array([kept, 1.0]))]])
+    return F, np.array([*b, 0.0, 0.0])
+
+
+def output(p: rc.Circuit | rc.RcModel, model_std_V: Any) -> np.ndarray:
+    """H (1, 4): the voltage is H x + `rc.instant_resistance` * measured current."""
+    bulk_share, surface_share = rc.divider(p)
+    return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p)]])
+
+
+def error_kept(moved: Any, noise: Noise) -> Any:
+    """Share of the model error that is left after SoC has moved by so much."""
+    return np.exp(-moved / noise.model_soc_length)
+
+
+def charge_variance(reading: Reading, moved: Any, noise: Noise, capacity_Ah: float) -> Any:
+    """Variance of the change of SoC in a step: sensor noise, the path between two samples, gain, a gap.
+
+    The path: 0.15 of the change of current is how far its mean may be from the straight line. The gain error adds up to
+    `capacity_std` over a full charge. A gap: nothing is known but that 0.3 C is a usual current.
+    """
+    dt_s = reading.dt_s
+    unknown = where(reading.known > 0.5, 0.0, (0.3 * capacity_Ah * dt_s) ** 2)
+    charge_As2 = noise.current_std_A**2 * dt_s + (0.15 * reading.change_A * dt_s) ** 2 + unknown
+    return clip(charge_As2 / (3600.0 * capacity_Ah) ** 2 + noise.capacity_std**2 * moved, 0.0, 0.25)
+
+
+def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise: Noise) -> Any:
+    """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
+
+    overpotential_V: voltage beyond the open circuit's.  slope_V: rise of the open-circuit voltage per unit of SoC.
+    """
+    shares = (noise.overpotential_share * overpotential_V) ** 2 + (noise.soc_axis_std * slope_V) ** 2
+    return (noise.voltage_std_V**2 + shares) * maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))
+
+
+def correct(
+    prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, rejected_s: Any, dt_s: Any, gate: tuple
+) -> Outcome:
+    """The belief after a voltage, or the prior where there is none or it is outside its gate.
+
+    H: (1, n).  R: [V^2].  y_hat: voltage expected [V].
+    rejected_s: how long the voltage has been outside its gate so far.
+    gate: largest NIS of a voltage that is used, and the patience [s] after which any voltage is used.
+    """
+    y = np.array([voltage_V])
+    posterior, innovation = kalman.update(prior, y, H, np.array([[R]]), np.array([y_hat]))
+    measured = isfinite(voltage_V)
+    largest, patience_s = gate
+    used = measured & ((nis(innovation) <= largest) | (rejected_s > patience_s))
+    rejected = measured & logical_not(used)
+    flags = where(measured, 0.0, float(Flag.NO_VOLTAGE)) + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
+    return Outcome(
+        choose(used, posterior, prior),
+        y_hat,
+        np.sqrt(innovation.cov[0, 0]),
+        innovation.value[0],
+        flags,
+        where(rejected, rejected_s + dt_s, 0.0),
+    )
+
+
+def limited(belief: Belief, k: int, low: Any, high: Any) -> tuple[Belief, Any]:
+    """The belief with element k projected into [low, high] along its covariance, and 1.0 where it had to be."""
+    mean, P = belief
+    excess = mean[k] - clip(mean[k], low, high)
+    projected = mean - P[:, k] * (excess / maximum(P[k, k], 1e-30))
+    return Belief(projected, P), where(abs(excess) > 0.0, 1.0, 0.0)
+
+
+def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
+    """Linear between points on a uniform grid of SoC from 0 to 1, constant beyond."""
+    return table(values, 0.0, 1.0 / (len(values) - 1), clip(soc, 0.0, 1.0))
