@@ -44,6 +44,9 @@ def test_bdf_labels_with_spaces_and_brackets():
         ("current", "current_A", ["motor_current_A", "current_true_A", "current_std_A", "max_current"]),
         ("voltage", "Voltage", ["Cell_Voltage_1", "Cell_Voltage_2", "ocv_V", "voltage_limit_V"]),
         ("voltage", "battery_voltage", ["cell_voltage"]),
+        ("voltage", "voltage", ["v", "u", "voltage_avg"]),
+        ("voltage", "avg_voltage", ["v_max", "speed"]),
+        ("time", "t", ["timestamp"]),
         ("time", "Test_Time(s)", ["Step_Time(s)", "Date_Time"]),
         ("time", "elapsed_s", ["timestamp"]),
         ("temperature", "temperature", ["ambient_temperature"]),
@@ -62,6 +65,12 @@ def test_the_battery_wins_over_its_neighbours(quantity, winner, losers):
 def test_t_is_a_time_and_needs_a_unit_to_be_a_temperature():
     assert "temperature" not in found(["t", "I", "U"])
     assert found(["t", "I", "U", "T / K"])["temperature"] == ("T / K", "K")
+
+
+def test_current_is_also_an_adjective():
+    with pytest.raises(InputError, match="no column for the current found"):
+        find_columns("f.csv", ["time", "current_speed", "current_time", "current_ms", "voltage"])
+    assert found(["time", "current_speed", "motor_current", "voltage"])["current"] == ("motor_current", None)
 
 
 def test_overrides_win():

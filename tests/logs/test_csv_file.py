@@ -53,6 +53,13 @@ def test_gzip(tmp_path):
     np.testing.assert_array_equal(load(path).columns["voltage_V"], [12.25, 12.5, 12.0])
 
 
+def test_a_damaged_gzip_file_is_named(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(PLAIN.encode())[:-9])
+    with pytest.raises(InputError, match=r"log.csv.gz: the gzip file is damaged"):
+        load(path)
+
+
 def test_quoted_names_may_contain_the_delimiter(write_text):
     table = load(write_text('"time, s","current, A"\n0,1\n1,2\n'))
     assert list(table.columns) == ["time, s", "current, A"]

@@ -93,15 +93,21 @@ BDF = ["Test Time / s", "Current / A", "Voltage / V"]
 
 @pytest.mark.parametrize("names", [BDF, ["test_time_second", "current_ampere", "voltage_volt"]])
 def test_bdf_defines_the_sign(write_text, names):
-    log = read_log(write_text(csv(names, range(9), [1.0] * 9, [12.0] * 9), "cell.bdf.csv"))
-    assert log.name == "cell"
-    assert "by definition of BDF" in texts(log)
+    for name in ("cell.bdf.csv", "cell.csv"):
+        log = read_log(write_text(csv(names, range(9), [1.0] * 9, [12.0] * 9), name))
+        assert log.name == "cell"
+        assert "by definition of BDF" in texts(log)
 
 
 def test_bdf_against_the_data_warns(write_text, pulses):
     log = read_log(write_text(csv(BDF, pulses[0], -pulses[1], pulses[2]), "cell.bdf.csv"))
     np.testing.assert_array_equal(log.current_A, -pulses[1])
     assert "but the data say the opposite" in texts(log)
+
+
+def test_names_of_bdf_in_another_file_yield_to_the_data(write_text, pulses):
+    log = read_log(write_text(csv(BDF, pulses[0], -pulses[1], pulses[2]), "cell.csv"))
+    np.testing.assert_array_equal(log.current_A, pulses[1])
 
 
 def test_bdf_without_its_columns_is_refused(write_text):

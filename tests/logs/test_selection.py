@@ -64,3 +64,10 @@ def test_without_a_separating_column_the_number_of_the_recording_chooses():
 def test_arguments_are_quoted_for_the_shell():
     rows = table(time=TIME_S, **{"floor name": np.array(["a b"] * 2 + ["c"] * 2 + ["d"] * 4, dtype=object)})
     assert "--where 'floor name=a b'" in explain_recordings(rows, "time", RESTARTS)
+
+
+def test_dates_tell_recordings_apart():
+    days = np.array(["2026-01-01"] * 2 + ["2026-01-02"] * 2 + ["2026-01-03"] * 4, dtype="M8[D]")
+    assert "--where day=2026-01-01" in explain_recordings(table(time=TIME_S, day=days), "time", RESTARTS)
+    picked = select_rows(table(time=TIME_S, day=days), {"day": "2026-01-02"})
+    np.testing.assert_array_equal(picked.columns["time"], [0.0, 1.0])

@@ -20,9 +20,14 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 REQUIRED = ("time_s", "voltage_V", "current_A")
 
 
-def is_bdf(path: Path, names: Sequence[str]) -> bool:
-    """Whether the file says that it is BDF, by its suffix, or has the three required columns under their BDF names."""
-    return path.name.lower().endswith(SUFFIXES) or not _lacking(names)
+def is_bdf(path: Path) -> bool:
+    """Whether the file says that it is BDF, by its suffix."""
+    return path.name.lower().endswith(SUFFIXES)
+
+
+def has_columns(names: Sequence[str]) -> bool:
+    """Whether the three required columns are there under their BDF names."""
+    return not _lacking(names)
 
 
 def check_names(path: Path, names: Sequence[str]) -> None:
@@ -31,7 +36,7 @@ def check_names(path: Path, names: Sequence[str]) -> None:
     Raises:
         InputError: names the columns that are missing.
     """
-    if path.name.lower().endswith(SUFFIXES) and (lacking := _lacking(names)):
+    if is_bdf(path) and (lacking := _lacking(names)):
         raise InputError(
             f"{path.name}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
             f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"

@@ -8,9 +8,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.csv_file import number
 from ohmward.logs.log import Note, counted
-from ohmward.logs.table import Table
+from ohmward.logs.table import Table, numbers
 from ohmward.logs.units import UNITS, Unit
 
 _DEFAULT_UNIT = {"current": "a", "voltage": "v", "temperature": "degc"}
@@ -28,7 +27,7 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
         if quantity not in chosen:
             continue
         name, unit = chosen[quantity]
-        values = _numbers(table, name)
+        values = numbers(table, name)
         infinite = np.isinf(values)
         if infinite.any():
             notes.append(Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning"))
@@ -122,21 +121,6 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
     longest = gaps[np.argmax(np.diff(time_s)[gaps])]
     length = time_s[longest + 1] - time_s[longest]
     return (Note(f"{counted(gaps.size, 'gap')}, the longest {length:g} s after {time_s[longest]:g} s", "warning"),)
-
-
-def _numbers(table: Table, name: str) -> np.ndarray:
-    values = table.columns[name]
-    if values.dtype.kind in "fiu":
-        return values.astype(float)
-    for row, cell in enumerate(values):
-        try:
-            number(str(cell))
-        except ValueError:
-            raise InputError(
-                f"{table.source}, {table.place} {table.line[row]}, column {name!r}: {str(cell)!r} is not a number; "
-                "correct the cell, leave it empty, or delete the line"
-            ) from None
-    return np.array([number(str(cell)) for cell in values])
 
 
 def _in_si(values: np.ndarray, unit: Unit) -> np.ndarray:

@@ -11,9 +11,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
-from ohmward.logs.csv_file import number
 from ohmward.logs.log import Note
-from ohmward.logs.table import Table
+from ohmward.logs.table import Table, number, numbers
 from ohmward.logs.units import UNITS
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.
@@ -79,14 +78,19 @@ def _is_unix(seconds: float) -> bool:
 
 
 def _from_text(table: Table, column: Column, values: np.ndarray) -> Clock:
-    first = next((str(cell) for cell in values if str(cell).strip()), "")
+    first = next((cell for cell in values if cell.strip()), "")
+    if _is_number(first):
+        return _from_numbers(column, numbers(table, column.name))
     parse = _duration_s if _DURATION.match(first) else _unix_s
     seconds = np.empty(values.size)
     for row, cell in enumerate(values):
         try:
             seconds[row] = parse(cell) if cell.strip() else np.nan
         except ValueError:
-            raise _unreadable(table, column, row, cell) from None
+            raise InputError(
+                f"{table.source}, {table.place} {table.line[row]}, column {column.name!r}: {cell!r} is not a time like "
+                f"{first!r}; write seconds or ISO 8601 (2026-01-31T12:00:00.5Z)"
+            ) from None
     if parse is _duration_s:
         return Clock(seconds, None)
     start = seconds[np.isfinite(seconds)][0]
@@ -114,13 +118,9 @@ def _duration_s(cell: str) -> float:
     return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
 
 
-def _unreadable(table: Table, column: Column, row: int, cell: str) -> InputError:
+def _is_number(cell: str) -> bool:
     try:
         number(cell)
-        problem = "is a number among dates"
     except ValueError:
-        problem = "is not a time"
-    return InputError(
-        f"{table.source}, {table.place} {table.line[row]}, column {column.name!r}: {cell!r} {problem}; "
-        "write seconds or ISO 8601 (2026-01-31T12:00:00.5Z)"
-    )
+        return False
+    return True

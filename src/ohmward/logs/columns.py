@@ -27,13 +27,14 @@ _BATTERY_WORDS = frozenset(
     ("battery", "batt", "bat", "pack", "terminal", "total", "measured", "meas", "test", "state", "field", "data",
      "main", "header", "stamp", "surface")
 )  # fmt: skip
+# Words of columns that serve where there is nothing better.
+_SECOND_CHOICE = frozenset(("cell", "raw", "mean", "avg", "average"))
 # Words that make a column something else than a measurement of the battery.
 _OTHER_WORDS = frozenset(
     ("true", "truth", "std", "sigma", "var", "limit", "max", "min", "set", "setpoint", "target", "reference", "error",
-     "residual", "predicted", "estimated", "estimate", "model", "step", "open", "circuit", "ocv", "raw", "mean", "avg",
-     "average", "delta", "offset", "bias", "nanosec", "nsecs", "nsec")
+     "residual", "predicted", "estimated", "estimate", "model", "step", "open", "circuit", "ocv", "delta", "offset",
+     "bias", "nanosec", "nsecs", "nsec")
 )  # fmt: skip
-_LONG_WORDS = {"current": "current", "voltage": "voltage", "temperature": "temperature"}
 _HINTS = {"time": "time", "current": "cur", "voltage": "volt", "temperature": "temp"}
 _NEVER = 99
 
@@ -53,7 +54,7 @@ def find_columns(
 ) -> dict[str, Column]:
     """The column of each quantity, by its name: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
 
-    Names of the whole battery win over names of a cell, and those over names that merely contain the word.
+    Names of the whole battery win over names of a cell, and those over names that merely end in the word.
 
     source: the file's name, for messages.
     names: the columns of the file.
@@ -112,20 +113,23 @@ def _readings(name: str, quantity: str) -> Iterator[tuple[int, Unit | None]]:
     """Ranks (0 is best, _NEVER is no) of the ways to read a name as this quantity."""
     for stem, unit in split_unit(name):
         if unit.quantity == quantity:
-            yield _rank(stem, quantity), unit
+            yield _rank(stem, quantity, unit), unit
     # a bare `t` is a time; a temperature called `T` must carry its unit
-    yield (_NEVER if quantity == "temperature" and name.lower() == "t" else _rank(name, quantity)), None
+    yield (_NEVER if quantity == "temperature" and name.lower() == "t" else _rank(name, quantity, None)), None
 
 
-def _rank(stem: str, quantity: str) -> int:
+def _rank(stem: str, quantity: str, unit: Unit | None) -> int:
     words = re.findall(r"[^\W\d_]+", stem.lower())
     if _OTHER_WORDS & set(words):
         return _NEVER
     plain = [word for word in words if word not in _BATTERY_WORDS]
-    for rank, candidate in enumerate((words, plain, [word for word in plain if word != "cell"])):
+    for rank, candidate in enumerate((words, plain, [word for word in plain if word not in _SECOND_CHOICE])):
         if " ".join(candidate) in _SYNONYMS[quantity]:
-            return rank + _wall_clock(stem, quantity)
-    return 4 if _LONG_WORDS.get(quantity) in words else _NEVER
+            # a letter without a unit may be another quantity: v is a speed beside `voltage`
+            bare_letter = 2 if unit is None and len(candidate) == 1 and len(candidate[0]) == 1 else 0
+            return rank + bare_letter + _wall_clock(stem, quantity)
+    # `motor_current` is a current, `current_speed` is not
+    return 4 if words and words[-1] == quantity != "time" else _NEVER
 
 
 def _wall_clock(stem: str, quantity: str) -> int:

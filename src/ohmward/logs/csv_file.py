@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
-import math
+import gzip
+import zlib
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from operator import itemgetter
 from pathlib import Path
@@ -14,10 +16,9 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import Layout, find_layout, open_text
 from ohmward.logs.log import Note
-from ohmward.logs.table import Table, TableFile
+from ohmward.logs.table import Table, TableFile, number
 
 _BLOCK_ROWS = 50_000
-_MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
 
 
 def open_csv(path: Path) -> TableFile:
@@ -28,21 +29,23 @@ def open_csv(path: Path) -> TableFile:
     Raises:
         InputError: not text, empty, no header, or (on loading) no rows or a row with the wrong number of cells.
     """
-    layout = find_layout(path)
+    with _unpacking(path):
+        layout = find_layout(path)
 
     def load(names: Collection[str]) -> Table:
-        return _load(path, layout, [name for name in layout.names if name in names])
+        with _unpacking(path):
+            return _load(path, layout, [name for name in layout.names if name in names])
 
     return TableFile(path.name, tuple(name for name in layout.names if name), load)
 
 
-def number(cell: str) -> float:
-    """The number in a cell, NaN where it says that there is none.
-
-    Raises:
-        ValueError: the cell is text.
-    """
-    return math.nan if cell.strip().lower() in _MISSING else float(cell)
+@contextmanager
+def _unpacking(path: Path) -> Iterator[None]:
+    """Turn the errors of a damaged gzip file into one that names the file."""
+    try:
+        yield
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack what is left of it") from error
 
 
 def _load(path: Path, layout: Layout, names: list[str]) -> Table:

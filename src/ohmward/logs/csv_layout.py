@@ -36,7 +36,8 @@ def open_text(path: Path) -> TextIO:
     Raises:
         InputError: the file is not text.
     """
-    opener = gzip.open if path.open("rb").read(2) == b"\x1f\x8b" else open
+    with path.open("rb") as stream:
+        opener = gzip.open if stream.read(2) == b"\x1f\x8b" else open
     with opener(path, "rb") as stream:
         head = stream.read(1 << 16)
     encoding = _encoding(head)

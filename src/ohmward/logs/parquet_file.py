@@ -63,7 +63,7 @@ def _values(column) -> np.ndarray:
         return column.to_numpy().astype("datetime64[ns]")
     if kind.startswith(("int", "uint", "float", "double", "halffloat")):
         values = column.to_numpy()
-        return values.astype(np.int64) if values.dtype == np.uint64 else values
+        return values.astype(np.int64) if values.dtype.kind == "u" else values
     if kind.startswith(("duration", "decimal", "bool")):
         return _as_seconds(column) if kind.startswith("duration") else column.cast("float64").to_numpy()
     return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)

@@ -59,7 +59,7 @@ def read_log(
     table = merge_equal_times(drop_text(table), chosen["time"].name)
     table = merge_rates(table, chosen)
     log = _as_log(path, table, chosen, clock, {*(where or {})} if extra is None else set(file.names) - set(extra))
-    return _with_sign(log, current_sign, is_bdf=bdf.is_bdf(path, file.names))
+    return _with_sign(log, current_sign, is_bdf=bdf.is_bdf(path), has_bdf_columns=bdf.has_columns(file.names))
 
 
 def open_table(path: str | PathLike[str]) -> TableFile:
@@ -117,7 +117,7 @@ def _as_log(path: Path, table: Table, chosen: Mapping[str, Column], clock: Clock
     wall_clock = next((name for name in bdf.NAMES["unix_time_s"] if name in values), None)
     if start_unix_s is None and wall_clock:
         start_unix_s = float(values[wall_clock][0] - time_s[0])
-    taken = {*names.values(), wall_clock, RECORDING, *left_out}
+    taken = {*names.values(), nanosecond_column(tuple(values), names["time"]), wall_clock, RECORDING, *left_out}
     notes = (*clock.notes, *table.notes, *missing_notes(table, chosen), *gap_notes(time_s))
     return Log(
         name=_stem(path),
@@ -131,27 +131,39 @@ def _as_log(path: Path, table: Table, chosen: Mapping[str, Column], clock: Clock
     )
 
 
-def _with_sign(log: Log, wanted: CurrentSign, *, is_bdf: bool) -> Log:
+def _with_sign(log: Log, wanted: CurrentSign, *, is_bdf: bool, has_bdf_columns: bool) -> Log:
     """The log with current > 0 charging, and a note on how that was decided."""
     if wanted not in ("auto", "charge", "discharge"):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
     evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
-    meaning, note = _decide(log, wanted, evidence, is_bdf=is_bdf)
+    if wanted == "auto" and not is_bdf:
+        meaning, note = _tell(log, evidence, has_bdf_columns)
+    elif wanted == "auto":
+        meaning, note = _keep("charge", "by definition of BDF", evidence)
+    else:
+        meaning, note = _keep(wanted, "given", evidence)
     current_A = -log.current_A if meaning == "discharge" else log.current_A
     return replace(log, current_A=current_A).with_notes(note)
 
 
-def _decide(log: Log, wanted: CurrentSign, evidence: SignEvidence, *, is_bdf: bool) -> tuple[str, Note]:
-    """What a positive current of the file does, and why."""
-    told, by = (wanted, "given") if wanted != "auto" else ("charge", "by definition of BDF") if is_bdf else ("", "")
-    seen = evidence.verdict
-    if told and seen not in (told, "undecidable"):
-        text = f"positive current {told}s the battery ({by}), but the data say the opposite: {evidence}; check the sign"
-        return told, Note(text, "warning")
-    if told:
+def _keep(told: str, by: str, evidence: SignEvidence) -> tuple[str, Note]:
+    """What a positive current does as somebody told, with a warning where the data say the opposite."""
+    if evidence.verdict in (told, "undecidable"):
         return told, Note(f"positive current {told}s the battery ({by})")
-    if seen != "undecidable":
-        return seen, Note(f"positive current {seen}s the battery, told from the data: {evidence}")
+    text = f"positive current {told}s the battery ({by}), but the data say the opposite: {evidence}; check the sign"
+    return told, Note(text, "warning")
+
+
+def _tell(log: Log, evidence: SignEvidence, has_bdf_columns: bool) -> tuple[str, Note]:
+    """What a positive current does as the data tell, else as BDF defines for a file with its column names."""
+    if evidence.verdict != "undecidable":
+        return evidence.verdict, Note(
+            f"positive current {evidence.verdict}s the battery, told from the data: {evidence}"
+        )
+    if has_bdf_columns:
+        return "charge", Note(
+            "positive current charges the battery (by definition of BDF, whose column names these are)"
+        )
     if not np.nan_to_num(log.current_A).any():
         return "charge", Note("the current is zero throughout: its sign does not matter", "warning")
     raise InputError(

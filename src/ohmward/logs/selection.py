@@ -116,7 +116,7 @@ def _distinct(values: np.ndarray, most: int = 8) -> str:
 
 
 def _plain(value) -> float | int | str:
-    """A number without its NumPy type, whole where it is whole."""
-    if isinstance(value, str):
-        return value
+    """A number without its NumPy type, whole where it is whole; anything else as text."""
+    if not isinstance(value, int | float | np.number):
+        return str(value)
     return int(value) if float(value).is_integer() else float(value)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.logs.log import Note
+
+_MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
 
 
 class Table(NamedTuple):
@@ -43,3 +47,32 @@ class TableFile(NamedTuple):
     source: str
     names: tuple[str, ...]
     load: Callable[[Collection[str]], Table]
+
+
+def number(cell: str) -> float:
+    """The number in a cell, NaN where it says that there is none.
+
+    Raises:
+        ValueError: the cell is text.
+    """
+    return math.nan if cell.strip().lower() in _MISSING else float(cell)
+
+
+def numbers(table: Table, name: str) -> np.ndarray:
+    """(T,) the column as float64.
+
+    Raises:
+        InputError: a cell is text; names its line.
+    """
+    values = table.columns[name]
+    if values.dtype.kind in "fiu":
+        return values.astype(float)
+    for row, cell in enumerate(values):
+        try:
+            number(str(cell))
+        except ValueError:
+            raise InputError(
+                f"{table.source}, {table.place} {table.line[row]}, column {name!r}: {str(cell)!r} is not a number; "
+                "correct the cell, leave it empty, or delete the line"
+            ) from None
+    return np.array([number(str(cell)) for cell in values])

@@ -30,7 +30,7 @@ def write_log(log: Log, path: str | PathLike[str]) -> None:
     """
     path = Path(path)
     own = {field: values for field, values in _fields(log).items() if values is not None}
-    if path.name.lower().endswith(bdf.SUFFIXES):
+    if bdf.is_bdf(path):
         own = {bdf.NAMES[field][0]: values for field, values in own.items()}
     if taken := own.keys() & log.extra.keys():
         raise InputError(f"log {log.name!r}: the extra column {min(taken)!r} has the name of a measured one; rename it")
