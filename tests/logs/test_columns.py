@@ -45,6 +45,7 @@ def test_bdf_labels_with_spaces_and_brackets():
         ("voltage", "Voltage", ["Cell_Voltage_1", "Cell_Voltage_2", "ocv_V", "voltage_limit_V"]),
         ("voltage", "battery_voltage", ["cell_voltage"]),
         ("voltage", "voltage", ["v", "u", "voltage_avg"]),
+        ("voltage", "cell_voltage", ["bus_voltage"]),
         ("voltage", "avg_voltage", ["v_max", "speed"]),
         ("time", "t", ["timestamp"]),
         ("time", "Test_Time(s)", ["Step_Time(s)", "Date_Time"]),

@@ -50,10 +50,12 @@ def test_a_trend_against_the_edges_is_undecidable(pulses):
     assert (evidence.edges.sign, evidence.trend, evidence.verdict) == (1, -1, "undecidable")
 
 
-def test_many_small_edges_tell_the_sign_through_a_coarse_voltmeter(pulses):
-    """Steps of 0.2 V at a resolution of 0.1 V, as the voltmeters of many robots have it."""
-    time_s, current_A, voltage_V = pulses
-    assert sign_evidence(time_s, current_A, np.round(voltage_V, 1)).verdict == "charge"
+def test_many_small_edges_tell_the_sign_through_a_coarse_voltmeter():
+    """Steps of 0.1 V at a resolution of 0.1 V, as the voltmeters of many robots have it: nine say it, three do not."""
+    current_A = np.repeat([0.0, -10.0] * 5, 30)
+    voltage_V = np.round(12.0 + 0.01 * current_A, 1)
+    assert sign_evidence(np.arange(300.0), current_A, voltage_V).verdict == "charge"
+    assert sign_evidence(np.arange(120.0), current_A[:120], voltage_V[:120]).verdict == "undecidable"
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 5, 500, 501, 502, 503])
