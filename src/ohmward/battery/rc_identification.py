@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery import rc
+from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
 from ohmward.battery.rc_fit import VoltageFit, circuit_of, fit_voltage
 from ohmward.battery.rc_rule import FIRST_S, Response, TimeConstant, circuit_by_rule, find_response, find_time_constant
-from ohmward.battery.rc_samples import samples_of
-from ohmward.logs.log import Log
+from ohmward.battery.rc_samples import Samples, samples_of
+from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 _LEAST_SOC_RANGE = 0.05
+_LEAST_VOLTAGE_STD_V = 0.001
+_LEAST_RESISTANCE_STD = 0.05
+_SOC_POINTS = 11
 
 
 class RcIdentification(NamedTuple):
     """The model, how it was found, and what the log could not tell.
 
     model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
+    noise: what a filter on this model should assume: voltage noise, and model error along SoC.
     rule: by [P]'s rule alone.
     response: at the edges.
     fit: least squares on the whole log; None where it was not possible.
@@ -29,6 +36,7 @@ class RcIdentification(NamedTuple):
     """
 
     model: RcModel
+    noise: Noise
     rule: RcModel
     response: Response
     fit: VoltageFit | None
@@ -36,26 +44,87 @@ class RcIdentification(NamedTuple):
     not_identified: tuple[str, ...]
 
 
-def identify_rc(log: Log, ocv: OcvCurve, capacity_Ah: float) -> RcIdentification:
+def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: float | None = None) -> RcIdentification:
     """The RC model of the battery in the log.
 
     log: pulses or a drive, > 0 charges; the longer and the more of the SoC range, the better.
-    ocv: open-circuit voltage of the same battery.
+    ocv: open-circuit voltage of the same battery; None takes the straight line that the log itself shows, which suits
+        a linear model best where the battery is nearly linear, as lead-acid is.
     capacity_Ah: charge between full and empty.
+    start_soc: state of charge at the start of the log; None takes it from the curve.
 
     Raises:
-        InputError: the log has no edge of current, or no current at all, or the curve does not rise.
+        InputError: no edge of current in the log, no current at all, a curve that does not rise, or neither curve nor
+            start_soc.
     """
-    total_F = rc.capacitance_for(capacity_Ah, ocv)
     samples = samples_of(log)
     response = find_response(samples, capacity_Ah)
     tau = find_time_constant(response)
-    rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), ocv, capacity_Ah)
-    soc_range = float(np.ptp(samples.charge_As)) / rule.capacity_As
-    fit = fit_voltage(samples, None if soc_range > _LEAST_SOC_RANGE else total_F)
-    model = rule if fit is None else RcModel(*circuit_of(fit), ocv, capacity_Ah)
+    soc_range = float(np.ptp(samples.charge_As)) / (SECONDS_PER_HOUR * capacity_Ah)
+    fit = _fit(samples, ocv, capacity_Ah, soc_range)
+    curve = _straight_line(fit, capacity_Ah, start_soc) if ocv is None else ocv
+    total_F = rc.capacitance_for(capacity_Ah, curve)
+    rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
+    model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
+    noise = Noise() if fit is None else _noise(samples, fit, model, response, start_soc)
     notes = (*_response_notes(response), *_fit_notes(fit, soc_range, total_F))
-    return RcIdentification(model, rule, response, fit, notes, _missing(response, tau, fit, soc_range))
+    return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit, soc_range))
+
+
+def _fit(samples: Samples, ocv: OcvCurve | None, capacity_Ah: float, soc_range: float) -> VoltageFit | None:
+    """Least squares, with the capacitance of the curve where the log moves SoC too little to show its own."""
+    if soc_range > _LEAST_SOC_RANGE:
+        return fit_voltage(samples)
+    if ocv is None:
+        raise InputError(
+            f"the log moves SoC by {100 * soc_range:.2g} %, too little to show an open-circuit voltage; give ocv"
+        )
+    return fit_voltage(samples, rc.capacitance_for(capacity_Ah, ocv))
+
+
+def _straight_line(fit: VoltageFit | None, capacity_Ah: float, start_soc: float | None) -> OcvCurve:
+    """The open-circuit voltage that the fit stands for, between SoC 0 and 1."""
+    if fit is None or start_soc is None:
+        why = "the voltage of the log shows none" if fit is None else "start_soc is not given either"
+        raise InputError(f"ocv is None and {why}; give the battery's OCV curve")
+    slope_V = SECONDS_PER_HOUR * capacity_Ah / fit.capacitance_F
+    return OcvCurve((fit.start_V - start_soc * slope_V, fit.start_V + (1 - start_soc) * slope_V))
+
+
+def _noise(samples: Samples, fit: VoltageFit, model: RcModel, response: Response, start_soc: float | None) -> Noise:
+    """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
+    white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
+    doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
+    return Noise(
+        voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
+        model_std_V=_model_std_V(samples, fit, model, start_soc),
+        overpotential_share=doubt,
+        resistance_std=doubt,
+    )
+
+
+def _model_std_V(samples: Samples, fit: VoltageFit, model: RcModel, start_soc: float | None) -> tuple[float, ...]:
+    """Error of the model with its curve, on a grid of SoC: root mean square, at least its median over the grid.
+
+    A fit has zeros, and another log has them elsewhere; hence the median. Where the log has not been: the largest.
+    """
+    start = model.ocv.soc_at(fit.start_V, model.ocv.reference_degC) if start_soc is None else start_soc
+    soc = start + samples.charge_As / model.capacity_As
+    line_V = fit.start_V + samples.charge_As / fit.capacitance_F
+    error_V = fit.residual_V + line_V - model.ocv.mean_V(soc, model.ocv.reference_degC)
+    nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
+    counts = np.bincount(nearest, minlength=_SOC_POINTS)
+    rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
+    known = counts > 0
+    along = np.where(known, np.maximum(rms_V, np.median(rms_V[known])), rms_V.max())
+    return tuple(along.tolist())
+
+
+def _resistance_doubt(response: Response, fit: VoltageFit) -> float:
+    """Standard deviation of the resistances as a share: edges and least squares know them independently."""
+    at_edges = response.r_total_ohm
+    fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
+    return abs(at_edges - fitted) / (at_edges + fitted)
 
 
 def _response_notes(response: Response) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """State of charge by a linear Kalman filter on the RC model, through the inverse OCV curve ([P] section 3).
 
-    x = [V_cb, V_cs, model_error, offset]    soc = OCV^-1(V_cb)
+    x = [V_cb, V_cs, model_error, offset, resistance]    soc = OCV^-1(V_cb)
 
 [P] has the first two. The others make the sigma honest, see `rc_linear`. The capacitance is one number, so charge moves
 V_cb along a straight line while the curve has bends: the difference of the slopes is process noise of V_cb, which then
@@ -20,7 +20,7 @@ from ohmward.battery import rc, rc_linear
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import BULK, OFFSET, LinearState, Outcome, on_soc_grid
+from ohmward.battery.rc_linear import BULK, OFFSET, RESISTANCE, LinearState, Outcome, on_soc_grid
 from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
 from ohmward.battery.thevenin import Input
 from ohmward.filters import kalman
@@ -51,7 +51,7 @@ class RcKalman:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the belief's mean, in order."""
-        return (*rc.STATE_NAMES, "model_error", "offset_A")
+        return rc_linear.STATE_NAMES
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
@@ -59,10 +59,8 @@ class RcKalman:
         start = initial_soc(first.voltage_V, u, rc.equivalent_thevenin(self.model), self.noise, soc, soc_std)
         ocv_V, slope_V = self.ocv_V(start.soc), float(on_soc_grid(self.slope_V, start.soc))
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.noise.current_offset_std_A
-        voltages = (slope_V * start.std) ** 2 + np.diag([0.0, past_V**2])
-        errors = np.diag(np.square([1.0, self.noise.current_offset_std_A]))
-        cov = np.block([[voltages, np.zeros((2, 2))], [np.zeros((2, 2)), errors]])
-        return LinearState(pack(Belief(np.array([ocv_V, ocv_V, 0.0, 0.0]), cov)), u.current_A, 0.0)
+        belief = rc_linear.start(ocv_V, (slope_V * start.std) ** 2, past_V, self.noise)
+        return LinearState(pack(belief), u.current_A, 0.0)
 
     def step(self, state: LinearState, sample: Sample) -> tuple[LinearState, Estimate]:
         """The state after a sample, and what is known then."""
@@ -84,22 +82,21 @@ class RcKalman:
         return kalman.predict(belief, F, self.process_noise(belief, reading, moved, kept), B * current_A)
 
     def process_noise(self, belief: Belief, reading: Reading, moved: Any, kept: Any) -> np.ndarray:
-        """Q (4, 4) of a step in which SoC moves by `moved`."""
+        """Q (5, 5) of a step in which SoC moves by `moved`."""
         noise = self.noise
         charge = rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
         bend_V = on_soc_grid(self.slope_V, self.soc(belief.mean[BULK])) - self.straight_slope_V
         voltages = self.straight_slope_V**2 * charge + bend_V**2 * moved * 2 * noise.model_soc_length
-        walk = noise.current_offset_walk_A**2 * reading.dt_s / 3600.0
-        errors = np.diag(np.array([1 - kept**2, walk]))
-        return np.block([[np.full((2, 2), voltages), np.zeros((2, 2))], [np.zeros((2, 2)), errors]])
+        return rc_linear.process_noise(np.full((2, 2), voltages), kept, reading.dt_s, noise)
 
     def corrected(self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any) -> Outcome:
         """What becomes of the voltage of this step."""
-        p, noise = self.model, self.noise
+        p, noise, current_A = self.model, self.noise, reading.now.current_A
         soc = self.soc(prior.mean[BULK])
-        H = rc_linear.output(p, on_soc_grid(noise.model_std_V, soc))
-        y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * reading.now.current_A
-        R = rc_linear.voltage_variance(reading, y_hat - prior.mean[BULK], on_soc_grid(self.slope_V, soc), noise)
+        over_V = rc_linear.overpotential(prior.mean, current_A, p)
+        H = rc_linear.output(p, on_soc_grid(noise.model_std_V, soc), over_V)
+        y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
+        R = rc_linear.voltage_variance(reading, over_V, on_soc_grid(self.slope_V, soc), noise)
         gate = self.gate, self.patience_s
         return rc_linear.correct(prior, H, R, y_hat, voltage_V, state.rejected_s, reading.dt_s, gate)
 
@@ -107,7 +104,6 @@ class RcKalman:
         """What is known after the sample."""
         bulk_V, std_V = belief.mean[BULK], np.sqrt(maximum(belief.cov[BULK, BULK], 0.0))
         half_width = 0.5 * (self.soc_beyond(bulk_V + std_V) - self.soc_beyond(bulk_V - std_V))
-        unknown = math.nan * bulk_V
         return Estimate(
             soc=self.soc(bulk_V),
             soc_std=np.sqrt(half_width**2 + self.noise.soc_axis_std**2),
@@ -115,8 +111,8 @@ class RcKalman:
             voltage_std_V=outcome.voltage_std_V,
             innovation_V=outcome.innovation_V,
             current_offset_A=belief.mean[OFFSET],
-            capacity_share=unknown,
-            resistance_share=unknown,
+            capacity_share=math.nan * bulk_V,
+            resistance_share=1.0 + belief.mean[RESISTANCE],
             flags=flags,
         )
 

@@ -1,10 +1,12 @@
 """What the linear Kalman filters on the RC model share: the circuit with what is wrong with sensor and model as states.
 
-    x = [V_cb, V_cs, model_error, offset]
+    x = [V_cb, V_cs, model_error, offset, resistance]
 
-`offset` [A] is what the current sensor shows at zero current, a random walk. `model_error` is the voltage error of the
-model in its own standard deviations: a function of SoC, it stays while SoC stays and is new after `model_soc_length`.
-Errors of a battery model are not white; as white noise they would average out, and the filter would be sure and wrong.
+`offset` [A] is what the current sensor shows at zero current, `resistance` the error of all resistances together as a
+share; both are random walks, and the voltage is linear in both as long as the current is measured. `model_error` is the
+voltage error of the model in its own standard deviations: a function of SoC, it stays while SoC stays and is new after
+`model_soc_length`. Errors of a battery model are not white; as white noise they would average out, and the filter would
+be sure and wrong.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from ohmward.filters.belief import Belief, PackedBelief, nis
 from ohmward.filters.gating import choose
 from ohmward.trace import clip, isfinite, logical_not, maximum, table, where
 
-BULK, SURFACE, MODEL_ERROR, OFFSET = range(4)
+BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE = range(5)
+
+STATE_NAMES = (*rc.STATE_NAMES, "model_error", "offset_A", "resistance")
 
 
 class LinearState(NamedTuple):
@@ -56,20 +60,46 @@ class Outcome(NamedTuple):
     rejected_s: Any
 
 
+def start(bulk_V: float, bulk_variance: float, past_V: float, noise: Noise) -> Belief:
+    """Belief before the first sample.
+
+    bulk_V, bulk_variance: open-circuit voltage [V] and its variance.  past_V: how far V_cs may be from it.
+    """
+    voltages = np.full((2, 2), bulk_variance) + np.diag([0.0, past_V**2])
+    errors = np.diag(np.square([1.0, noise.current_offset_std_A, noise.resistance_std]))
+    return Belief(np.array([bulk_V, bulk_V, 0.0, 0.0, 0.0]), block_diagonal(voltages, errors))
+
+
 def transition(p: rc.Circuit | rc.RcModel, kept: Any, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
-    """F (4, 4) and B (4,) of the step x+ = F x + B i_measured.
+    """F (5, 5) and B (5,) of the step x+ = F x + B i_measured.
 
     kept: share of the model error that is still there after the step.
     """
     A, b = rc.transition(p, dt_s)
-    F = np.block([[A, np.zeros((2, 1)), -b[:, None]], [np.zeros((2, 2)), np.diag(np.array([kept, 1.0]))]])
-    return F, np.array([*b, 0.0, 0.0])
+    F = block_diagonal(A, np.diag(np.array([kept, 1.0, 1.0])))
+    F[:2, OFFSET] = -b
+    return F, np.array([*b, 0.0, 0.0, 0.0])
 
 
-def output(p: rc.Circuit | rc.RcModel, model_std_V: Any) -> np.ndarray:
-    """H (1, 4): the voltage is H x + `rc.instant_resistance` * measured current."""
+def process_noise(voltages: np.ndarray, kept: Any, dt_s: Any, noise: Noise) -> np.ndarray:
+    """Q (5, 5) of a step.
+
+    voltages: (2, 2), of V_cb and V_cs.  kept: as for `transition`.
+    """
+    offset = noise.current_offset_walk_A**2 * dt_s / 3600.0
+    resistance = noise.resistance_walk**2 * dt_s / 3.6e5
+    return block_diagonal(voltages, np.diag(np.array([1 - kept**2, offset, resistance])))
+
+
+def overpotential(x: np.ndarray, current_A: Any, p: rc.Circuit | rc.RcModel) -> Any:
+    """Voltage beyond V_cb [V] in state x at the measured current, with the resistances of p."""
+    return rc.voltage(x[:2], current_A - x[OFFSET], p)[0] - x[BULK]
+
+
+def output(p: rc.Circuit | rc.RcModel, model_std_V: Any, overpotential_V: Any) -> np.ndarray:
+    """H (1, 5): the voltage is H x + `rc.instant_resistance` * measured current."""
     bulk_share, surface_share = rc.divider(p)
-    return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p)]])
+    return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p), overpotential_V]])
 
 
 def error_kept(moved: Any, noise: Noise) -> Any:
@@ -135,3 +165,9 @@ def limited(belief: Belief, k: int, low: Any, high: Any) -> tuple[Belief, Any]:
 def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
     """Linear between points on a uniform grid of SoC from 0 to 1, constant beyond."""
     return table(values, 0.0, 1.0 / (len(values) - 1), clip(soc, 0.0, 1.0))
+
+
+def block_diagonal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The square matrices a (n, n) and b (m, m) as blocks of one of (n + m, n + m)."""
+    n, m = len(a), len(b)
+    return np.block([[a, np.zeros((n, m))], [np.zeros((m, n)), b]])

@@ -78,7 +78,8 @@ def find_response(samples: Samples, capacity_Ah: float) -> Response:
             "found; record a few pulses"
         )
     window_s = _window_s(samples)
-    r_total = float(np.median(np.diff(samples.voltage_V)[edges] / change_A[edges]))
+    before, after = _around(samples, edges)
+    r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
     if not r_total > 0:
         raise InputError(
             f"the voltage falls when the current rises (R = {r_total:.3g} ohm at {edges.size} edges); currents must be "
@@ -88,11 +89,23 @@ def find_response(samples: Samples, capacity_Ah: float) -> Response:
     return Response(
         edges.size,
         r_total,
-        float(np.median(samples.dt_s[edges + 1])),
+        float(np.median(samples.time_s[after] - samples.time_s[before])),
         window_s,
         np.concatenate(times),
         np.concatenate(rises),
     )
+
+
+def _around(samples: Samples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Last sample a typical step before the new current and first a typical step after the old one, for each edge.
+
+    In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
+    same moment is understood too.
+    """
+    step_s = 0.99 * _typical_step_s(samples)
+    before = np.searchsorted(samples.time_s, samples.time_s[edges + 1] - step_s, "right") - 1
+    after = np.searchsorted(samples.time_s, samples.time_s[edges] + step_s, "left")
+    return np.maximum(before, 0), np.minimum(after, len(samples.time_s) - 1)
 
 
 def _after_edge(samples: Samples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -106,8 +119,12 @@ def _after_edge(samples: Samples, first: int, change_A: float, window_s: float) 
 
 def _window_s(samples: Samples) -> float:
     """The first 500 ms, or what holds ten samples where the log is slower."""
-    typical_s = float(np.median(samples.dt_s[1:]))
+    typical_s = _typical_step_s(samples)
     return FIRST_S if typical_s * _FEWEST_POINTS <= FIRST_S else 2 * _FEWEST_POINTS * typical_s
+
+
+def _typical_step_s(samples: Samples) -> float:
+    return float(np.median(samples.dt_s[1:]))
 
 
 def find_time_constant(response: Response) -> TimeConstant:
