@@ -8,12 +8,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.checks import require_positive
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
-from ohmward.battery.thevenin import Input, Thevenin, charge
-from ohmward.trace import clip, isfinite, where
+from ohmward.battery.reading import Reading, first_input, is_voltage, read
+from ohmward.battery.thevenin import Thevenin, charge
+from ohmward.trace import clip, minimum, where
+
+#: A usual current, in multiples of the capacity per hour: what an unknown one is taken to be.
+USUAL_C = 0.3
+
+#: Standard deviation of a SoC of which nothing is known: an unknown current makes it no worse.
+SPREAD = 0.5
 
 
 class CoulombState(NamedTuple):
@@ -23,7 +30,8 @@ class CoulombState(NamedTuple):
     white_variance: of what accumulates at random: start, sensor noise, gaps.
     moved: net change of SoC since the start; a gain error multiplies it.
     elapsed_s: time since the start; an offset multiplies it.
-    current_A, temperature_degC: last finite ones.
+    current_A, temperature_degC: last credible ones.
+    unknown_s: how long the current has not been known.
     """
 
     soc: Any
@@ -32,6 +40,7 @@ class CoulombState(NamedTuple):
     elapsed_s: Any
     current_A: Any
     temperature_degC: Any
+    unknown_s: Any
 
 
 @dataclass(frozen=True)
@@ -42,21 +51,32 @@ class CoulombCounting:
         model: gives capacity and coulombic efficiency, and the OCV for the start.
         noise: of the current sensor.
         gap_s: a longer step between two samples says nothing about the current in between.
+        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
     model: Thevenin
     noise: Noise = field(default_factory=Noise)
     gap_s: float = 600.0
+    current_limit_C: float = 20.0
+
+    def __post_init__(self) -> None:
+        require_positive("gap_s", self.gap_s)
+        require_positive("current_limit_C", self.current_limit_C)
+
+    @property
+    def current_limit_A(self) -> float:
+        """Largest current [A] that is believed."""
+        return self.current_limit_C * self.model.capacity_Ah
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""
-        u = Input(finite_or(first.current_A, 0.0), finite_or(first.temperature_degC, ROOM_DEGC))
+        u = first_input(first, self.current_limit_A)
         start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
-        return CoulombState(start.soc, start.std**2, 0.0, 0.0, u.current_A, u.temperature_degC)
+        return CoulombState(start.soc, start.std**2, 0.0, 0.0, u.current_A, u.temperature_degC, 0.0)
 
     def step(self, state: CoulombState, sample: Sample) -> tuple[CoulombState, Estimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, state.temperature_degC, self.gap_s)
+        reading = self.read(state, sample)
         d_soc = charge(reading.mean.current_A, reading.dt_s, self.model) / self.model.capacity_As
         soc = clip(state.soc + d_soc, 0.0, 1.0)
         after = CoulombState(
@@ -66,10 +86,17 @@ class CoulombCounting:
             state.elapsed_s + reading.dt_s,
             reading.now.current_A,
             reading.now.temperature_degC,
+            reading.unknown_s,
         )
         limited = where(state.soc + d_soc == soc, 0.0, float(Flag.SOC_LIMITED))
-        no_voltage = where(isfinite(sample.voltage_V), 0.0, float(Flag.NO_VOLTAGE))
+        credible = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
+        no_voltage = where(credible, 0.0, float(Flag.NO_VOLTAGE))
         return after, self.estimate(after, reading.flags + no_voltage + limited)
+
+    def read(self, state: CoulombState, sample: Sample) -> Reading:
+        """The sample made safe."""
+        before = state.current_A, state.temperature_degC
+        return read(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
 
     def estimate(self, state: CoulombState, flags: Any) -> Estimate:
         """SoC and the sum of what may be wrong with it."""
@@ -84,9 +111,16 @@ def charge_variance(reading: Reading, noise: Noise, model: Thevenin) -> Any:
     """Variance of the change of SoC in one step: sensor noise, the path between two samples, a gap.
 
     The path: between two samples the current is taken as linear; 0.15 of the step in current is how far its mean may
-    be from that. A gap: nothing is known but that 0.3 C is a usual current.
+    be from that. An unknown current is a usual one, `USUAL_C`, in either direction, and the same one until it is known
+    again: its variance grows with the square of the time, whether that is one long step or many short ones.
     """
     sensor = noise.current_std_A**2 * reading.dt_s
     path = (0.15 * reading.change_A * reading.dt_s) ** 2
-    unknown = where(reading.known > 0.5, 0.0, (0.3 * model.capacity_Ah * reading.dt_s) ** 2)
-    return clip((sensor + path + unknown) / model.capacity_As**2, 0.0, 0.25)
+    unknown = _unknown_variance(reading.unknown_s) - _unknown_variance(reading.unknown_s - reading.dt_s)
+    known = reading.known > 0.5
+    return where(known, minimum((sensor + path) / model.capacity_As**2, SPREAD**2), unknown)
+
+
+def _unknown_variance(unknown_s: Any) -> Any:
+    """Variance of SoC after so long without a known current; SoC cannot be farther off than full is from empty."""
+    return minimum(USUAL_C * unknown_s / 3600.0, SPREAD) ** 2

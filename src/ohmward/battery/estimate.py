@@ -47,9 +47,9 @@ class Estimate(NamedTuple):
 class Flag(IntFlag):
     """What happened at a sample. None of it stops an estimator."""
 
-    NO_CURRENT = 1  # not a finite number: the last current was held
-    NO_VOLTAGE = 2  # not a finite number: predicted only
-    BAD_TIME = 4  # dt_s not finite or negative: taken as 0; dt_s = 0 is a repeated sample
+    NO_CURRENT = 1  # no number, or one that no battery has: the last current was held
+    NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only
+    BAD_TIME = 4  # dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample
     GAP = 8  # longer than the estimator trusts a straight line between two currents
     VOLTAGE_REJECTED = 16  # innovation outside its gate
     REST = 32  # current known: the zero-current update was made

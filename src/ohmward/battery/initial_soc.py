@@ -14,10 +14,14 @@ import numpy as np
 
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.noise import Noise
+from ohmward.battery.reading import finite_or
 from ohmward.battery.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
 
 #: Share of the prior that says: the value given is wrong, and nothing is known.
 DOUBT = 0.02
+
+#: Share by which a first voltage may lie beyond the curve before it is taken for a fault of its sensor.
+BEYOND = 0.25
 
 
 class InitialSoc(NamedTuple):
@@ -55,13 +59,18 @@ def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
 
 
 def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
-    """Likelihood of the voltage at each SoC, up to a factor; flat without a voltage."""
+    """Likelihood of the voltage at each SoC, up to a factor; flat without a credible voltage.
+
+    A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
+    """
     if not np.isfinite(voltage_V):
         return np.ones_like(grid)
-    current = u.current_A if np.isfinite(u.current_A) else 0.0
-    u = Input(current, u.temperature_degC)
-    ocv = p.ocv.mean_V(grid, u.temperature_degC)
-    expected = ocv + ohmic_resistance(grid, u, p) * current
+    u = Input(finite_or(u.current_A, 0.0), u.temperature_degC)
+    expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_resistance(grid, u, p) * u.current_A
+    lowest_V, highest_V = expected.min(), expected.max()
+    if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
+        return np.ones_like(grid)
+    voltage_V = np.clip(voltage_V, lowest_V, highest_V)
     std = first_voltage_std(grid, u, p, noise)
     with np.errstate(under="ignore"):
         scaled = 0.5 * ((voltage_V - expected) / std) ** 2 + np.log(std)

@@ -7,10 +7,19 @@ from typing import Any, NamedTuple
 
 from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.thevenin import Input
-from ohmward.trace import isfinite, where
+from ohmward.trace import maximum, where
 
 #: Room temperature stands in as long as no thermometer has spoken.
 ROOM_DEGC = 25.0
+
+#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
+COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
+
+#: A longer step is a clock that was set, not a battery that waited.
+LONGEST_STEP_S = 365 * 86400.0
+
+#: No cell shows more than so many times its highest open-circuit voltage; a sensor without its wire shows 0.
+HIGHEST_VOLTAGE_SHARE = 2.0
 
 
 class Reading(NamedTuple):
@@ -20,8 +29,9 @@ class Reading(NamedTuple):
     mean: mean current over the step and temperature.
     now: current of this instant and temperature.
     change_A: current now minus current before.
-    known: 1 where both currents of the step are measured and close enough in time, else 0.
+    known: 1 where the current is measured and close enough in time to the one before, else 0.
     flags: sum of `Flag`.
+    unknown_s: how long the current has not been known, this step included; 0 where it is.
     """
 
     dt_s: Any
@@ -30,27 +40,63 @@ class Reading(NamedTuple):
     change_A: Any
     known: Any
     flags: Any
+    unknown_s: Any
 
 
-def read(sample: Sample, current_before_A: Any, temperature_before_degC: Any, gap_s: float) -> Reading:
-    """The sample with everything that is not a number replaced by what was last known, and said so.
+def read(
+    sample: Sample,
+    current_before_A: Any,
+    temperature_before_degC: Any,
+    gap_s: float,
+    current_limit_A: float = math.inf,
+    unknown_before_s: Any = 0.0,
+) -> Reading:
+    """The sample with everything that cannot be true replaced by what was last known, and said so.
 
-    gap_s: a longer step says nothing about the current between its two samples.
+    gap_s: a longer step says nothing about the current between its two samples. Then the line between them is taken
+        for `gap_s` of the step and no current for the rest of it: a robot that was switched off did not go on driving.
+    current_limit_A: a larger current is a fault of the sensor; one sample of it would move SoC for good.
+    unknown_before_s: how long the current had not been known before this step.
     """
-    time_good = isfinite(sample.dt_s) & (sample.dt_s >= 0)
+    time_good = (sample.dt_s >= 0) & (sample.dt_s <= LONGEST_STEP_S)
     dt_s = where(time_good, sample.dt_s, 0.0)
-    current_good = isfinite(sample.current_A)
+    current_good = is_current(sample.current_A, current_limit_A)
     current = where(current_good, sample.current_A, current_before_A)
-    temperature = where(isfinite(sample.temperature_degC), sample.temperature_degC, temperature_before_degC)
+    temperature = where(is_temperature(sample.temperature_degC), sample.temperature_degC, temperature_before_degC)
     gap = dt_s > gap_s
     flags = (
         where(current_good, 0.0, float(Flag.NO_CURRENT))
         + where(time_good, 0.0, float(Flag.BAD_TIME))
         + where(gap, float(Flag.GAP), 0.0)
     )
-    mean = Input(0.5 * (current + current_before_A), temperature)
+    trusted_share = gap_s / maximum(dt_s, gap_s)
+    mean = Input(0.5 * (current + current_before_A) * trusted_share, temperature)
     known = where(current_good & ~gap, 1.0, 0.0)
-    return Reading(dt_s, mean, Input(current, temperature), current - current_before_A, known, flags)
+    unknown_s = where(known > 0.5, 0.0, unknown_before_s + dt_s)
+    return Reading(dt_s, mean, Input(current, temperature), current - current_before_A, known, flags, unknown_s)
+
+
+def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:
+    """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
+    current = float(first.current_A) if is_current(first.current_A, current_limit_A) else 0.0
+    temperature = float(first.temperature_degC) if is_temperature(first.temperature_degC) else ROOM_DEGC
+    return Input(current, temperature)
+
+
+def is_current(current_A: Any, limit_A: float) -> Any:
+    """Whether it is a finite number within the limit."""
+    finite_limit_A = min(limit_A, 1e9)
+    return (current_A >= -finite_limit_A) & (current_A <= finite_limit_A)
+
+
+def is_temperature(temperature_degC: Any) -> Any:
+    """Whether it is a number and a battery can have that temperature."""
+    return (temperature_degC >= COLDEST_DEGC) & (temperature_degC <= HOTTEST_DEGC)
+
+
+def is_voltage(voltage_V: Any, highest_ocv_V: float) -> Any:
+    """Whether it is a number and a battery with this open-circuit voltage when full can show it."""
+    return (voltage_V > 0.0) & (voltage_V < HIGHEST_VOLTAGE_SHARE * highest_ocv_V)
 
 
 def finite_or(value: float, otherwise: float) -> float:

@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.checks import require_positive
 from ohmward.battery.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.noise import Noise
+from ohmward.battery.reading import is_current, is_voltage
 from ohmward.battery.thevenin import Input, Thevenin, pair_resistances
-from ohmward.trace import clip, isfinite, linearize, maximum, where
+from ohmward.trace import clip, linearize, where
 
 
 class RestOcvState(NamedTuple):
@@ -31,7 +33,7 @@ class RestOcv:
     """Settings.
 
     Attributes:
-        model, noise, gap_s: as for coulomb counting.
+        model, noise, gap_s, current_limit_C: as for coulomb counting.
         rest_share: current below this share of 1 C counts as rest.
         settle_s: length of a rest before its voltage is used.
     """
@@ -41,11 +43,17 @@ class RestOcv:
     gap_s: float = 600.0
     rest_share: float = 0.03
     settle_s: float = 900.0
+    current_limit_C: float = 20.0
+
+    def __post_init__(self) -> None:
+        require_positive("gap_s", self.gap_s)
+        require_positive("current_limit_C", self.current_limit_C)
+        require_positive("rest_share", self.rest_share)
 
     @property
     def counting(self) -> CoulombCounting:
         """What runs between the rests."""
-        return CoulombCounting(self.model, self.noise, self.gap_s)
+        return CoulombCounting(self.model, self.noise, self.gap_s, self.current_limit_C)
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
@@ -54,10 +62,11 @@ class RestOcv:
     def step(self, state: RestOcvState, sample: Sample) -> tuple[RestOcvState, Estimate]:
         """The state after a sample, and what is known then."""
         counting, counted = self.counting.step(state.counting, sample)
-        quiet = abs(counting.current_A) < self.rest_share * self.model.capacity_Ah
-        rest_s = where(quiet, state.rest_s + maximum(where(isfinite(sample.dt_s), sample.dt_s, 0.0), 0.0), 0.0)
-        usable = isfinite(sample.voltage_V) & (rest_s > self.settle_s) & (state.used < 0.5)
-        y = where(isfinite(sample.voltage_V), sample.voltage_V, 0.0)
+        quiet = is_current(sample.current_A, self.rest_share * self.model.capacity_Ah)
+        rest_s = where(quiet, state.rest_s + counting.elapsed_s - state.counting.elapsed_s, 0.0)
+        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
+        usable = measured & (rest_s > self.settle_s) & (state.used < 0.5)
+        y = where(measured, sample.voltage_V, 0.0)
         corrected, voltage, voltage_std = self.corrected(counting, counted.soc_std, y)
         after = CoulombState(*(where(usable, new, old) for new, old in zip(corrected, counting, strict=True)))
         used = where(quiet, where(usable, 1.0, state.used), 0.0)

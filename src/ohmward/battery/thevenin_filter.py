@@ -26,11 +26,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.checks import require_between, require_finite, require_positive
 from ohmward.battery.coulomb import charge_variance
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
+from ohmward.battery.reading import Reading, first_input, is_voltage, read
 from ohmward.battery.thevenin import (
     Health,
     Input,
@@ -47,7 +48,7 @@ from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, PackedBelief, nis, pack, unpack
 from ohmward.filters.gating import choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, isfinite, linearize, maximum, table, where
+from ohmward.trace import clip, linearize, maximum, table, where
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
@@ -57,9 +58,10 @@ class FilterState(NamedTuple):
 
     belief: mean (n + 6,) and lower triangle of the covariance.
     noise: moments for covariance matching [V^2].
-    current_A, temperature_degC: last finite ones.
+    current_A, temperature_degC: last credible ones.
     rest_s: how long the current has looked like rest.
     rejected_s: how long the voltage has been outside its gate.
+    unknown_s: how long the current has not been known.
     """
 
     belief: PackedBelief
@@ -68,6 +70,7 @@ class FilterState(NamedTuple):
     temperature_degC: float
     rest_s: float
     rejected_s: float
+    unknown_s: float
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ class TheveninFilter:
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
         patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
     model: Thevenin
@@ -98,10 +102,18 @@ class TheveninFilter:
     gap_s: float = 600.0
     gate: float = 25.0
     patience_s: float = 60.0
+    current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+        for name in ("gap_s", "gate", "current_limit_C"):
+            require_positive(name, getattr(self, name))
+        require_between("window", self.window, 1.0, math.inf)
+        require_between("rest_hold_s", self.rest_hold_s, 0.0, math.inf)
+        require_between("patience_s", self.patience_s, 0.0, math.inf)
+        if self.rest_current_A is not None:
+            require_finite("rest_current_A", self.rest_current_A)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -113,7 +125,7 @@ class TheveninFilter:
 
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
-        u = Input(finite_or(first.current_A, 0.0), finite_or(first.temperature_degC, ROOM_DEGC))
+        u = first_input(first, self.current_limit_A)
         start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
         pairs = pair_resistances(start.soc, u, self.model)
         likely_A = abs(u.current_A) + self.noise.current_offset_std_A
@@ -122,11 +134,11 @@ class TheveninFilter:
         mean = np.array([start.soc, *(0.0 for _ in pairs), 0.0, 0.0, 1.0, 1.0, 0.0])
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
         belief = pack(Belief(mean, np.diag(np.square(std))))
-        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0)
+        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0)
 
     def step(self, state: FilterState, sample: Sample) -> tuple[FilterState, Estimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, state.temperature_degC, self.gap_s)
+        reading = self.read(state, sample)
         prior = METHODS[self.method].predict(
             unpack(state.belief), lambda x: self.next_state(x, reading), self.process_noise(state, reading)
         )
@@ -134,7 +146,7 @@ class TheveninFilter:
         prior = choose(resting, self.zero_current_update(prior, reading), prior)
 
         R = self.measurement_noise(state, prior.mean, reading)
-        measured = isfinite(sample.voltage_V)
+        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         y = np.array([where(measured, sample.voltage_V, 0.0)])
         correction = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, reading), R)
         accepted = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
@@ -147,7 +159,8 @@ class TheveninFilter:
             reading.now.current_A,
             reading.now.temperature_degC,
             rest_s,
-            where(accepted | ~measured, 0.0, state.rejected_s + reading.dt_s),
+            where(accepted, 0.0, state.rejected_s + where(measured, reading.dt_s, 0.0)),
+            reading.unknown_s,
         )
         flags = (
             reading.flags
@@ -157,6 +170,16 @@ class TheveninFilter:
             + where(limited, float(Flag.SOC_LIMITED), 0.0)
         )
         return after, self.estimate(posterior, correction, y, measured, flags)
+
+    @property
+    def current_limit_A(self) -> float:
+        """Largest current [A] that is believed."""
+        return self.current_limit_C * self.model.capacity_Ah
+
+    def read(self, state: FilterState, sample: Sample) -> Reading:
+        """The sample made safe."""
+        before = state.current_A, state.temperature_degC
+        return read(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
 
     def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
         """Mean of the state after the step, (n + 6,)."""

@@ -1,0 +1,93 @@
+"""Cells, missions and sensors that several tests of the battery share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.estimate import Sample
+from ohmward.battery.noise import Noise
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+
+GRID = np.linspace(0.0, 1.0, 41)
+
+#: A straight OCV and constant resistances: closed forms hold.
+STRAIGHT = Thevenin(
+    capacity_Ah=2.0,
+    ocv=OcvCurve((3.0, 4.0)),
+    r0_discharge_ohm=(0.02, 0.02),
+    r0_charge_ohm=(0.02, 0.02),
+    r_ohm=((0.01, 0.01), (0.02, 0.02)),
+    tau_s=(10.0, 200.0),
+)
+
+#: The shape of a nickel-manganese-cobalt cell: the voltage tells SoC everywhere.
+NMC = Thevenin(
+    capacity_Ah=2.0,
+    ocv=OcvCurve(tuple(3.4 + 0.75 * GRID - 0.35 * np.exp(-20 * GRID) + 0.05 * np.sin(5 * GRID))),
+    r0_discharge_ohm=(0.06, 0.05, 0.05),
+    r0_charge_ohm=(0.055, 0.05, 0.05),
+    r_ohm=((0.015, 0.01, 0.01), (0.03, 0.02, 0.02)),
+    tau_s=(15.0, 300.0),
+    coulombic_efficiency=0.99,
+    activation_K=2500.0,
+)
+
+#: The shape of a lithium-iron-phosphate cell: a plateau with hysteresis, on which the voltage tells next to nothing.
+LFP = replace(
+    NMC,
+    ocv=OcvCurve(
+        tuple(3.3 + 0.01 * GRID - 0.5 * np.exp(-25 * GRID) + 0.15 * np.exp(-60 * (1 - GRID)) + 0.02 * (GRID > 0.66)),
+        tuple(0.012 * np.minimum(1.0, 10 * np.minimum(GRID, 1 - GRID))),
+    ),
+    hysteresis_rate=40.0,
+    coulombic_efficiency=1.0,
+)
+
+
+class Truth(NamedTuple):
+    """What a simulation knows: time [s], true current [A], SoC and voltage [V] at each sample, (T,) each."""
+
+    time_s: np.ndarray
+    current_A: np.ndarray
+    soc: np.ndarray
+    voltage_V: np.ndarray
+
+
+def drive(rng: np.random.Generator, steps: int, mean_A: float = -0.5, rest_every: int = 6) -> np.ndarray:
+    """Current (steps,) that is new every 40 samples, with a rest of 200 samples now and then."""
+    blocks = mean_A + 1.5 * rng.standard_normal(steps // 40 + 1)
+    blocks[np.arange(len(blocks)) // 5 % rest_every == rest_every - 1] = 0.0
+    return np.repeat(blocks, 40)[:steps]
+
+
+def simulate(model: Thevenin, current_A: np.ndarray, soc: float, dt_s: float = 1.0, hysteresis: float = 0.0) -> Truth:
+    """The model itself, with a current that is linear between the samples as every estimator assumes."""
+    x = np.array([soc, *(0.0 for _ in range(model.pairs)), hysteresis])
+    states = [x]
+    for before, after in zip(current_A, current_A[1:], strict=False):
+        x = next_state(x, Input(0.5 * (before + after), 25.0), model, dt_s)
+        states.append(x)
+    measured = [voltage(x, Input(i, 25.0), model)[0] for x, i in zip(states, current_A, strict=True)]
+    return Truth(dt_s * np.arange(len(states)), current_A, np.array(states)[:, 0], np.array(measured))
+
+
+def samples(truth: Truth, offset_A: float = 0.0, noise: Noise | None = None, seed: int = 1) -> Sample:
+    """What sensors with this offset, and with the white noise of `noise`, show of the truth, (T,) each."""
+    rng, noise = np.random.default_rng(seed), noise or Noise(voltage_std_V=1e-12, current_std_A=0.0)
+    count = len(truth.time_s)
+    return Sample(
+        np.diff(truth.time_s, prepend=truth.time_s[0]),
+        truth.current_A + offset_A + noise.current_std_A * rng.standard_normal(count),
+        truth.voltage_V + noise.voltage_std_V * rng.standard_normal(count),
+        np.full(count, math.nan),
+    )
+
+
+def row(columns: Sample, k: int) -> Sample:
+    """The sample k of columns (T,)."""
+    return Sample(*(float(c[k]) for c in columns))
