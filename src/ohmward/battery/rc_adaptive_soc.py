@@ -1,0 +1,73 @@
+"""The scheme of [T] fig. 3.10: the joint filter finds the parameters, the SoC filter uses them, sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ohmward.battery import rc
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.noise import Noise
+from ohmward.battery.rc_joint import JointState, Nominal, RcJoint
+from ohmward.battery.rc_linear import LinearState
+from ohmward.battery.rc_soc import RcSoc
+from ohmward.trace import where
+
+
+class SchemeState(NamedTuple):
+    """State of both filters."""
+
+    joint: JointState
+    soc: LinearState
+
+
+@dataclass(frozen=True)
+class RcAdaptiveSoc:
+    """Settings of both filters; `init` and `step` are pure functions of them.
+
+    Attributes:
+        joint: finds C_b, C_s, R_e and R_t.
+        soc: estimates the state of charge with them; its model says what full parameters are.
+    """
+
+    joint: RcJoint
+    soc: RcSoc
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
+        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        start = self.soc.init(first, soc, soc_std)
+        return SchemeState(self.joint.init(first, bulk_V=float(start.belief.mean[0])), start)
+
+    def step(self, state: SchemeState, sample: Sample) -> tuple[SchemeState, Estimate]:
+        """The state after a sample, and what is known then."""
+        joint, parameters = self.joint.step(state.joint, sample)
+        soc, estimate = self.soc.step(state.soc, sample, parameters.circuit)
+        restarted = where(parameters.flags >= float(Flag.NOT_POSITIVE_DEFINITE), float(Flag.NOT_POSITIVE_DEFINITE), 0.0)
+        shares = self.shares(parameters.circuit)
+        estimate = estimate._replace(
+            capacity_share=shares[0], resistance_share=shares[1], flags=estimate.flags + restarted
+        )
+        return SchemeState(joint, soc), estimate
+
+    def shares(self, p: rc.Circuit) -> tuple[Any, Any]:
+        """Capacitance and resistance in series with it, over the model's: how much of capacity and health is left."""
+        file = self.soc.model.circuit
+        return (
+            (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F),
+            (p.r_terminal_ohm + p.r_bulk_ohm) / (file.r_terminal_ohm + file.r_bulk_ohm),
+        )
+
+
+def adaptive_soc_of(model: rc.RcModel, noise: Noise | None = None) -> RcAdaptiveSoc:
+    """The scheme for a model: the joint filter starts at its circuit, with R_e the mean of R_b and R_s."""
+    noise = noise or Noise()
+    r_ohm = 0.5 * (model.r_bulk_ohm + model.r_surface_ohm)
+    nominal = Nominal(model.c_bulk_F, model.c_surface_F, r_ohm, model.r_terminal_ohm)
+    std = max(noise.resistance_std, 0.1)
+    joint = RcJoint(
+        nominal,
+        start_std=(std, std, std, std),
+        voltage_std_V=noise.voltage_std_V,
+        current_std_A=noise.current_std_A,
+    )
+    return RcAdaptiveSoc(joint, RcSoc(model, noise))
