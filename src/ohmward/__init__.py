@@ -1,3 +1,71 @@
-"""ohmward: state of charge, wheel slip and range of battery-powered robots, with uncertainties that hold."""
+"""ohmward: state of charge, wheel slip and range of battery-powered robots, with uncertainties that hold.
+
+The names in `__all__` are what scripts and notebooks need; each is loaded when it is first used (PEP 562), so that
+`import ohmward` costs nothing and a robot loads only what it runs.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ohmward.battery.battery import Battery as Battery
+    from ohmward.battery.battery_file import load_battery as load_battery
+    from ohmward.battery.battery_file import save_battery as save_battery
+    from ohmward.battery.estimate import Estimate as Estimate
+    from ohmward.battery.estimate import Flag as Flag
+    from ohmward.battery.estimate import Sample as Sample
+    from ohmward.battery.estimators import Settings as Settings
+    from ohmward.battery.estimators import available as available
+    from ohmward.battery.estimators import make_estimator as make_estimator
+    from ohmward.battery.identification import identify as identify
+    from ohmward.battery.score import score as score
+    from ohmward.battery.soc_estimator import SocEstimator as SocEstimator
+    from ohmward.errors import InputError as InputError
+    from ohmward.errors import OhmwardError as OhmwardError
+    from ohmward.logs import Log as Log
+    from ohmward.logs import examine as examine
+    from ohmward.logs import read_log as read_log
+    from ohmward.logs import write_log as write_log
+    from ohmward.logs import write_table as write_table
+    from ohmward.simulate import make_robot_day as make_robot_day
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Battery": "battery.battery",
+    "Estimate": "battery.estimate",
+    "Flag": "battery.estimate",
+    "InputError": "errors",
+    "Log": "logs",
+    "OhmwardError": "errors",
+    "Sample": "battery.estimate",
+    "Settings": "battery.estimators",
+    "SocEstimator": "battery.soc_estimator",
+    "available": "battery.estimators",
+    "examine": "logs",
+    "identify": "battery.identification",
+    "load_battery": "battery.battery_file",
+    "make_estimator": "battery.estimators",
+    "make_robot_day": "simulate",
+    "read_log": "logs",
+    "save_battery": "battery.battery_file",
+    "score": "battery.score",
+    "write_log": "logs",
+    "write_table": "logs",
+}
+
+__all__ = list(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home, once."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,130 @@
+"""Imports point one way, the on-board core needs NumPy alone, and importing is quick."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import ohmward
+
+SOURCE = Path(ohmward.__file__).parent
+
+#: What each room may import from the rooms below it; a room of its own is always allowed.
+BELOW: dict[str, set[str]] = {
+    "errors": set(),
+    "trace": {"errors"},
+    "filters": {"trace", "errors"},
+    "logs": {"errors"},
+    "report": {"errors"},
+    "battery": {"trace", "filters", "logs.log", "errors"},
+    "traction": {"trace", "filters", "logs.log", "errors"},
+    "simulate": {"battery", "traction", "trace", "filters", "logs", "errors"},
+    "cli": {"battery", "traction", "simulate", "logs", "report", "errors"},
+}
+
+#: Modules that stand at the edge of their room: nothing else of the room imports them.
+EDGES: dict[str, set[str]] = {
+    "battery.pictures": {"report"},
+    "battery.battery_file": {"logs.atomic"},
+}
+
+#: What runs on a robot.
+ON_BOARD = [
+    "ohmward.battery.thevenin_filter",
+    "ohmward.battery.rc_joint",
+    "ohmward.battery.estimators",
+    "ohmward.battery.soc_estimator",
+    "ohmward.battery.battery_file",
+    "ohmward.filters",
+    "ohmward.trace",
+    "ohmward.logs",
+]
+
+#: What an on-board core must not pull in, however it is installed.
+HEAVY = ["scipy", "pyarrow", "msgspec", "rich", "matplotlib", "pandas", "llvmlite", "numba", "casadi", "sympy"]
+
+
+def modules() -> list[str]:
+    files = sorted(SOURCE.rglob("*.py"))
+    names = [".".join(f.relative_to(SOURCE).with_suffix("").parts) for f in files]
+    return [name.removesuffix(".__init__") for name in names if name != "__init__"]
+
+
+def imported(module: str) -> Iterator[str]:
+    """The modules of ohmward that a module imports, anywhere in its text, without the leading `ohmward.`."""
+    path = SOURCE.joinpath(*module.split("."))
+    text = (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}: imports are absolute here"
+            names = [node.module or ""] if node.module != "ohmward" else [f"ohmward.{a.name}" for a in node.names]
+        else:
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+        yield from (name.removeprefix("ohmward.") for name in names if name.startswith("ohmward."))
+
+
+def allowed(module: str, target: str) -> bool:
+    room = module.split(".")[0]
+    permitted = {room, "__version__"} | BELOW[room] | EDGES.get(module, set())
+    return any(target == name or target.startswith(f"{name}.") for name in permitted)
+
+
+def run(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("module", modules())
+def test_imports_point_downwards(module):
+    room = module.split(".")[0]
+    assert room in BELOW, (
+        f"{room} is a new room: say in BELOW what it may import, and in docs/architecture.md what it is"
+    )
+    assert [t for t in imported(module) if not allowed(module, t)] == []
+
+
+def test_nothing_of_a_room_leans_on_its_edge():
+    by_room = [(m, t) for m in modules() for t in imported(m) if m.split(".")[0] == t.split(".")[0]]
+    assert [pair for pair in by_room if pair[1] == "battery.pictures"] == []
+
+
+def test_the_rooms_form_no_circle():
+    seen: set[str] = set()
+    for room, below in BELOW.items():
+        assert {name.split(".")[0] for name in below} <= seen, f"{room} imports from a room above it"
+        seen.add(room)
+
+
+@pytest.mark.parametrize("module", ON_BOARD)
+def test_the_on_board_core_imports_numpy_alone(module):
+    loaded = run(f"import sys, {module}; print(*{{name.split('.')[0] for name in sys.modules}})").split()
+    assert sorted(set(loaded) & set(HEAVY)) == []
+    assert "numpy" in loaded
+
+
+def test_the_package_itself_imports_nothing():
+    loaded = run("import sys; before = set(sys.modules); import ohmward; print(*(set(sys.modules) - before))").split()
+    assert "numpy" not in loaded
+    assert {name for name in loaded if name.startswith("ohmward.")} == set()
+
+
+def test_importing_takes_no_time():
+    took = "import time; t = time.perf_counter(); import ohmward; print(time.perf_counter() - t)"
+    assert min(float(run(took)) for _ in range(3)) <= 0.3
+
+
+def test_every_public_name_is_found_and_typed():
+    tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
+    typed = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    names = [a.name for node in typed[0].body if isinstance(node, ast.ImportFrom) for a in node.names]
+    assert sorted(names) == sorted(ohmward.__all__)
+    for name in ohmward.__all__:
+        assert getattr(ohmward, name).__name__ == name
+        assert name in dir(ohmward)
+
+
+def test_a_name_that_does_not_exist_is_refused():
+    with pytest.raises(AttributeError, match="module 'ohmward' has no attribute 'idnetify'"):
+        ohmward.idnetify  # noqa: B018
