@@ -29,6 +29,7 @@ from ohmward.battery.checks import require_positive
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Thevenin
 from ohmward.errors import InputError
+from ohmward.trace import minimum
 
 STATE_NAMES = ("bulk_V", "surface_V")
 STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
@@ -151,13 +152,16 @@ def next_state_with_voltage(
 ) -> np.ndarray:
     """State with V as third element after a step, exact; V jumps with the current, which [T] and [P] leave out.
 
+    Where the surface is slower than the bulk (R_s C_s > R_b C_b) V as a state is unstable; the disturbance stays there
+    as it is instead of growing.
+
     x: (3,) [V_cb, V_cs, V] in V.
     before_A, mean_A, now_A: current at the start of the step, its mean over the step, and at the end.
     Returns: (3,), the same at the end of the step.
     """
     after = next_state(x[:2], mean_A, p, dt_s)
     disturbance = x[2] - voltage(x[:2], before_A, p)[0]
-    kept = np.exp(disturbance_rate(p) * dt_s)
+    kept = np.exp(minimum(disturbance_rate(p) * dt_s, 0.0))
     return np.array([*after, voltage(after, now_A, p)[0] + kept * disturbance])
 
 

@@ -11,6 +11,7 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.rc_joint import JointState, Nominal, RcJoint
 from ohmward.battery.rc_linear import LinearState
 from ohmward.battery.rc_soc import RcSoc
+from ohmward.filters.gating import choose
 from ohmward.trace import where
 
 
@@ -41,9 +42,11 @@ class RcAdaptiveSoc:
     def step(self, state: SchemeState, sample: Sample) -> tuple[SchemeState, Estimate]:
         """The state after a sample, and what is known then."""
         joint, parameters = self.joint.step(state.joint, sample)
-        soc, estimate = self.soc.step(state.soc, sample, parameters.circuit)
-        restarted = where(parameters.flags >= float(Flag.NOT_POSITIVE_DEFINITE), float(Flag.NOT_POSITIVE_DEFINITE), 0.0)
-        shares = self.shares(parameters.circuit)
+        lost = parameters.flags >= float(Flag.NOT_POSITIVE_DEFINITE)
+        circuit = choose(lost, self.soc.model.circuit, parameters.circuit)
+        soc, estimate = self.soc.step(state.soc, sample, circuit)
+        restarted = where(lost, float(Flag.NOT_POSITIVE_DEFINITE), 0.0)
+        shares = self.shares(circuit)
         estimate = estimate._replace(
             capacity_share=shares[0], resistance_share=shares[1], flags=estimate.flags + restarted
         )

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery import rc
-from ohmward.battery.rc_rule import TERMINAL_SHARE
+from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
 from ohmward.battery.rc_samples import Samples
 
 _LONGEST_WEIGHT_S = 60.0
@@ -74,6 +74,7 @@ def _fit_at(samples: Samples, tau_s: float, capacitance_F: float | None) -> Volt
         return None
     modelled = _columns(samples, tau_s) @ np.array([per_C, r1, r0])
     start_V = float(np.average(samples.voltage_V - modelled, weights=_weights(samples) ** 2))
+    tau_s = tau_s if r1 > 0 else _shortest_s(samples)
     return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s, samples.voltage_V - start_V - modelled)
 
 
@@ -126,9 +127,12 @@ def _shortest_s(samples: Samples) -> float:
 def circuit_of(fit: VoltageFit) -> rc.Circuit:
     """Elements that show these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
 
+    Without a relaxation (R_1 = 0) the rule's shares, with a surface so fast that both resistances are seen as R_0.
     With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
     """
     C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s
+    if r1 == 0.0:
+        return circuit_by_rule(r0 / (1 + BRANCH_SHARE / 2), tau, C)
     r_e = 2 * (r1 + tau / C)
     if r0 > r_e / 2:
         s = 0.5 * (1 - math.sqrt(1 - 1 / (1 + r1 * C / tau)))

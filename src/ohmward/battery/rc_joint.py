@@ -164,10 +164,13 @@ class RcJoint:
         level = first.voltage_V if bulk_V is None else bulk_V
         if not math.isfinite(level):
             raise InputError("the first sample has no voltage: give bulk_V, the battery's open-circuit voltage")
-        n = len(self.state_names)
-        belief = pack(self.ignorance(float(level), bulk_std_V))
+        return self.start(float(level), bulk_std_V, 0.0)
+
+    def start(self, level_V: Any, std_V: float, current_A: Any) -> JointState:
+        """State that knows of the battery that it rests near `level_V`, and the nominal values."""
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        return JointState(belief, moments, np.zeros(n), 0.0, 0.0)
+        gain = np.zeros(len(self.state_names))
+        return JointState(pack(self.ignorance(level_V, std_V)), moments, gain, current_A, 0.0)
 
     def ignorance(self, level_V: Any, std_V: float) -> Belief:
         """Belief about a battery at rest near `level_V` of which only the nominal values are known."""
@@ -181,7 +184,8 @@ class RcJoint:
         """The state after a sample, and what is known then."""
         reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
         voltage_V = sample.voltage_V
-        before, healthy = self.revived(unpack(state.belief), voltage_V)
+        state, healthy = self.revived(state, voltage_V)
+        before = unpack(state.belief)
         prior, correction = unscented.correct_reusing_points(
             before,
             lambda x: self.next_state(x, reading),
@@ -210,13 +214,14 @@ class RcJoint:
         )
         return after, self.estimate(posterior, correction, voltage_V, flags)
 
-    def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
-        """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
+    def revived(self, state: JointState, voltage_V: Any) -> tuple[JointState, Any]:
+        """The state, or a new start where its belief is no belief any more; and whether it still was one."""
+        belief = unpack(state.belief)
         healthy = is_healthy(belief) > 0.5
         for logarithm in belief.mean[:PARAMETERS]:
             healthy = healthy & (abs(logarithm) < LOST)
-        level_V = where(isfinite(voltage_V), voltage_V, belief.mean[PARAMETERS])
-        return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
+        level_V = where(isfinite(voltage_V), voltage_V, where(isfinite(belief.mean[-1]), belief.mean[-1], 0.0))
+        return choose(healthy, state, self.start(level_V, BULK_STD_V, state.current_A)), healthy
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:
         """The parameters in state x."""
