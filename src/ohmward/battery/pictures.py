@@ -1,0 +1,187 @@
+"""Figures that people look at when they judge a battery: measured, estimated, reference, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Flag
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.score import BAND_95
+from ohmward.battery.thevenin import Thevenin
+from ohmward.logs.log import Log
+from ohmward.report import TIME, Band, Figure, Series, Span
+from ohmward.report.palette import Meaning
+
+SOC_AXIS = "State of charge [%]"
+FAULTS = Flag.NO_CURRENT | Flag.NO_VOLTAGE | Flag.BAD_TIME | Flag.GAP | Flag.VOLTAGE_REJECTED
+_MOST_SPANS = 300
+
+
+def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
+    """Measured current over time."""
+    series = [Series(log.time_s, log.current_A, "measured", role="estimate")]
+    return Figure("Current", TIME, "Current [A], > 0 charges", series, spans=spans, height_px=200)
+
+
+def voltage_figure(log: Log, estimates: Estimate | None = None) -> Figure:
+    """Measured voltage, and what the estimator expected before it saw it."""
+    series = [Series(log.time_s, log.voltage_V, "measured", role="quiet")]
+    if estimates is not None and np.isfinite(estimates.voltage_V).any():
+        series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
+    return Figure("Voltage", TIME, "Voltage [V]", series)
+
+
+def temperature_figure(log: Log) -> Figure:
+    """Measured temperature over time."""
+    values = np.full(len(log), np.nan) if log.temperature_degC is None else log.temperature_degC
+    series = [Series(log.time_s, values, "measured", role="comparison")]
+    return Figure("Temperature", TIME, "Temperature [°C]", series, height_px=160)
+
+
+def interval_figure(log: Log) -> Figure:
+    """Time from each sample to the next, on a logarithmic axis: gaps and jitter at one glance."""
+    dots = [Series(log.time_s[1:], log.dt_s, "to the sample before", "points", "quiet")]
+    return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
+
+
+def soc_figure(log: Log, estimates: Estimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()) -> Figure:
+    """Estimated state of charge with its 95 % band, and the reference.
+
+    truth: (T,) in [0, 1], nan where there is none.
+    """
+    soc, std = 100 * estimates.soc, 100 * estimates.soc_std
+    series = [Series(log.time_s, soc, "estimate", role="estimate")]
+    if truth is not None:
+        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
+    band = _band(log.time_s, soc, std, 0.0, 100.0)
+    return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
+
+
+def soc_error_figure(log: Log, estimates: Estimate, truth: np.ndarray) -> Figure:
+    """Estimate minus reference, inside (or outside) the 95 % band that the estimator claimed around zero."""
+    error, std = 100 * (estimates.soc - truth), 100 * estimates.soc_std
+    series = [Series(log.time_s, error, "estimate - reference", role="comparison")]
+    band = _band(log.time_s, np.zeros_like(std), std)
+    limit = _usual(np.concatenate([error, BAND_95 * std]))
+    return Figure(
+        "Error of the state of charge", TIME, "Error [% of capacity]", series, [band], y_limits=(-limit, limit)
+    )
+
+
+def offset_figure(log: Log, estimates: Estimate) -> Figure:
+    """Estimated offset of the current sensor."""
+    series = [Series(log.time_s, 1e3 * estimates.current_offset_A, "estimate", role="estimate")]
+    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, height_px=180)
+
+
+def health_figure(log: Log, estimates: Estimate) -> Figure:
+    """Estimated capacity and resistance as shares of the battery file's."""
+    series = [
+        Series(log.time_s, 100 * estimates.capacity_share, "capacity", role="estimate"),
+        Series(log.time_s, 100 * estimates.resistance_share, "resistance", role="comparison"),
+    ]
+    return Figure("Capacity and resistance", TIME, "Share of the battery file's [%]", series, height_px=180)
+
+
+def voltage_error_figure(log: Log, estimates: Estimate) -> Figure:
+    """Measured minus expected voltage over time."""
+    series = [Series(log.time_s, 1e3 * (log.voltage_V - estimates.voltage_V), "measured - expected", role="estimate")]
+    return Figure("Error of the voltage", TIME, "Error [mV]", series, height_px=180)
+
+
+def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray | None = None) -> Figure:
+    """State of charge by every estimator, and the reference."""
+    series = [Series(log.time_s, 100 * e.soc, name) for name, e in estimates.items()]
+    if truth is not None:
+        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
+    return Figure("State of charge", TIME, SOC_AXIS, series, height_px=320)
+
+
+def soc_errors_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray) -> Figure:
+    """Estimate minus reference of every estimator."""
+    series = [Series(log.time_s, 100 * (e.soc - truth), name) for name, e in estimates.items()]
+    limit = _usual(np.concatenate([s.y for s in series]))
+    return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
+
+
+def flag_spans(log: Log, flags: np.ndarray, wanted: Flag = Flag.REST | FAULTS) -> list[Span]:
+    """Stretches of samples that carry a flag, rests in grey and faults in red; the longest where there are many.
+
+    flags: (T,) sums of `Flag` values.
+    """
+    spans = []
+    for flag in wanted:
+        label = str(flag.name).lower().replace("_", " ")
+        role: Meaning = "quiet" if flag is Flag.REST else "alert"
+        spans += [
+            Span(float(log.time_s[a]), float(log.time_s[b]), label, role)
+            for a, b in _runs(flags.astype(int) & flag != 0)
+        ]
+    return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
+
+
+def ocv_figure(ocv: OcvCurve, points: Sequence[tuple[float, float]] = (), std_V: np.ndarray | None = None) -> Figure:
+    """Open-circuit voltage: mean curve, charge and discharge branch, measured points, 95 % band.
+
+    points: (soc, voltage [V]) at rests.  std_V: standard deviation on a uniform grid of SoC.
+    """
+    soc = np.linspace(0.0, 1.0, 401)
+    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.half_gap_V(soc))
+    percent = 100 * soc
+    series = [Series(percent, mean, "mean", role="estimate")]
+    if half.any():
+        series += [
+            Series(percent, mean + half, "charge", "dashed", "comparison"),
+            Series(percent, mean - half, "discharge", "dashed", "auto"),
+        ]
+    if points:
+        x, y = np.array(sorted(points)).T
+        series.append(Series(100 * x, y, "at rest", "points", "reference"))
+    bands = [] if std_V is None else [_band(percent, mean, np.interp(soc, np.linspace(0, 1, len(std_V)), std_V))]
+    return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
+
+
+def resistance_figure(model: Thevenin) -> Figure:
+    """Every resistance of the circuit against state of charge."""
+    rows = {"R0 discharge": model.r0_discharge_ohm, "R0 charge": model.r0_charge_ohm}
+    rows |= {f"R{j} ({tau:.3g} s)": r for j, (r, tau) in enumerate(zip(model.r_ohm, model.tau_s, strict=True), 1)}
+    soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
+    series = [Series(soc, 1e3 * np.asarray(r), name) for name, r in rows.items()]
+    return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series)
+
+
+def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 80) -> Figure:
+    """How often each value occurs, beside the normal distribution of the same mean and deviation.
+
+    values: (N,) in the unit of `x_label`; nan is left out, and the outermost 0.1 % on either side are not drawn.
+    """
+    known = values[np.isfinite(values)]
+    low, high = np.quantile(known, [0.001, 0.999])
+    density, edges = np.histogram(known, bins, (low, high if high > low else low + 1e-9), density=True)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    mean, std = known.mean(), max(known.std(), 1e-12)
+    normal = np.exp(-0.5 * ((middle - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
+    series = [
+        Series(edges, np.append(density, density[-1]), "residuals", "step", "estimate"),
+        Series(middle, normal, "normal", "dashed", "reference"),
+    ]
+    return Figure(title, x_label, "Density", series, height_px=220)
+
+
+def _band(x: np.ndarray, mean: np.ndarray, std: np.ndarray, low: float = -np.inf, high: float = np.inf) -> Band:
+    """The 95 % band, cut where the quantity ends."""
+    return Band(x, np.clip(mean - BAND_95 * std, low, high), np.clip(mean + BAND_95 * std, low, high), "95 % band")
+
+
+def _usual(values: np.ndarray) -> float:
+    """A limit that all but the largest 2 % of the sizes stay below; the first seconds must not flatten the rest."""
+    size = np.abs(values[np.isfinite(values)])
+    return max(1.3 * float(np.quantile(size, 0.98)), 1e-6) if size.size else 1.0
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of every stretch of True."""
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]

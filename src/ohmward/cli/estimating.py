@@ -1,0 +1,92 @@
+"""What `soc` and `compare` share: their options, and a battery, a log and a truth made ready."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, NamedTuple
+
+from ohmward.cli.parser import add_log_options, number, positive, share
+from ohmward.cli.progress import progress
+from ohmward.cli.reading import read
+
+if TYPE_CHECKING:
+    from ohmward.battery.battery import Battery
+    from ohmward.battery.soc_estimator import Run
+    from ohmward.cli.truth import Truth
+    from ohmward.logs import Log
+
+
+UNKNOWN = "unknown"
+
+
+class Task(NamedTuple):
+    """One log to estimate: the battery it is of, and the truth if there is one."""
+
+    battery: Battery
+    log: Log
+    truth: Truth | None
+
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed while reading."""
+        truth = [f"info: {self.truth.note}"] if self.truth else []
+        return [str(note) for note in self.log.notes] + truth
+
+
+def add_task_options(parser: argparse.ArgumentParser) -> None:
+    """The log, the battery, the start and the truth."""
+    parser.add_argument("log", metavar="LOG", help="a CSV, Parquet or BDF file")
+    parser.add_argument(
+        "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
+    )
+    group = parser.add_argument_group("estimation")
+    group.add_argument(
+        "--initial-soc", type=share, metavar="S", help="state of charge at the start, 0 to 1; default: from the voltage"
+    )
+    group.add_argument(
+        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
+    )
+    group.add_argument(
+        "--rest-current",
+        type=rest_current,
+        metavar="A",
+        help="true current of a rest: 0 in a laboratory, minus the idle draw on a robot, 'unknown' teaches the filter "
+        "nothing; default: the battery file's",
+    )
+    group.add_argument(
+        "--truth",
+        metavar="COLUMN",
+        help="reference in the log: a share, percent or Ah counter; 'a - b' for a counter of each direction",
+    )
+    group.add_argument(
+        "--truth-start", type=share, metavar="S", help="state of charge at which an Ah counter starts, 0 to 1"
+    )
+    add_log_options(parser)
+
+
+def make_task(args: argparse.Namespace) -> Task:
+    """Read what the options of `add_task_options` name."""
+    from ohmward.battery.battery_file import load_battery
+    from ohmward.cli.truth import read_truth
+
+    battery = load_battery(args.battery)
+    log = read(args.log, args, extra=None if args.truth else ())
+    start = args.initial_soc if args.truth_start is None else args.truth_start
+    return Task(battery, log, read_truth(log, args.truth, battery.capacity_Ah, start) if args.truth else None)
+
+
+def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:
+    """Run the estimator called `name` over the log."""
+    from ohmward.battery.estimators import Settings, make_estimator
+    from ohmward.battery.soc_estimator import SocEstimator
+
+    rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
+    settings = Settings(rest_current_A=None if rest == UNKNOWN else rest)
+    estimator = make_estimator(name, task.battery, settings)
+    with progress(f"{task.log.name}: {name}") as report:
+        return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, report)
+
+
+def rest_current(text: str) -> float | str:
+    """A current [A], or the word that says that it is not known."""
+    return UNKNOWN if text == UNKNOWN else number(text)

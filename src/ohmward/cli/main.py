@@ -1,0 +1,74 @@
+"""`ohmward COMMAND ...`: the parser of all commands, and how errors become exit statuses."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from ohmward import __version__
+from ohmward.cli import compare, doctor, soc
+from ohmward.cli.outcome import Outcome, check_output, show, write_page
+from ohmward.cli.parser import Parser
+from ohmward.errors import OhmwardError
+
+COMMANDS = (doctor, soc, compare)
+REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+
+_EPILOG = """\
+a first look:
+  ohmward demo                                      a simulated robot day, from pulse test to report
+
+with your own logs (CSV, Parquet or BDF):
+  ohmward doctor test.csv                           what is in a log, what was assumed, what is wrong
+  ohmward identify test.csv --capacity-ah 12 -o battery.toml
+  ohmward soc day.csv --battery battery.toml --report day.html
+  ohmward compare day.csv --battery battery.toml    all estimators side by side
+
+exit status: 0 done, 1 a log has errors (doctor), 2 refused: the message says what to change
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line, sys.argv without it; returns the exit status."""
+    try:
+        arguments = build_parser().parse_args(argv)
+        outcome = run(arguments)
+        show(outcome, as_json=getattr(arguments, "json", False))
+        return outcome.status
+    except OhmwardError as error:
+        print(f"ohmward: error: {error}", file=sys.stderr)
+        return REFUSED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # the reader has gone: let the interpreter's last flush go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+
+
+def build_parser() -> Parser:
+    """The parser of `ohmward` with all its commands."""
+    parser = Parser(
+        prog="ohmward",
+        description="State of charge of batteries from logs of current and voltage, with uncertainties that hold.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"ohmward {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    for command in COMMANDS:
+        command.add_parser(commands)
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> Outcome:
+    """Run a parsed command and write its report."""
+    report = getattr(arguments, "report", None)
+    check_output("--report", report, (".html", ".htm"))
+    outcome: Outcome = arguments.run(arguments)
+    if report and outcome.page:
+        write_page(outcome.page(), report)
+    return outcome

@@ -1,0 +1,101 @@
+"""What a command hands back, and the one place that prints it and writes its files."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ohmward.errors import InputError
+
+if TYPE_CHECKING:
+    from ohmward.report import Page
+
+
+class Outcome(NamedTuple):
+    """The result of a command.
+
+    summary: the object of --json; arrays and dataclasses are not allowed, numbers that are not finite become null.
+    text: the same for people.
+    notes: what was assumed on the way; part of `text`, and on standard error with --json.
+    page: makes the report, called only with --report.
+    status: exit status.
+    """
+
+    summary: Mapping[str, Any]
+    text: str
+    notes: Sequence[str] = ()
+    page: Callable[[], Page] | None = None
+    status: int = 0
+
+
+def show(outcome: Outcome, *, as_json: bool) -> None:
+    """Print the outcome; as JSON, standard output carries one object and nothing else."""
+    if not as_json:
+        print(outcome.text, flush=True)
+        return
+    for note in outcome.notes:
+        print(note, file=sys.stderr)
+    print(json.dumps(plain(outcome.summary), indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON knows it: null for a number that is not finite, lists for tuples, text for paths."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs: Sequence[str] = ()) -> None:
+    """Refuse, before the work begins, a file that could not be written at its end.
+
+    option: what to call it.  suffixes: endings that are understood.  inputs: files that must not be overwritten.
+
+    Raises:
+        InputError: another ending, no such folder, no permission, a folder in its place, or one of the inputs.
+    """
+    if path is None:
+        return
+    file = Path(path)
+    if not file.name.endswith(tuple(suffixes)):
+        raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
+    if not file.parent.is_dir():
+        raise InputError(f"{option} {path}: there is no folder {str(file.parent)!r}; make it first")
+    if file.is_dir():
+        raise InputError(f"{option} {path}: this is a folder; name a file in it")
+    if any(Path(other).exists() and file.exists() and file.samefile(other) for other in inputs):
+        raise InputError(f"{option} {path}: this file is an input; choose another name")
+    _try_folder(option, file)
+
+
+def write_page(page: Page, path: str) -> None:
+    """Write a report; the file is either whole or not there.
+
+    Raises:
+        OhmwardError: the disk refused.
+    """
+    from ohmward.logs.atomic import replacing
+
+    with replacing(Path(path)) as temporary:
+        temporary.write_text(page.html(), encoding="utf-8", newline="\n")
+
+
+def _try_folder(option: str, file: Path) -> None:
+    """Permissions, read-only mounts and full disks show only when one tries."""
+    try:
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{option} {file}: {str(file.parent)!r} takes no files ({error.strerror}); choose another folder"
+        ) from error

@@ -1,0 +1,73 @@
+"""Numbers and tables as people read them on a terminal."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TypeGuard
+
+WIDTH = 100
+
+
+def duration(seconds: float) -> str:
+    """A length of time in its natural unit: "12.5 s", "42 min", "9 h 25 min"."""
+    if seconds < 120:
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def percent(share: float | None, digits: int = 2) -> str:
+    """A share as a percentage, "-" where it is not known."""
+    return f"{100 * share:.{digits}f} %" if known(share) else "-"
+
+
+def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3) -> str:
+    """A number with its unit, "-" where it is not known."""
+    return f"{scale * value:.{digits}g} {unit}" if known(value) else "-"
+
+
+def known(value: float | None) -> TypeGuard[float]:
+    """Whether there is a finite number."""
+    return value is not None and math.isfinite(value)
+
+
+def grouped(number: int) -> str:
+    """A whole number with its thousands apart: 33,744."""
+    return f"{number:,}"
+
+
+def sentence(text: str) -> str:
+    """The text with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "?", "!")) else ".")
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns aligned under their header, the first to the left, the others to the right."""
+    cells = [header, *rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
+    lines = [
+        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
+        for row in cells
+    ]
+    return "\n".join([lines[0].rstrip(), "  ".join("-" * w for w in widths), *(line.rstrip() for line in lines[1:])])
+
+
+def fields(values: Mapping[str, str]) -> str:
+    """Names and values, one a line, indented and aligned."""
+    width = max(map(len, values))
+    return "\n".join(f"  {name.ljust(width)}  {value}" for name, value in values.items())
+
+
+def bullets(title: str, lines: Sequence[str]) -> str:
+    """A title and wrapped lines below it; nothing without lines."""
+    if not lines:
+        return ""
+    wrapped = (textwrap.fill(line, WIDTH, initial_indent="  - ", subsequent_indent="    ") for line in lines)
+    return "\n".join([f"{title}:", *wrapped])
+
+
+def paragraphs(*parts: str) -> str:
+    """The parts that are not empty, with an empty line between them."""
+    return "\n\n".join(part for part in parts if part)
