@@ -1,0 +1,12 @@
+"""From logs of tests to a battery: charge, segments, SoC, OCV curve, resistances, relaxation, circuit, noise."""
+
+from ohmward.battery.identification.identify import (
+    DEFAULT_MODEL,
+    MODELS,
+    Identified,
+    LogDetails,
+    identify,
+    identify_in_detail,
+)
+
+__all__ = ["DEFAULT_MODEL", "MODELS", "Identified", "LogDetails", "identify", "identify_in_detail"]

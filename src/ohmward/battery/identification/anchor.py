@@ -94,7 +94,9 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
 
     A log that starts at rest at the voltage of the rest after such a charge started full as well.
     """
-    ends = [end for first, last in _tops(record, capacity_Ah) if (end := _end_of_taper(record, first, last, capacity_Ah))]
+    ends = [
+        end for first, last in _tops(record, capacity_Ah) if (end := _end_of_taper(record, first, last, capacity_Ah))
+    ]
     if ends and _starts_like(record, ends):
         ends = [0, *ends]
     return tuple(Anchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
@@ -166,7 +168,9 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
     """Whether the log starts at rest at (or above) the lowest voltage of a rest after a full charge, within 1 %."""
     if not is_rest(record.phases[0]):
         return False
-    after = [p for p in record.phases if p.kind == "rest" and any(end < p.first <= end + _TAPER_SAMPLES for end in full)]
+    after = [
+        p for p in record.phases if p.kind == "rest" and any(end < p.first <= end + _TAPER_SAMPLES for end in full)
+    ]
     voltage_V = record.log.voltage_V
     return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
 
@@ -210,12 +214,21 @@ def _require_inside(record: Record, soc: np.ndarray, capacity_Ah: float) -> None
 def _notes(record: Record, axis: SocAxis, capacity_Ah: float, ocv: OcvCurve | None) -> tuple[Note, ...]:
     name, first = record.log.name, axis.anchors[0]
     tied = f"{first.reason}, +-{2 * first.std:.1%}" if len(axis.anchors) == 1 else f"{len(axis.anchors)} full charges"
-    notes = [Note(f"{name!r}: SoC starts at {axis.soc[0]:.3f} and runs from {axis.soc.min():.3f} to "
-                  f"{axis.soc.max():.3f} ({tied})")]
+    notes = [
+        Note(
+            f"{name!r}: SoC starts at {axis.soc[0]:.3f} and runs from {axis.soc.min():.3f} to "
+            f"{axis.soc.max():.3f} ({tied})"
+        )
+    ]
     if axis.efficiency < 1:
         notes.append(Note(f"{name!r}: {axis.efficiency:.1%} of the charging current is stored"))
     seen_Ah = capacity_from_rests(record, axis, ocv, capacity_Ah) if ocv else None
     if seen_Ah and abs(seen_Ah / capacity_Ah - 1) > _CAPACITY_WARNING:
-        notes.append(Note(f"{name!r}: its rest voltages and its charge agree for a capacity of {seen_Ah:.4g} Ah, "
-                          f"not for the given {capacity_Ah:g} Ah", "warning"))
+        notes.append(
+            Note(
+                f"{name!r}: its rest voltages and its charge agree for a capacity of {seen_Ah:.4g} Ah, "
+                f"not for the given {capacity_Ah:g} Ah",
+                "warning",
+            )
+        )
     return tuple(notes)

@@ -20,8 +20,8 @@ from ohmward.battery.identification.samples import Samples
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import KELVIN
 
-GRID = np.linspace(0.0, 1.0, 21)
-KNOTS = np.concatenate([
+RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
+OCV_KNOTS = np.concatenate([
     [0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.arange(0.1, 0.905, 0.05), [0.92, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99],
     [0.995, 1.0],
 ])  # fmt: skip
@@ -42,8 +42,8 @@ class Layout(NamedTuple):
     """Where each group of unknowns stands in the vector x (K,).
 
     pairs: number n of RC pairs; records: number of records; hysteresis: whether the OCV curve has any.
-    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on GRID; then ms (with hysteresis), the OCV correction
-    on KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
+    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV correction
+    on OCV_KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
     """
 
     pairs: int
@@ -58,11 +58,11 @@ class Layout(NamedTuple):
     @property
     def resistances(self) -> slice:
         """All resistances."""
-        return slice(0, self.blocks * GRID.size)
+        return slice(0, self.blocks * RESISTANCE_GRID.size)
 
     def block(self, j: int) -> slice:
         """One resistance along SoC: 0 r0_discharge, 1 r0_charge, 1 + j r_j."""
-        return slice(j * GRID.size, (j + 1) * GRID.size)
+        return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
 
     @property
     def scale(self) -> slice:
@@ -71,8 +71,8 @@ class Layout(NamedTuple):
 
     @property
     def correction(self) -> slice:
-        """Correction of the OCV curve on KNOTS [V]."""
-        return slice(self.scale.stop, self.scale.stop + KNOTS.size)
+        """Correction of the OCV curve on OCV_KNOTS [V]."""
+        return slice(self.scale.stop, self.scale.stop + OCV_KNOTS.size)
 
     def initial(self, record: int) -> slice:
         """States at the start of a record."""
@@ -86,13 +86,19 @@ class Layout(NamedTuple):
 
 
 def design(
-    samples: Samples, record: int, layout: Layout, rates: Rates, ocv: OcvCurve, capacity_Ah: float, reference_degC: float
+    samples: Samples,
+    record: int,
+    layout: Layout,
+    rates: Rates,
+    ocv: OcvCurve,
+    capacity_Ah: float,
+    reference_degC: float,
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
     A = np.zeros((samples.soc.size, layout.size))
     warm = warmth(samples, rates.activation_K, reference_degC)
-    here = hat(samples.soc, GRID) * (warm * samples.current_A)[:, None]
-    driven = hat(samples.soc_before, GRID) * (warm * samples.mean_current_A)[:, None]
+    here = hat(samples.soc, RESISTANCE_GRID) * (warm * samples.current_A)[:, None]
+    driven = hat(samples.soc_before, RESISTANCE_GRID) * (warm * samples.mean_current_A)[:, None]
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
     A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     initial = layout.initial(record).start
@@ -100,7 +106,7 @@ def design(
         decay = np.exp(-samples.dt_s / tau)
         A[:, layout.block(2 + j)] = scan(decay, (1 - decay)[:, None] * driven)
         A[:, initial + j] = np.cumprod(decay)
-    A[:, layout.correction] = hat(samples.soc, KNOTS)
+    A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
     if layout.hysteresis:
         gap_V = ocv.half_gap_V(samples.soc)
         decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import GRID, Layout, Rates, design
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Layout, Rates, design
 from ohmward.battery.identification.circuit_prior import CELL_V, Gaussian, Prior, make_prior
 from ohmward.battery.identification.samples import Samples
 from ohmward.battery.ocv import OcvCurve
@@ -141,7 +141,9 @@ def solve(problem: Problem, rates: Rates, robust: Sequence[np.ndarray] | None = 
             found = [_robust(r, VOLTAGE_STD_V * problem.volts) for r in residuals]
             weights = [w * np.sqrt(r) for w, r in zip(plain, found, strict=True)]
     kept = tuple(robust) if robust else tuple(found)
-    residual_V = tuple(np.where(np.isfinite(s.voltage_V), r, np.nan) for s, r in zip(problem.samples, residuals, strict=True))
+    residual_V = tuple(
+        np.where(np.isfinite(s.voltage_V), r, np.nan) for s, r in zip(problem.samples, residuals, strict=True)
+    )
     weighted = np.concatenate([*(w * r for w, r in zip(weights, residuals, strict=True)), _prior_residual(prior, x)])
     return Solution(layout, rates, x, np.linalg.inv(H), residual_V, weighted, kept)
 
@@ -167,7 +169,7 @@ def _prior(
     problem: Problem, layout: Layout, columns: list[np.ndarray], targets: list[np.ndarray], weights: list[np.ndarray]
 ) -> Gaussian:
     """The prior around the levels that constant resistances would have."""
-    shapes = np.ones((layout.blocks, GRID.size))
+    shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
         shapes[-1] = problem.slow_shape
     levels = _levels(layout, shapes, columns, targets, weights)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import GRID, KNOTS, Layout
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, OCV_KNOTS, Layout
 from ohmward.battery.ocv import OcvCurve
 
 CELL_V = 3.7
@@ -49,7 +49,13 @@ class Gaussian(NamedTuple):
 
 
 def make_prior(
-    prior: Prior, layout: Layout, levels: np.ndarray, shapes: np.ndarray, ocv: OcvCurve, at_rest: list[bool], volts: float
+    prior: Prior,
+    layout: Layout,
+    levels: np.ndarray,
+    shapes: np.ndarray,
+    ocv: OcvCurve,
+    at_rest: list[bool],
+    volts: float,
 ) -> Gaussian:
     """The prior of all unknowns.
 
@@ -61,7 +67,7 @@ def make_prior(
     for j in range(layout.blocks):
         add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
         if j != 1:
-            row = 1 / (prior.level_share * levels[j] * GRID.size * shapes[j])
+            row = 1 / (prior.level_share * levels[j] * RESISTANCE_GRID.size * shapes[j])
             add_rows(precision, layout.block(j), row[None, :])
             information[layout.block(j)] += row / prior.level_share
     _tie_directions(precision, layout, prior.direction_share * levels[0])
@@ -79,10 +85,10 @@ def make_prior(
 
 
 def ocv_precision(prior: Prior, ocv: OcvCurve, volts: float) -> np.ndarray:
-    """(K, K) precision of the OCV correction on KNOTS: exponential correlation along SoC, wider on a steep curve."""
-    slope = np.abs(np.gradient(np.asarray(ocv.mean_V(KNOTS, ocv.reference_degC)), KNOTS))
+    """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation along SoC, wider on a steep curve."""
+    slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
     std = np.hypot(volts * prior.ocv_V, prior.ocv_soc * slope)
-    correlation = np.exp(-np.abs(KNOTS[:, None] - KNOTS) / prior.ocv_length)
+    correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / prior.ocv_length)
     return np.linalg.inv(std[:, None] * correlation * std)
 
 
@@ -93,13 +99,13 @@ def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
 
 def _walk(prior: Prior, level: float) -> np.ndarray:
     """(20, 21) differences of neighbouring grid points over their standard deviation."""
-    std = prior.walk_share * level * np.sqrt(np.diff(GRID) / 0.1)
-    return np.diff(np.eye(GRID.size), axis=0) / std[:, None]
+    std = prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
+    return np.diff(np.eye(RESISTANCE_GRID.size), axis=0) / std[:, None]
 
 
 def _tie_directions(precision: np.ndarray, layout: Layout, std_ohm: float) -> None:
     discharge, charge = layout.block(0), layout.block(1)
-    tie = np.eye(GRID.size) / std_ohm**2
+    tie = np.eye(RESISTANCE_GRID.size) / std_ohm**2
     precision[discharge, discharge] += tie
     precision[charge, charge] += tie
     precision[discharge, charge] -= tie

@@ -13,7 +13,7 @@ from ohmward.battery.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
-GRID = np.linspace(0.0, 1.0, 201)
+OCV_GRID = np.linspace(0.0, 1.0, 201)
 SAME_TEMPERATURE_K = 5.0
 _COMPLETE_SHARE = 0.93
 _SHORTEST_SHARE = 0.3
@@ -136,7 +136,7 @@ def _mean_and_half_gap(branches: Sequence[Branch]) -> tuple[np.ndarray, np.ndarr
     discharge, charge = curves
     if np.isnan(discharge).all() or np.isnan(charge).all():
         mean_V = discharge if np.isnan(charge).all() else charge
-        return monotone(_held(mean_V)), np.zeros_like(GRID)
+        return monotone(_held(mean_V)), np.zeros_like(OCV_GRID)
     half_gap_V = np.maximum(_closing(0.5 * (charge - discharge)), 0.0)
     mean_V = np.where(np.isnan(charge), discharge + half_gap_V, charge - half_gap_V)
     both = ~np.isnan(charge) & ~np.isnan(discharge)
@@ -147,32 +147,32 @@ def _mean_and_half_gap(branches: Sequence[Branch]) -> tuple[np.ndarray, np.ndarr
 def _on_grid(branches: Sequence[Branch]) -> np.ndarray:
     """(201,) mean voltage of the branches of one direction, nan where none was measured."""
     rows = [_interpolated(branch) for branch in branches]
-    known = np.sum([~np.isnan(row) for row in rows], axis=0) if rows else np.zeros(GRID.size)
-    total = np.nansum(rows, axis=0) if rows else np.zeros(GRID.size)
+    known = np.sum([~np.isnan(row) for row in rows], axis=0) if rows else np.zeros(OCV_GRID.size)
+    total = np.nansum(rows, axis=0) if rows else np.zeros(OCV_GRID.size)
     return np.where(known > 0, total / np.maximum(known, 1), np.nan)
 
 
 def _interpolated(branch: Branch) -> np.ndarray:
     order = np.argsort(branch.soc, kind="stable")
-    return np.interp(GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
+    return np.interp(OCV_GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
 
 
 def _closing(half_gap_V: np.ndarray) -> np.ndarray:
     """(201,) the half gap, closing to 0 at an end of SoC that one of the branches did not reach."""
     known = np.flatnonzero(~np.isnan(half_gap_V))
-    return np.interp(GRID, [-1e-9, *GRID[known], 1 + 1e-9], [0.0, *half_gap_V[known], 0.0])
+    return np.interp(OCV_GRID, [-1e-9, *OCV_GRID[known], 1 + 1e-9], [0.0, *half_gap_V[known], 0.0])
 
 
 def _held(values: np.ndarray) -> np.ndarray:
     """The values with each unknown one replaced by its nearest known neighbours."""
     known = ~np.isnan(values)
-    return np.interp(GRID, GRID[known], values[known])
+    return np.interp(OCV_GRID, OCV_GRID[known], values[known])
 
 
 def _temperature_slope(curves: dict[float, np.ndarray]) -> np.ndarray:
     """(201,) [V/K] slope of the curves over temperature, smoothed over 10 % of SoC; 0 with one temperature."""
     if len(curves) < 2:
-        return np.zeros_like(GRID)
+        return np.zeros_like(OCV_GRID)
     degC = np.array(list(curves))
     centred = degC - degC.mean()
     return smooth(centred @ np.array(list(curves.values())) / (centred @ centred))

@@ -7,8 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.charge import Charge, count_charge, known_current_A
-from ohmward.battery.identification.segments import Phase, Test, find_phases, kind_of_test
-from ohmward.logs.log import Log
+from ohmward.battery.identification.segments import Phase, Test, find_phases, is_rest, kind_of_test
+from ohmward.errors import InputError
+from ohmward.logs.log import Log, Note, counted
+
+_SAME_VOLTAGE = 0.003
+_FEWEST_SAMPLES = 5
 
 
 class Record(NamedTuple):
@@ -36,12 +40,41 @@ class Record(NamedTuple):
         return None if values is None or not np.isfinite(values).any() else float(np.nanmedian(values))
 
 
-def make_record(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> Record:
-    """Stages 1 and 2 for one log.
+def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tuple[Record, ...]:
+    """Stages 1 and 2 for one log: one record, or several where gaps of unknown charge divide it.
+
+    A gap before and after which the battery rests at the same voltage (within 0.3 %) divides nothing.
 
     Raises:
         InputError: no current in the log, or too short for a pulse.
     """
+    record = _record(log, capacity_Ah, idle_current_A)
+    divides = [k for k in np.flatnonzero(record.charge.unknown) if not _rests_through(record, int(k))]
+    if not divides:
+        return (record,)
+    edges = [0, *divides, len(log)]
+    parts = [log.select(slice(a, b)) for a, b in zip(edges, edges[1:], strict=False) if b - a >= _FEWEST_SAMPLES]
+    useful = [part for part in parts if np.any(np.nan_to_num(part.current_A)) and part.duration_s > 0]
+    if not useful:
+        raise InputError(f"log {log.name!r}: {counted(len(divides), 'gap')} of unknown charge leave no part to use")
+    note = Note(
+        f"{log.name!r} is divided at {counted(len(divides), 'gap')} in which an unknown charge may have flowed; "
+        f"{len(useful)} of {len(parts)} parts are used, each with a state of charge of its own",
+        "warning",
+    )
+    records = [_record(part, capacity_Ah, idle_current_A) for part in useful]
+    first = records[0]
+    return (first._replace(charge=first.charge._replace(notes=(note,))), *records[1:])
+
+
+def _record(log: Log, capacity_Ah: float, idle_current_A: float) -> Record:
     charge = count_charge(log)
     phases = find_phases(log, capacity_Ah, idle_current_A)
     return Record(log, charge, phases, kind_of_test(log, charge, phases, capacity_Ah))
+
+
+def _rests_through(record: Record, k: int) -> bool:
+    """Whether sample k, after a gap, and the one before lie in rest at the same voltage."""
+    at_rest = all(any(is_rest(p, 0.0) and p.first <= i <= p.last for p in record.phases) for i in (k - 1, k))
+    before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]
+    return at_rest and bool(abs(after_V - before_V) <= _SAME_VOLTAGE * abs(before_V))

@@ -87,6 +87,6 @@ def _kept(record: Record, finest_s: float) -> np.ndarray:
 def _numbered(since_s: np.ndarray, finest_s: float) -> np.ndarray:
     """(T,) number of the interval of growing length in which a time since the last edge lies."""
     even_s, coarse_s = finest_s / _GROWTH, COARSEST_S / _GROWTH
-    growing = (even_s + np.log(np.maximum(np.minimum(since_s, coarse_s), even_s) / even_s) / _GROWTH)
+    growing = even_s + np.log(np.maximum(np.minimum(since_s, coarse_s), even_s) / even_s) / _GROWTH
     beyond = np.maximum(since_s - coarse_s, 0.0) / COARSEST_S
     return np.floor(np.where(since_s < even_s, since_s / finest_s, even_s / finest_s - even_s + growing + beyond))

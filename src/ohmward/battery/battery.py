@@ -1,0 +1,106 @@
+"""A battery as the identification leaves it: models, noise, and where each number comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ohmward.battery.checks import require_between, require_positive
+from ohmward.battery.noise import Noise
+from ohmward.battery.rc import RcModel
+from ohmward.battery.thevenin import Thevenin
+from ohmward.errors import InputError
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """A parameter with its 95 % confidence interval.
+
+    Attributes:
+        name: as in the battery file, with its unit.
+        value, low, high: in that unit.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well one log is reproduced.
+
+    Attributes:
+        log: its name.
+        test: what kind of test it is.
+        soc_min, soc_max: the range that it covers.
+        residual_rms_V, residual_max_V: measured minus simulated voltage; 0 for a log that only gave the OCV curve.
+    """
+
+    log: str
+    test: str
+    soc_min: float
+    soc_max: float
+    residual_rms_V: float = 0.0
+    residual_max_V: float = 0.0
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Where the numbers of a battery come from.
+
+    Attributes:
+        capacity_given_Ah: what the user said.
+        capacity_measured_Ah: what the logs say, or 0 when they do not.
+        logs: one entry for each log.
+        confidence: 95 % intervals of the parameters.
+        notes: everything that was assumed or found, warnings included.
+    """
+
+    capacity_given_Ah: float
+    capacity_measured_Ah: float = 0.0
+    logs: tuple[Fit, ...] = ()
+    confidence: tuple[Confidence, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Battery:
+    """One battery: cell or pack. All voltages and resistances are those of the whole pack.
+
+    Attributes:
+        name: what to call it.
+        capacity_Ah: charge between full and empty, > 0.
+        chemistry: such as "lfp", or "" when nobody said.
+        n_series: cells in series.
+        voltage_min_V, voltage_max_V: range seen in the logs.
+        idle_current_A: what the battery delivers at rest (<= 0), known from elsewhere.
+        thevenin, rc: the models that were identified; at least one.
+        noise: what an estimator must assume.
+        identification: where the numbers come from, or None for numbers from a data sheet.
+        not_identified: what could not be identified, and why.
+    """
+
+    name: str
+    capacity_Ah: float
+    chemistry: str = ""
+    n_series: int = 1
+    voltage_min_V: float = 0.0
+    voltage_max_V: float = 1000.0
+    idle_current_A: float = 0.0
+    thevenin: Thevenin | None = None
+    rc: RcModel | None = None
+    noise: Noise = field(default_factory=Noise)
+    identification: Identification | None = None
+    not_identified: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_positive("capacity_Ah", self.capacity_Ah)
+        require_between("n_series", self.n_series, 1, float("inf"))
+        require_between("idle_current_A", self.idle_current_A, -self.capacity_Ah, 0.0)
+        if not self.voltage_min_V < self.voltage_max_V:
+            raise InputError(
+                f"voltage_min_V must be below voltage_max_V, got {self.voltage_min_V:g} and {self.voltage_max_V:g}"
+            )
+        if self.thevenin is None and self.rc is None:
+            raise InputError(f"battery {self.name!r} has no model: give thevenin or rc")

@@ -1,0 +1,66 @@
+"""The identified circuit: from the unknowns of the fit to the parameters of the Thevenin model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
+from ohmward.battery.identification.circuit_fit import Problem, Solution
+from ohmward.battery.identification.confidence import covered
+from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
+from ohmward.battery.identification.samples import Samples
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.thevenin import Thevenin
+
+_SHAPE_SMOOTHING = 11
+_SMALLEST_SHAPE = 0.3
+
+
+def circuit_of(solution: Solution, problem: Problem, efficiency: float) -> Thevenin:
+    """The Thevenin model of a solution: its OCV curve corrected, its hysteresis scaled."""
+    layout, x = solution.layout, solution.x
+    discharge, charge, *pairs = (tuple(x[layout.block(j)].tolist()) for j in range(layout.blocks))
+    return Thevenin(
+        capacity_Ah=problem.capacity_Ah,
+        ocv=corrected_ocv(solution, problem),
+        r0_discharge_ohm=discharge,
+        r0_charge_ohm=charge,
+        r_ohm=tuple(pairs),
+        tau_s=solution.rates.tau_s,
+        hysteresis_rate=solution.rates.hysteresis_rate,
+        coulombic_efficiency=efficiency,
+        activation_K=solution.rates.activation_K,
+        reference_degC=problem.reference_degC,
+    )
+
+
+def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
+    """The first OCV curve with the correction of the fit, non-decreasing, and its hysteresis at the scale of the fit."""
+    first, layout = problem.ocv, solution.layout
+    correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[layout.correction])
+    scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
+    mean_V = np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
+    gap_V = scale * np.asarray(first.half_gap_V(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
+    slope = np.interp(OCV_GRID, np.linspace(0, 1, len(first.temperature_V_per_K)), first.temperature_V_per_K)
+    return OcvCurve(
+        tuple(monotone(mean_V).tolist()),
+        tuple(np.maximum(gap_V, 0.0).tolist()),
+        tuple(slope.tolist()),
+        first.reference_degC,
+    )
+
+
+def slow_shape(ocv: OcvCurve, samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+    """(21,) expected course of the slowest resistance along SoC: that of the low-rate gap, about 1 where there are data.
+
+    The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.
+    Its ends hold more than that and are replaced. Flat without a gap.
+    """
+    gap_V = smooth(np.asarray(ocv.half_gap_V(OCV_GRID)) * np.ones(OCV_GRID.size), _SHAPE_SMOOTHING)
+    shape = np.interp(RESISTANCE_GRID, OCV_GRID, gap_V)
+    shape[0], shape[-1] = shape[1], shape[-2]
+    where = covered(samples, capacity_Ah)
+    level = float(shape[where].mean()) if where.any() else float(shape.mean())
+    return np.maximum(shape / level, _SMALLEST_SHAPE) if level > 0 else np.ones(RESISTANCE_GRID.size)

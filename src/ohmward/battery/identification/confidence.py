@@ -1,0 +1,131 @@
+"""Stage 9: confidence intervals of the parameters, and in words what the data do not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ohmward.battery.battery import Confidence
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
+from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit, Solution
+from ohmward.battery.identification.samples import Samples
+
+Z_95 = 1.96
+_REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
+_COVERED_A_SHARE = 0.02
+_VAGUE_SHARE = 0.5
+_VAGUE_LOG = 0.7
+
+
+def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> tuple[Confidence, ...]:
+    """95 % intervals of the resistances at five states of charge, of the time constants and of the rates."""
+    s = fit.solution
+    names = pair_names(s.layout.pairs)
+    resistances = [_resistance(s, j, names[j], soc) for j in range(s.layout.blocks) for soc in _REPORTED_SOC]
+    return (*resistances, *_search_intervals(fit, hysteresis, activation))
+
+
+def not_identified(
+    fit: CircuitFit, samples: Sequence[Samples], capacity_Ah: float, hysteresis: bool, shaped: bool
+) -> tuple[str, ...]:
+    """Sentences on what the data do not tell, and what was put in its place.
+
+    hysteresis: whether the OCV curve has two branches; shaped: whether the slow resistance follows their distance.
+    """
+    said = [*_uncovered(fit.solution, samples, capacity_Ah, shaped), *_directions(samples, capacity_Ah)]
+    if not hysteresis:
+        said.append("hysteresis: needs a low-rate discharge and a low-rate charge; taken as none")
+    rate, tau = fit.solution.rates.hysteresis_rate, fit.solution.rates.tau_s
+    std = np.sqrt(np.diag(fit.search_cov))
+    at_bound = any(abs(np.log(rate / bound)) < 0.05 for bound in HYSTERESIS_RATES)
+    if hysteresis and (at_bound or std[len(tau)] > _VAGUE_LOG):
+        low, high = HYSTERESIS_RATES
+        said.append(f"hysteresis_rate: the data hardly depend on it; {rate:.3g} was taken within {low:g} to {high:g}")
+    longest_s = max(s.time_s[-1] - s.time_s[0] for s in samples)
+    said += [
+        f"tau_{j}: {t:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
+        for j, t in enumerate(tau, start=1)
+        if t > 0.5 * longest_s or _tau_std(fit, j) > _VAGUE_LOG
+    ]
+    return tuple(said)
+
+
+def covered(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+    """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least a minute in all."""
+    half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
+    time_s = np.zeros(RESISTANCE_GRID.size)
+    for s in samples:
+        flows = np.abs(s.mean_current_A) > _COVERED_A_SHARE * capacity_Ah
+        time_s += (np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half) @ np.where(flows, s.dt_s, 0.0)
+    return time_s >= 60.0
+
+
+def _resistance(s: Solution, j: int, name: str, soc: float) -> Confidence:
+    k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
+    at = s.layout.block(j).start + k
+    value, std = float(s.x[at]), float(np.sqrt(s.cov[at, at]))
+    return Confidence(f"{name} at soc {soc:g}", value, max(value - Z_95 * std, 0.0), value + Z_95 * std)
+
+
+def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> list[Confidence]:
+    rates, pairs = fit.solution.rates, len(fit.solution.rates.tau_s)
+    std = np.sqrt(np.diag(fit.search_cov))
+    found = [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
+    if hysteresis:
+        found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
+    if activation:
+        half = Z_95 * 1000.0 * float(std[-1])
+        found.append(
+            Confidence("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
+        )
+    return found
+
+
+def _tau_std(fit: CircuitFit, j: int) -> float:
+    """Standard deviation of log tau_j, the sum of the first j search parameters."""
+    return float(np.sqrt(max(fit.search_cov[:j, :j].sum(), 0.0)))
+
+
+def _log_interval(name: str, value: float, std: float) -> Confidence:
+    spread = float(np.exp(min(Z_95 * std, 50.0)))
+    return Confidence(name, value, value / spread, value * spread)
+
+
+def _uncovered(s: Solution, samples: Sequence[Samples], capacity_Ah: float, shaped: bool) -> list[str]:
+    missing = ~covered(samples, capacity_Ah)
+    source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
+    return [
+        f"resistances at SoC {RESISTANCE_GRID[a]:.2g} to {RESISTANCE_GRID[b - 1]:.2g}: no current flowed there; "
+        f"taken from {source}, +-{_share(s, a, b):.0%}"
+        for a, b in _runs(missing)
+    ]
+
+
+def _share(s: Solution, first: int, stop: int) -> float:
+    """Two standard deviations of the total resistance over itself, the largest among the grid points."""
+    rows = np.zeros((stop - first, s.layout.size))
+    for j in range(s.layout.blocks):
+        if j != 1:
+            rows[:, s.layout.block(j)] = np.eye(RESISTANCE_GRID.size)[first:stop]
+    std = np.sqrt(np.einsum("ij,jk,ik->i", rows, s.cov, rows))
+    return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
+
+
+def _directions(samples: Sequence[Samples], capacity_Ah: float) -> list[str]:
+    current_A = np.concatenate([s.current_A for s in samples])
+    words = {
+        "charge": current_A > _COVERED_A_SHARE * capacity_Ah,
+        "discharge": current_A < -_COVERED_A_SHARE * capacity_Ah,
+    }
+    return [
+        f"r0_{word}_ohm: the logs hold no {word}; taken from the other direction"
+        for word, there in words.items()
+        if np.count_nonzero(there) < 3
+    ]
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """First and stop of each run of True."""
+    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,0 +1,69 @@
+"""Stage 5a: the ohmic resistance from the edges of the current, V jumping by R_0 di ([P] 2.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.record import Record
+
+SLOWEST_S = 2.0
+_SMALLEST_RATE = 1 / 10
+_FEWEST = 3
+
+
+class Edge(NamedTuple):
+    """One jump of the current from one sample to the next.
+
+    sample: the one after the jump; dt_s: interval across it; soc there; step_A: change of the current;
+    current_A: the larger of both in magnitude, whose sign tells the direction; resistance_ohm: dV / dI.
+    """
+
+    log_name: str
+    sample: int
+    dt_s: float
+    soc: float
+    step_A: float
+    current_A: float
+    resistance_ohm: float
+
+
+class OhmicResistance(NamedTuple):
+    """R_0 of one direction from all its edges: weighted mean [ohm], its standard error, the number of edges."""
+
+    ohm: float
+    std_ohm: float
+    edges: int
+
+
+def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edge, ...]:
+    """Jumps of the current of more than C/10 within 2 s (or the log's own interval, if that is longer).
+
+    In an interval of dt the RC pairs move as well: the resistance is R_0 and a part of r_1 of about dt/tau_1.
+    soc: (T,) state of charge along the record.
+    """
+    time_s, current_A, voltage_V = record.log.time_s, record.current_A, record.log.voltage_V
+    dt_s, step_A, step_V = np.diff(time_s), np.diff(current_A), np.diff(voltage_V)
+    longest_s = max(SLOWEST_S, 1.5 * float(np.median(dt_s)))
+    sharp = (np.abs(step_A) > _SMALLEST_RATE * capacity_Ah) & (dt_s <= longest_s) & np.isfinite(step_V)
+    rows = np.flatnonzero(sharp)
+    larger = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
+    return tuple(
+        Edge(record.log.name, int(k) + 1, dt, s, di, i, dv / di)
+        for k, dt, s, di, i, dv in zip(
+            rows, *(a[rows].tolist() for a in (dt_s, soc[1:], step_A, larger, step_V)), strict=True
+        )
+    )
+
+
+def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
+    """R_0 in discharge (direction -1) or charge (1): least squares of dV over dI, or None from fewer than 3 edges."""
+    mine = [e for e in edges if np.sign(e.current_A) == direction]
+    if len(mine) < _FEWEST:
+        return None
+    step_A, ohm = np.array([e.step_A for e in mine]), np.array([e.resistance_ohm for e in mine])
+    weight = step_A**2 / np.sum(step_A**2)
+    mean = float(weight @ ohm)
+    return OhmicResistance(mean, float(np.sqrt(np.sum(weight**2 * (ohm - mean) ** 2))), len(mine))

@@ -1,0 +1,123 @@
+"""Stage 5b: how the voltage relaxes in each rest, V = V_inf + a_1 e^(-t/tau_1) + a_2 e^(-t/tau_2) ([P] 2.3)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.segments import Phase, find_rests
+
+SHORTEST_S = 120.0
+_FEWEST_SAMPLES = 8
+_MOST_SAMPLES = 200
+_TAUS = 24
+_SMALLEST_RATIO = 2.0
+
+
+class ExponentialFit(NamedTuple):
+    """Sum of exponentials through one rest.
+
+    v_inf_V: voltage [V] that it tends to; amplitude_V, tau_s: (n,) of each; rms_V: of the residual;
+    aic: Akaike's criterion, smaller is better; voltage_V: (N,) along the rest.
+    """
+
+    v_inf_V: float
+    amplitude_V: tuple[float, ...]
+    tau_s: tuple[float, ...]
+    rms_V: float
+    aic: float
+    voltage_V: np.ndarray
+
+
+class Relaxation(NamedTuple):
+    """One rest after a current and its fits.
+
+    time_s: (N,) since the start of the rest, voltage_V: (N,) measured; before_A: the current before;
+    single, double: fits with one and with two time constants.
+    """
+
+    log_name: str
+    first: int
+    soc: float
+    before_A: float
+    time_s: np.ndarray
+    voltage_V: np.ndarray
+    single: ExponentialFit
+    double: ExponentialFit
+
+    @property
+    def pairs(self) -> int:
+        """Time constants that the rest asks for: 2 if Akaike's criterion prefers them, else 1."""
+        return 2 if self.double.aic < self.single.aic else 1
+
+
+def find_relaxations(record: Record, soc: np.ndarray) -> tuple[Relaxation, ...]:
+    """Fits of every rest of at least 2 minutes and 8 samples; soc: (T,) along the record."""
+    rests = [p for p in find_rests(record.phases, SHORTEST_S) if p.last - p.first >= _FEWEST_SAMPLES]
+    found = (_relaxation(record, soc, rest) for rest in rests)
+    return tuple(r for r in found if r is not None)
+
+
+def fit_exponentials(time_s: np.ndarray, voltage_V: np.ndarray, pairs: int) -> ExponentialFit:
+    """The sum of `pairs` exponentials that fits best, by linear least squares for each set of time constants on a grid.
+
+    time_s: (N,) from 0; voltage_V: (N,). The grid is refined once around its best point.
+    """
+    grid = np.geomspace(max(np.median(np.diff(time_s)), time_s[-1] / 2000), 2 * time_s[-1], _TAUS)
+    best = _best_of(time_s, voltage_V, [c for c in combinations(grid, pairs) if _apart(c)])
+    step = grid[1] / grid[0]
+    for _ in range(2):
+        step = step**0.4
+        around = [tau * step ** np.arange(-2.0, 3.0) for tau in best.tau_s]
+        candidates = np.stack(np.meshgrid(*around, indexing="ij"), axis=-1).reshape(-1, pairs)
+        best = _best_of(time_s, voltage_V, [tuple(c) for c in candidates.tolist() if _apart(c)])
+    return best
+
+
+def _relaxation(record: Record, soc: np.ndarray, rest: Phase) -> Relaxation | None:
+    rows = np.arange(rest.first, rest.last + 1)
+    rows = rows[np.isfinite(record.log.voltage_V[rows])]
+    if rows.size < _FEWEST_SAMPLES:
+        return None
+    time_s = record.log.time_s[rows] - record.log.time_s[rest.first]
+    keep = np.unique(np.searchsorted(time_s, _spread(time_s)).clip(0, rows.size - 1))
+    time_s, voltage_V = time_s[keep], record.log.voltage_V[rows[keep]]
+    before = next(p for p in reversed(record.phases) if p.last < rest.first)
+    single, double = (fit_exponentials(time_s, voltage_V, pairs) for pairs in (1, 2))
+    name = record.log.name
+    return Relaxation(name, rest.first, float(soc[rest.first]), before.current_A, time_s, voltage_V, single, double)
+
+
+def _spread(time_s: np.ndarray) -> np.ndarray:
+    """(200,) times, denser at the start."""
+    return np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_SAMPLES) ** 2
+
+
+def _apart(taus: tuple[float, ...]) -> bool:
+    return all(b >= _SMALLEST_RATIO * a for a, b in zip(taus, taus[1:], strict=False))
+
+
+def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[float, ...]]) -> ExponentialFit:
+    """The best of several sets of time constants (C, n): all their linear problems at once."""
+    taus = np.array(candidates)
+    A = np.concatenate(
+        [np.ones((*taus.shape[:1], time_s.size, 1)), np.exp(-time_s[:, None] / taus[:, None, :])], axis=2
+    )
+    H = A.transpose(0, 2, 1) @ A + 1e-12 * np.eye(A.shape[2])
+    x = np.linalg.solve(H, A.transpose(0, 2, 1) @ voltage_V[:, None])
+    fitted = (A @ x)[..., 0]
+    rss = np.sum((voltage_V - fitted) ** 2, axis=1)
+    k = int(np.argmin(rss))
+    N, unknowns = time_s.size, 1 + 2 * taus.shape[1]
+    mean_square = max(float(rss[k]) / N, 1e-18)
+    return ExponentialFit(
+        float(x[k, 0, 0]),
+        tuple(x[k, 1:, 0].tolist()),
+        tuple(taus[k].tolist()),
+        float(np.sqrt(mean_square)),
+        float(N * np.log(mean_square) + 2 * unknowns),
+        fitted[k],
+    )
