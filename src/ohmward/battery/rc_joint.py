@@ -30,7 +30,7 @@ from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.reading import ROOM_DEGC, Reading, read
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
-from ohmward.filters.belief import Belief, Correction, PackedBelief, is_healthy, nis, pack, unpack
+from ohmward.filters.belief import Belief, Innovation, PackedBelief, is_healthy, nis, pack, unpack
 from ohmward.filters.gating import choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
@@ -62,7 +62,7 @@ class JointState(NamedTuple):
 
     belief: mean (n,) and lower triangle of the covariance.
     noise: second moments of innovation and residual [V^2].
-    gain: (n,) of the last voltage that was used.
+    gain: (n,) of the last voltage; zero where it was not used.
     current_A: of the sample before.
     rejected_s: how long the voltage has been outside its gate.
     """
@@ -164,13 +164,9 @@ class RcJoint:
         level = first.voltage_V if bulk_V is None else bulk_V
         if not math.isfinite(level):
             raise InputError("the first sample has no voltage: give bulk_V, the battery's open-circuit voltage")
-        return self.start(float(level), bulk_std_V, 0.0)
-
-    def start(self, level_V: Any, std_V: float, current_A: Any) -> JointState:
-        """State that knows of the battery that it rests near `level_V`, and the nominal values."""
+        belief = pack(self.ignorance(float(level), bulk_std_V))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        gain = np.zeros(len(self.state_names))
-        return JointState(pack(self.ignorance(level_V, std_V)), moments, gain, current_A, 0.0)
+        return JointState(belief, moments, np.zeros(len(self.state_names)), 0.0, 0.0)
 
     def ignorance(self, level_V: Any, std_V: float) -> Belief:
         """Belief about a battery at rest near `level_V` of which only the nominal values are known."""
@@ -183,45 +179,53 @@ class RcJoint:
     def step(self, state: JointState, sample: Sample) -> tuple[JointState, JointEstimate]:
         """The state after a sample, and what is known then."""
         reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
-        voltage_V = sample.voltage_V
-        state, healthy = self.revived(state, voltage_V)
-        before = unpack(state.belief)
+        before, healthy = self.revived(unpack(state.belief), sample.voltage_V)
+        y = where(isfinite(sample.voltage_V), sample.voltage_V, 0.0)
         prior, correction = unscented.correct_reusing_points(
             before,
             lambda x: self.next_state(x, reading),
             lambda x: self.voltage(x, reading),
-            np.array([voltage_V]),
+            np.array([y]),
             self.process_noise(state, reading),
             self.measurement_noise(state, before, reading),
             self.scaling,
         )
-        measured = isfinite(voltage_V) & ((reading.dt_s > 0) | (state.noise.samples < 0.5))
-        used = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
-        rejected = measured & logical_not(used)
-        posterior = choose(used, correction.belief, prior)
+        used, rejected = self.verdict(state, reading, sample.voltage_V, correction.innovation)
+        K = where(used, correction.gain, 0.0)
+        posterior = _corrected(prior, correction.innovation, K)
+        residual = np.array([y]) - self.voltage(posterior.mean, reading)
+        moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
         after = JointState(
             pack(posterior),
-            choose(used, self.moments(state, correction, reading, voltage_V), state.noise),
-            choose(used, correction.gain[:, 0], state.gain),
+            choose(used, moments, state.noise),
+            K[:, 0],
             reading.now.current_A,
             where(rejected, state.rejected_s + reading.dt_s, 0.0),
         )
         flags = (
             reading.flags
-            + where(isfinite(voltage_V), 0.0, float(Flag.NO_VOLTAGE))
+            + where(isfinite(sample.voltage_V), 0.0, float(Flag.NO_VOLTAGE))
             + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
             + where(healthy, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
         )
-        return after, self.estimate(posterior, correction, voltage_V, flags)
+        innovation_V = where(isfinite(sample.voltage_V), correction.innovation.value[0], math.nan)
+        return after, self.estimate(posterior, y, correction.innovation, innovation_V, flags)
 
-    def revived(self, state: JointState, voltage_V: Any) -> tuple[JointState, Any]:
-        """The state, or a new start where its belief is no belief any more; and whether it still was one."""
-        belief = unpack(state.belief)
+    def verdict(self, state: JointState, reading: Reading, voltage_V: Any, innovation: Innovation) -> tuple[Any, Any]:
+        """Whether the voltage is used, and whether it is rejected; a repeated sample (dt = 0) is neither."""
+        first = state.noise.samples < 0.5
+        distance = nis(innovation)
+        measured = isfinite(voltage_V) & isfinite(distance) & ((reading.dt_s > 0) | first)
+        used = measured & ((distance <= self.gate) | (state.rejected_s > self.patience_s))
+        return used, measured & logical_not(used)
+
+    def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
+        """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
         healthy = is_healthy(belief) > 0.5
         for logarithm in belief.mean[:PARAMETERS]:
             healthy = healthy & (abs(logarithm) < LOST)
         level_V = where(isfinite(voltage_V), voltage_V, where(isfinite(belief.mean[-1]), belief.mean[-1], 0.0))
-        return choose(healthy, state, self.start(level_V, BULK_STD_V, state.current_A)), healthy
+        return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:
         """The parameters in state x."""
@@ -274,16 +278,10 @@ class RcJoint:
         matched = state.noise.residual + P_yy
         return where(state.noise.samples < 0.5, floor, maximum(floor, matched))
 
-    def moments(
-        self, state: JointState, correction: Correction, reading: Reading, voltage_V: Any
-    ) -> adaptive.NoiseEstimate:
-        """Second moments of innovation and residual with this sample."""
-        residual = np.array([voltage_V]) - self.voltage(correction.belief.mean, reading)
-        return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
-
-    def estimate(self, x: Belief, correction: Correction, voltage_V: Any, flags: Any) -> JointEstimate:
+    def estimate(
+        self, x: Belief, voltage_V: Any, innovation: Innovation, innovation_V: Any, flags: Any
+    ) -> JointEstimate:
         """What is known after the sample."""
-        innovation = correction.innovation
         std = [np.sqrt(maximum(x.cov[k, k], 0.0)) for k in range(PARAMETERS)]
         return JointEstimate(
             circuit=self.circuit(x.mean),
@@ -295,6 +293,12 @@ class RcJoint:
             surface_V=x.mean[PARAMETERS + 1],
             voltage_V=voltage_V - innovation.value[0],
             voltage_std_V=np.sqrt(innovation.cov[0, 0]),
-            innovation_V=innovation.value[0],
+            innovation_V=innovation_V,
             flags=flags,
         )
+
+
+def _corrected(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
+    """The prior with the gain K (n, 1) applied: the filter's own correction, or none at all where K is zero."""
+    cov = prior.cov - K @ innovation.cov @ K.T
+    return Belief(prior.mean + K @ innovation.value, mirror_lower(cov))

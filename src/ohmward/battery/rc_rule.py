@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery import rc
-from ohmward.battery.identification.charge import find_gaps
 from ohmward.battery.rc_samples import Samples
 from ohmward.errors import InputError
 
@@ -71,7 +70,7 @@ def find_response(samples: Samples, capacity_Ah: float) -> Response:
         InputError: there is no such edge.
     """
     change_A = np.diff(samples.current_A)
-    edges = np.flatnonzero((np.abs(change_A) > _EDGE_RATE * capacity_Ah) & ~find_gaps(samples.time_s)[1:])
+    edges = np.flatnonzero((np.abs(change_A) > _EDGE_RATE * capacity_Ah) & ~samples.gap[1:])
     if not edges.size:
         raise InputError(
             f"the log has no edge of current above C/20 = {_EDGE_RATE * capacity_Ah:.3g} A, so no resistance can be "
