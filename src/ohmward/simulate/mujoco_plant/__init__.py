@@ -1,0 +1,20 @@
+"""A robot on four wheels in MuJoCo: a plant whose contact and rigid-body dynamics are not ours, to test ours against.
+
+Needs the extra `sim`; MuJoCo is imported when a plant is made, not before.
+"""
+
+from ohmward.simulate.mujoco_plant.parameters import FRONT, FRONT_AND_REAR, RlmaParameters
+from ohmward.simulate.mujoco_plant.plant import RlmaPlant, drive
+from ohmward.simulate.mujoco_plant.terrain import Terrain, switching, uniform, zones
+
+__all__ = [
+    "FRONT",
+    "FRONT_AND_REAR",
+    "RlmaParameters",
+    "RlmaPlant",
+    "Terrain",
+    "drive",
+    "switching",
+    "uniform",
+    "zones",
+]

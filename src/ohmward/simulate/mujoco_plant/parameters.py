@@ -1,0 +1,115 @@
+"""What the plant is made of; the defaults are the robot of [T] (RLMA)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ohmward.battery.checks import require_between, require_positive
+from ohmward.errors import InputError
+
+GRAVITY_M_S2 = 9.81
+FRONT = (0, 1)
+FRONT_AND_REAR = (0, 1, 2, 3)
+
+
+@dataclass(frozen=True)
+class RlmaParameters:
+    """Robot of four wheels on two axles.
+
+    Mass, axles, track, radius, outer size and driven wheels are those of [T]; the other values are assumed.
+
+    Attributes:
+        mass_kg: with the wheels.
+        wheel_mass_kg: of each wheel, a solid disc of `wheel_width_m`.
+        rotor_inertia_kg_m2: of each motor, as felt at the wheel (n^2 J_rotor).
+        wheel_radius_m: rolling radius under the static load.
+        front_m, rear_m: from the centre of gravity to the axles (L_f, L_r).
+        track_m: between left and right wheels (b).
+        body_m: length, width, height of the body, which gives its moments of inertia.
+        centre_height_m: of the centre of gravity, wheels included.
+        driven: wheels with a motor, numbered as `WHEELS`: `FRONT` or `FRONT_AND_REAR`.
+        rolling_resistance: moment against the turning of each wheel, over static load times radius.
+        drag_N_s2_per_m2: drag over the square of the speed, at the centre of the body.
+        slip_stiffness_s_per_m: traction over static load and slip speed, below the friction limit.
+        contact_stiffness_N_per_m, contact_damping_N_s_per_m: of each wheel against the ground.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    mass_kg: float = 42.0
+    wheel_mass_kg: float = 1.5
+    rotor_inertia_kg_m2: float = 0.0
+    wheel_radius_m: float = 0.12
+    wheel_width_m: float = 0.05
+    front_m: float = 0.314
+    rear_m: float = 0.314
+    track_m: float = 0.30
+    body_m: tuple[float, float, float] = (0.68, 0.38, 0.20)
+    centre_height_m: float = 0.17
+    driven: tuple[int, ...] = FRONT
+    rolling_resistance: float = 0.01
+    drag_N_s2_per_m2: float = 0.0
+    slip_stiffness_s_per_m: float = 6.25
+    contact_stiffness_N_per_m: float = 60e3
+    contact_damping_N_s_per_m: float = 1000.0
+
+    def __post_init__(self) -> None:
+        for name in _POSITIVE:
+            require_positive(f"rlma.{name}", getattr(self, name))
+        for name in ("rotor_inertia_kg_m2", "rolling_resistance", "drag_N_s2_per_m2"):
+            require_between(f"rlma.{name}", getattr(self, name), 0.0, np.inf)
+        if not self.body_mass_kg > 0:
+            raise InputError(f"rlma.mass_kg must exceed that of the 4 wheels, {4 * self.wheel_mass_kg:g} kg")
+        if not self.driven or not set(self.driven) <= set(FRONT_AND_REAR) or len(set(self.driven)) < len(self.driven):
+            raise InputError(f"rlma.driven must name wheels out of {FRONT_AND_REAR}, each once, got {self.driven}")
+
+    @property
+    def body_mass_kg(self) -> float:
+        """Mass without the wheels."""
+        return self.mass_kg - 4 * self.wheel_mass_kg
+
+    @property
+    def body_height_m(self) -> float:
+        """Height of the centre of gravity without the wheels."""
+        return (self.mass_kg * self.centre_height_m - 4 * self.wheel_mass_kg * self.wheel_radius_m) / self.body_mass_kg
+
+    @property
+    def body_x_m(self) -> float:
+        """Place of the centre of gravity of the body ahead of the robot's, which the wheels alone would miss."""
+        return -2 * self.wheel_mass_kg * (self.front_m - self.rear_m) / self.body_mass_kg
+
+    @property
+    def wheel_inertia_kg_m2(self) -> float:
+        """Of one wheel about its axle, without the rotor."""
+        return 0.5 * self.wheel_mass_kg * self.wheel_radius_m**2
+
+    @property
+    def wheel_position_m(self) -> np.ndarray:
+        """(4, 2) place of the wheels ahead of and to the left of the centre of gravity."""
+        x, y = (self.front_m, self.front_m, -self.rear_m, -self.rear_m), 0.5 * self.track_m
+        return np.column_stack([x, (y, -y, y, -y)])
+
+    @property
+    def static_load_N(self) -> np.ndarray:
+        """(4,) normal load of the wheels at rest on level ground."""
+        share = np.array([self.rear_m, self.rear_m, self.front_m, self.front_m]) / (self.front_m + self.rear_m)
+        return 0.5 * share * self.mass_kg * GRAVITY_M_S2
+
+
+_POSITIVE = (
+    "mass_kg",
+    "wheel_mass_kg",
+    "wheel_radius_m",
+    "wheel_width_m",
+    "front_m",
+    "rear_m",
+    "track_m",
+    "body_m",
+    "centre_height_m",
+    "slip_stiffness_s_per_m",
+    "contact_stiffness_N_per_m",
+    "contact_damping_N_s_per_m",
+)

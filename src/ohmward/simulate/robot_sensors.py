@@ -1,0 +1,147 @@
+"""The sensors of a robot's wheels and body: one board that samples all at once, and a link that is late and lossy.
+
+`sample` is called with the truth as often as one likes and says what has arrived by then. Two rates are two boards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.checks import require_between, require_positive
+from ohmward.errors import InputError
+from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.simulate.sensors import Sensor
+
+_SAME_TIME_S = 1e-9
+
+HUB_MOTOR_N_m_PER_A = 8.27 / 16.0
+"""Torque over current of a 6.5 inch hub motor of 16 rpm/V, as hoverboards have it."""
+
+MOTOR_CURRENT = Sensor(low=-60.0, high=60.0, resolution=0.03, noise_std=0.1)
+GYRO = Sensor(low=-8.7, high=8.7, resolution=2.7e-4, noise_std=2e-3, offset=2e-3)
+ACCELEROMETER = Sensor(low=-39.2, high=39.2, resolution=1.2e-3, noise_std=0.02, offset=0.05)
+
+
+@dataclass(frozen=True)
+class RobotSensors:
+    """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link.
+
+    Attributes:
+        interval_s: between samples.
+        delay_s, jitter_s: a reading is under way for delay_s plus an even share of jitter_s, and may be overtaken.
+        drop_share: share of the readings that never arrive.
+        encoder_wheels: wheels with an encoder, as `WHEELS`; encoders of driven wheels only are (0, 1).
+        counts_per_turn: of each encoder.
+        motor_wheels: wheels with a motor whose current is measured.
+        torque_constant_N_m_per_A: torque at the wheel over motor current (K_m times gear ratio and efficiency).
+        motor_current, gyro, accelerometer: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    interval_s: float = 0.01
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    drop_share: float = 0.0
+    encoder_wheels: tuple[int, ...] = (0, 1, 2, 3)
+    counts_per_turn: int = 4096
+    motor_wheels: tuple[int, ...] = (0, 1)
+    torque_constant_N_m_per_A: float = HUB_MOTOR_N_m_PER_A
+    motor_current: Sensor = MOTOR_CURRENT
+    gyro: Sensor = GYRO
+    accelerometer: Sensor = ACCELEROMETER
+
+    def __post_init__(self) -> None:
+        for name in ("interval_s", "counts_per_turn", "torque_constant_N_m_per_A"):
+            require_positive(f"robot_sensors.{name}", getattr(self, name))
+        for name in ("delay_s", "jitter_s"):
+            require_between(f"robot_sensors.{name}", getattr(self, name), 0.0, np.inf)
+        require_between("robot_sensors.drop_share", self.drop_share, 0.0, 1.0)
+        for name in ("encoder_wheels", "motor_wheels"):
+            if not set(getattr(self, name)) <= {0, 1, 2, 3}:
+                raise InputError(f"robot_sensors.{name} must name wheels 0 to 3, got {getattr(self, name)}")
+
+
+class Reading(NamedTuple):
+    """What the board saw at one instant.
+
+    time_s, arrival_s: when it was taken, and when it arrives [s].
+    encoder_count: one for each of `encoder_wheels`, counted from the reset, whole numbers.
+    motor_current_A: one for each of `motor_wheels`, > 0 drives forward.
+    gyro_rad_s, specific_force_m_s2: (3,) forward, left, up.
+    """
+
+    time_s: float
+    arrival_s: float
+    encoder_count: np.ndarray
+    motor_current_A: np.ndarray
+    gyro_rad_s: np.ndarray
+    specific_force_m_s2: np.ndarray
+
+
+class Board(NamedTuple):
+    """When the next sample is due [s], and the readings that are still under way."""
+
+    next_s: float = 0.0
+    under_way: tuple[Reading, ...] = ()
+
+
+def sample(
+    board: Board, truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator
+) -> tuple[Board, tuple[Reading, ...]]:
+    """Take a reading of `truth` if one is due; the board after it and the readings that have arrived by now.
+
+    Call it at least every `interval_s`; where calls come later than samples are due, the samples come late too.
+    """
+    now, under_way = truth.time_s + _SAME_TIME_S, board.under_way
+    if now >= board.next_s:
+        reading = read(truth, sensors, rng)
+        lost = rng.random() < sensors.drop_share
+        under_way = under_way if lost else (*under_way, reading)
+        board = board._replace(next_s=max(board.next_s + sensors.interval_s, now))
+    arrived = tuple(sorted((r for r in under_way if r.arrival_s <= now), key=lambda r: r.arrival_s))
+    return board._replace(under_way=tuple(r for r in under_way if r.arrival_s > now)), arrived
+
+
+def record(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> list[Reading]:
+    """The readings of a whole drive that arrive before its end, in the order of arrival; truth: stacked over time."""
+    board = Board(float(truth.time_s[0]))
+    readings: list[Reading] = []
+    for instant in zip(*truth, strict=True):
+        board, arrived = sample(board, RobotTruth(*instant), sensors, rng)
+        readings.extend(arrived)
+    return readings
+
+
+def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> Reading:
+    """What the board shows of this instant."""
+
+    def shown(sensor: Sensor, true: np.ndarray) -> np.ndarray:
+        return sensor.read(true, np.full(true.size, truth.time_s), rng)
+
+    current_A = truth.torque_N_m[list(sensors.motor_wheels)] / sensors.torque_constant_N_m_per_A
+    turns = truth.wheel_angle_rad[list(sensors.encoder_wheels)] / (2 * np.pi)
+    return Reading(
+        time_s=float(truth.time_s),
+        arrival_s=float(truth.time_s + sensors.delay_s + sensors.jitter_s * rng.random()),
+        encoder_count=np.floor(turns * sensors.counts_per_turn).astype(int),
+        motor_current_A=shown(sensors.motor_current, current_A),
+        gyro_rad_s=shown(sensors.gyro, truth.gyro_rad_s),
+        specific_force_m_s2=shown(sensors.accelerometer, truth.specific_force_m_s2),
+    )
+
+
+def wheel_speed(before: Reading, after: Reading, sensors: RobotSensors) -> np.ndarray:
+    """Mean speed of the encoder wheels between two readings [rad/s], to within a count.
+
+    Raises:
+        InputError: `after` was not taken after `before`.
+    """
+    if not after.time_s > before.time_s:
+        raise InputError(f"after must be taken later than before, got {after.time_s:g} s and {before.time_s:g} s")
+    counts = after.encoder_count - before.encoder_count
+    return 2 * np.pi / sensors.counts_per_turn * counts / (after.time_s - before.time_s)
