@@ -8,9 +8,9 @@ where q is the charge since the start, F a first-order filter of gain 1 and rate
 
     C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
 
-For a given w this is linear: one search in w finds the best. It also says what no test can tell: five elements
-stand behind four numbers. [T] and [P] settle it by R_b = R_s; where that would make R_t negative (a slow, large C_s),
-R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
+best. It also says what no test can tell: five elements stand behind four numbers. [T] and [P] settle it by R_b = R_s;
+where that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rul
 from ohmward.battery.rc_samples import Samples
 
 _LONGEST_WEIGHT_S = 60.0
+_LONGEST_TAU_S = 3600.0
 _RATES = 40
 
 
 class VoltageFit(NamedTuple):
     """The four numbers that the voltage of an RC model shows, see the top of the file.
 
-    start_V: open-circuit voltage at the start of the log.
+    start_V: (parts,) open-circuit voltage at the first sample of each part of the log.
     capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
     residual_V: (T,) measured minus fitted voltage, of the samples that have one.
     """
 
-    start_V: float
+    start_V: np.ndarray
     capacitance_F: float
     r0_ohm: float
     r1_ohm: float
@@ -58,7 +59,8 @@ def fit_voltage(samples: Samples, capacitance_F: float | None = None) -> Voltage
     """
     from scipy.optimize import minimize_scalar
 
-    grid = np.geomspace(_shortest_s(samples), 0.5 * (samples.time_s[-1] - samples.time_s[0]), _RATES)
+    longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), _LONGEST_TAU_S)
+    grid = np.geomspace(_shortest_s(samples), longest_s, _RATES)
     costs = [_solve(samples, tau, capacitance_F)[1] for tau in grid]
     best = int(np.argmin(costs))
     low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
@@ -73,18 +75,17 @@ def _fit_at(samples: Samples, tau_s: float, capacitance_F: float | None) -> Volt
     if not (per_C > 0 and r0 > 0):
         return None
     modelled = _columns(samples, tau_s) @ np.array([per_C, r1, r0])
-    start_V = float(np.average(samples.voltage_V - modelled, weights=_weights(samples) ** 2))
+    start_V = _means(samples, samples.voltage_V - modelled)
     tau_s = tau_s if r1 > 0 else _shortest_s(samples)
-    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s, samples.voltage_V - start_V - modelled)
+    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s, samples.voltage_V - start_V[samples.part] - modelled)
 
 
 def _solve(samples: Samples, tau_s: float, capacitance_F: float | None) -> tuple[tuple[float, float, float], float]:
     """Best 1 / C, R_1 and R_0 >= 0 for a time constant, and the weighted sum of squares that they leave."""
     from scipy.optimize import nnls
 
-    weights = _weights(samples)
-    columns = _centred(_columns(samples, tau_s), weights)
-    y = _centred(samples.voltage_V, weights)
+    columns = _centred(samples, _columns(samples, tau_s))
+    y = _centred(samples, samples.voltage_V)
     if capacitance_F is None:
         values, norm = nnls(columns, y)
         return tuple(values.tolist()), norm**2
@@ -93,17 +94,27 @@ def _solve(samples: Samples, tau_s: float, capacitance_F: float | None) -> tuple
 
 
 def _columns(samples: Samples, tau_s: float) -> np.ndarray:
-    """What 1 / C, R_1 and R_0 multiply, (T, 3): charge, filtered current, current."""
-    return np.column_stack([samples.charge_As, filtered(samples, tau_s), samples.current_A])
+    """What 1 / C, R_1 and R_0 multiply, (T, 3): charge since the start of the part, filtered current, current."""
+    return np.column_stack([charge_in_part(samples), filtered(samples, tau_s), samples.current_A])
+
+
+def charge_in_part(samples: Samples) -> np.ndarray:
+    """Charge since the first sample of each part [A s], (T,)."""
+    _, first = np.unique(samples.part, return_index=True)
+    return samples.charge_As - samples.charge_As[first][samples.part]
 
 
 def filtered(samples: Samples, tau_s: float) -> np.ndarray:
-    """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step, from rest."""
+    """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step.
+
+    Each part starts from rest.
+    """
     from scipy.linalg import solve_banded
 
-    decay = np.exp(-samples.dt_s / tau_s)
+    first = np.diff(samples.part, prepend=-1) > 0
+    decay = np.where(first, 0.0, np.exp(-samples.dt_s / tau_s))
     bands = np.array([np.ones_like(decay), np.append(-decay[1:], 0.0)])
-    return solve_banded((1, 0), bands, (1 - decay) * samples.mean_A)
+    return solve_banded((1, 0), bands, np.where(first, 0.0, (1 - decay) * samples.mean_A))
 
 
 def _weights(samples: Samples) -> np.ndarray:
@@ -111,12 +122,17 @@ def _weights(samples: Samples) -> np.ndarray:
     return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
 
 
-def _centred(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted values without their weighted mean: what is left once V_start is the best."""
-    weights = weights.reshape(-1, *[1] * (values.ndim - 1))
-    return weights * (
-        values - np.average(values, axis=0, weights=weights[:, 0] ** 2 if values.ndim > 1 else weights**2)
-    )
+def _centred(samples: Samples, values: np.ndarray) -> np.ndarray:
+    """Weighted values (T,) or (T, n) without the mean of their part: what is left once each V_start is the best."""
+    columns = values.reshape(len(values), -1)
+    left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
+    return np.column_stack(left).reshape(values.shape)
+
+
+def _means(samples: Samples, values: np.ndarray) -> np.ndarray:
+    """Weighted mean (parts,) of values (T,) over each part."""
+    weights = _weights(samples) ** 2
+    return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
 
 
 def _shortest_s(samples: Samples) -> float:

@@ -11,7 +11,7 @@ from ohmward.battery import rc
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
-from ohmward.battery.rc_fit import VoltageFit, circuit_of, fit_voltage
+from ohmward.battery.rc_fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
 from ohmward.battery.rc_rule import FIRST_S, Response, TimeConstant, circuit_by_rule, find_response, find_time_constant
 from ohmward.battery.rc_samples import Samples, samples_of
 from ohmward.errors import InputError
@@ -51,23 +51,23 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     ocv: open-circuit voltage of the same battery; None takes the straight line that the log itself shows, which suits
         a linear model best where the battery is nearly linear, as lead-acid is.
     capacity_Ah: charge between full and empty.
-    start_soc: state of charge at the start of the log; None takes it from the curve.
+    start_soc: state of charge at the first sample of the log outside long charges; None takes it from the curve.
 
     Raises:
         InputError: no edge of current in the log, no current at all, a curve that does not rise, or neither curve nor
             start_soc.
     """
-    samples = samples_of(log)
+    samples = samples_of(log, capacity_Ah)
     response = find_response(samples, capacity_Ah)
     tau = find_time_constant(response)
-    soc_range = float(np.ptp(samples.charge_As)) / (SECONDS_PER_HOUR * capacity_Ah)
+    soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
     fit = _fit(samples, ocv, capacity_Ah, soc_range)
     curve = _straight_line(fit, capacity_Ah, start_soc) if ocv is None else ocv
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
     noise = Noise() if fit is None else _noise(samples, fit, model, response, start_soc)
-    notes = (*_response_notes(response), *_fit_notes(fit, soc_range, total_F))
+    notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, soc_range, total_F))
     return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit, soc_range))
 
 
@@ -88,7 +88,8 @@ def _straight_line(fit: VoltageFit | None, capacity_Ah: float, start_soc: float 
         why = "the voltage of the log shows none" if fit is None else "start_soc is not given either"
         raise InputError(f"ocv is None and {why}; give the battery's OCV curve")
     slope_V = SECONDS_PER_HOUR * capacity_Ah / fit.capacitance_F
-    return OcvCurve((fit.start_V - start_soc * slope_V, fit.start_V + (1 - start_soc) * slope_V))
+    empty_V = float(fit.start_V[0]) - start_soc * slope_V
+    return OcvCurve((empty_V, empty_V + slope_V))
 
 
 def _noise(samples: Samples, fit: VoltageFit, model: RcModel, response: Response, start_soc: float | None) -> Noise:
@@ -108,10 +109,13 @@ def _model_std_V(samples: Samples, fit: VoltageFit, model: RcModel, start_soc: f
 
     A fit has zeros, and another log has them elsewhere; hence the median. Where the log has not been: the largest.
     """
-    start = model.ocv.soc_at(fit.start_V, model.ocv.reference_degC) if start_soc is None else start_soc
-    soc = start + samples.charge_As / model.capacity_As
-    line_V = fit.start_V + samples.charge_As / fit.capacitance_F
-    error_V = fit.residual_V + line_V - model.ocv.mean_V(soc, model.ocv.reference_degC)
+    ocv, charge_As = model.ocv, charge_in_part(samples)
+    start = np.array([ocv.soc_at(v, ocv.reference_degC) for v in fit.start_V.tolist()])
+    if start_soc is not None:
+        start[0] = start_soc
+    soc = start[samples.part] + charge_As / model.capacity_As
+    line_V = fit.start_V[samples.part] + charge_As / fit.capacitance_F
+    error_V = fit.residual_V + line_V - ocv.mean_V(soc, ocv.reference_degC)
     nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
     counts = np.bincount(nearest, minlength=_SOC_POINTS)
     rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
@@ -125,6 +129,13 @@ def _resistance_doubt(response: Response, fit: VoltageFit) -> float:
     at_edges = response.r_total_ohm
     fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
     return abs(at_edges - fitted) / (at_edges + fitted)
+
+
+def _part_notes(samples: Samples, count: int) -> tuple[str, ...]:
+    left_out = 1 - len(samples.time_s) / count
+    if left_out == 0.0:
+        return ()
+    return (f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage",)
 
 
 def _response_notes(response: Response) -> tuple[str, ...]:

@@ -1,4 +1,9 @@
-"""A log as the identification of the RC model reads it: charge counted, samples without a voltage left out."""
+"""A log as the identification of the RC model reads it: charge counted, long charges and missing voltages left out.
+
+A linear model does not follow a battery through a full charge: the voltage limit, gassing, a charge that is not all
+stored, an open-circuit voltage above that of discharge. Short charges, a robot's braking, stay. What lies between two
+long charges is a part with an open-circuit voltage of its own at the start.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
+
+_REST_RATE = 1 / 200
+_LONG_CHARGE = 0.05
 
 
 class Samples(NamedTuple):
@@ -15,7 +24,8 @@ class Samples(NamedTuple):
     time_s, dt_s: time and step [s].
     current_A, mean_A: current at the sample and its mean over the step.
     charge_As: since the start.
-    gap: whether the step is a gap in the recording.
+    gap: whether the step is a gap in the recording, or the first of a part.
+    part: number of the part, 0 for the first.
     """
 
     time_s: np.ndarray
@@ -25,18 +35,35 @@ class Samples(NamedTuple):
     mean_A: np.ndarray
     voltage_V: np.ndarray
     gap: np.ndarray
+    part: np.ndarray
 
 
-def samples_of(log: Log) -> Samples:
-    """The log without the samples that have no voltage; their charge is kept."""
+def samples_of(log: Log, capacity_Ah: float) -> Samples:
+    """The samples of the log that have a voltage and stand outside long charges; the charge of the others is kept."""
     # Here, because the identification of all models imports that of this one.
     from ohmward.battery.identification.charge import count_charge, find_gaps, known_current_A
 
-    charge = count_charge(log)
-    known = np.isfinite(log.voltage_V)
-    time_s, charge_As = log.time_s[known], SECONDS_PER_HOUR * charge.total_Ah[known]
+    moved_Ah, current_A = count_charge(log).moved_Ah, known_current_A(log)
+    charging, part = _long_charges(current_A, moved_Ah, capacity_Ah)
+    kept = np.isfinite(log.voltage_V) & ~charging
+    if not kept.any():
+        raise InputError(f"log {log.name!r} holds nothing but a long charge; an RC model needs a discharge or pulses")
+    part = part[kept] - part[kept][0]
+    time_s, charge_As = log.time_s[kept], SECONDS_PER_HOUR * np.cumsum(moved_Ah)[kept]
     dt_s = np.diff(time_s, prepend=time_s[:1])
     mean_A = np.diff(charge_As, prepend=charge_As[:1]) / np.where(dt_s > 0, dt_s, 1.0)
-    return Samples(
-        time_s, dt_s, known_current_A(log)[known], charge_As, mean_A, log.voltage_V[known], find_gaps(time_s)
-    )
+    gap = find_gaps(time_s) | (np.diff(part, prepend=-1) > 0)
+    return Samples(time_s, dt_s, current_A[kept], charge_As, mean_A, log.voltage_V[kept], gap, part)
+
+
+def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
+    """Whether a sample is inside a charge of more than 5 % of capacity, and how many such charges came before it.
+
+    A charge lasts until the next discharge: after it the voltage falls for hours, and no linear model says how.
+    """
+    sign = np.sign(current_A) * (np.abs(current_A) > _REST_RATE * capacity_Ah)
+    last_moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    charging = sign[last_moving] > 0
+    run = np.cumsum(np.diff(charging, prepend=charging[:1]))
+    long = charging & (np.bincount(run, moved_Ah)[run] > _LONG_CHARGE * capacity_Ah)
+    return long, np.cumsum(np.diff(long.astype(int), prepend=int(long[0])) < 0)
