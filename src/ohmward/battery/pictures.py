@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,14 @@ from ohmward.battery.thevenin import Thevenin
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Band, Figure, Series, Span
 from ohmward.report.palette import Meaning
+
+if TYPE_CHECKING:
+    from ohmward.battery.identification import LogDetails
+    from ohmward.battery.identification.circuit_fit import CircuitFit
+    from ohmward.battery.identification.edges import Edge
+    from ohmward.battery.identification.ocv_from_low_rate import Branch
+    from ohmward.battery.identification.ocv_from_rests import RestPoint
+    from ohmward.battery.identification.relaxation import ExponentialFit, Relaxation
 
 SOC_AXIS = "State of charge [%]"
 FAULTS = Flag.NO_CURRENT | Flag.NO_VOLTAGE | Flag.BAD_TIME | Flag.GAP | Flag.VOLTAGE_REJECTED
@@ -55,7 +64,7 @@ def soc_figure(log: Log, estimates: Estimate, truth: np.ndarray | None = None, s
     series = [Series(log.time_s, soc, "estimate", role="estimate")]
     if truth is not None:
         series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
-    band = _band(log.time_s, soc, std, 0.0, 100.0)
+    band = _band(log.time_s, soc, std, (0.0, 100.0))
     return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
 
 
@@ -122,34 +131,85 @@ def flag_spans(log: Log, flags: np.ndarray, wanted: Flag = Flag.REST | FAULTS) -
     return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
 
 
-def ocv_figure(ocv: OcvCurve, points: Sequence[tuple[float, float]] = (), std_V: np.ndarray | None = None) -> Figure:
-    """Open-circuit voltage: mean curve, charge and discharge branch, measured points, 95 % band.
-
-    points: (soc, voltage [V]) at rests.  std_V: standard deviation on a uniform grid of SoC.
-    """
+def ocv_figure(
+    ocv: OcvCurve,
+    branches: Sequence[Branch] = (),
+    rests: Sequence[RestPoint] = (),
+    fit: CircuitFit | None = None,
+) -> Figure:
+    """Open-circuit voltage: mean curve and branches, the tests and rests behind it, the fit's 95 % interval."""
     soc = np.linspace(0.0, 1.0, 401)
     mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.half_gap_V(soc))
-    percent = 100 * soc
-    series = [Series(percent, mean, "mean", role="estimate")]
+    series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "quiet") for b in branches]
+    series.append(Series(100 * soc, mean, "mean", role="estimate"))
     if half.any():
-        series += [
-            Series(percent, mean + half, "charge", "dashed", "comparison"),
-            Series(percent, mean - half, "discharge", "dashed", "auto"),
-        ]
-    if points:
-        x, y = np.array(sorted(points)).T
-        series.append(Series(100 * x, y, "at rest", "points", "reference"))
-    bands = [] if std_V is None else [_band(percent, mean, np.interp(soc, np.linspace(0, 1, len(std_V)), std_V))]
+        series.append(Series(100 * soc, mean + half, "charge branch", "dashed", "comparison"))
+        series.append(Series(100 * soc, mean - half, "discharge branch", "dashed"))
+    if rests:
+        x, y = np.array([(r.soc, r.voltage_V) for r in rests]).T
+        series.append(Series(100 * x, y, "at the end of a rest", "points", "reference"))
+    bands = [] if fit is None else [_band(100 * soc, mean, _ocv_std_V(fit, soc))]
     return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
 
 
-def resistance_figure(model: Thevenin) -> Figure:
-    """Every resistance of the circuit against state of charge."""
-    rows = {"R0 discharge": model.r0_discharge_ohm, "R0 charge": model.r0_charge_ohm}
-    rows |= {f"R{j} ({tau:.3g} s)": r for j, (r, tau) in enumerate(zip(model.r_ohm, model.tau_s, strict=True), 1)}
+def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
+    """Every resistance of the circuit against state of charge, with the fit's 95 % intervals."""
+    names = ["R0 discharge", "R0 charge", *(f"R{j}, {tau:.3g} s" for j, tau in enumerate(model.tau_s, 1))]
+    rows = [model.r0_discharge_ohm, model.r0_charge_ohm, *model.r_ohm]
+    roles: tuple[Meaning, ...] = ("estimate", "quiet", "comparison", "reference", "alert")
     soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
-    series = [Series(soc, 1e3 * np.asarray(r), name) for name, r in rows.items()]
-    return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series)
+    labelled = list(zip(names, rows, roles, strict=False))
+    series = [Series(soc, 1e3 * np.asarray(r), name, role=role) for name, r, role in labelled]
+    bands = []
+    if fit is not None:
+        stds = [1e3 * _std(fit, fit.solution.layout.block(j)) for j in range(len(labelled))]
+        bands = [
+            _band(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
+            for (name, r, role), std in zip(labelled, stds, strict=True)
+        ]
+    return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series, bands)
+
+
+def edge_figure(edges: Sequence[Edge]) -> Figure:
+    """Resistance seen by each jump of the current, by direction."""
+    series = []
+    for sign, label in ((-1.0, "discharge"), (1.0, "charge")):
+        points = [(e.soc, e.resistance_ohm) for e in edges if e.current_A * sign > 0]
+        x, y = np.array(points or np.empty((0, 2))).T
+        series.append(Series(100 * x, 1e3 * y, label, "points"))
+    return Figure("Ohmic resistance at the edges of the current", SOC_AXIS, "dV/dI [mΩ]", series, height_px=220)
+
+
+def relaxation_figure(rest: Relaxation) -> Figure:
+    """One rest, and the fits with one and with two time constants."""
+    single, double = rest.single, rest.double
+    series = [
+        Series(rest.time_s, rest.voltage_V, "measured", "points", "reference"),
+        Series(rest.time_s, single.voltage_V, f"{_taus(single)}, {1e3 * single.rms_V:.2g} mV RMS", role="comparison"),
+        Series(rest.time_s, double.voltage_V, f"{_taus(double)}, {1e3 * double.rms_V:.2g} mV RMS", role="estimate"),
+    ]
+    title = f"Rest at {max(100 * rest.soc, 0.0):.0f} % after {rest.before_A:.3g} A"
+    return Figure(title, TIME, "Voltage [V]", series, height_px=220)
+
+
+def fit_figures(log: LogDetails) -> list[Figure]:
+    """Measured and simulated voltage, residual, current and state of charge of one log, on one clock."""
+    whole, time_s = log.record.log, _joined([part.time_s for part in log.parts], hold=True)
+    measured, simulated = _joined([part.voltage_V for part in log.parts]), _joined(log.simulated_V)
+    rests = [phase for phase in log.record.phases if phase.kind == "rest"][:_MOST_SPANS]
+    spans = [Span(float(whole.time_s[p.first]), float(whole.time_s[p.last]), "rest") for p in rests]
+    voltage = [
+        Series(time_s, measured, "measured", role="quiet"),
+        Series(time_s, simulated, "simulated", role="estimate"),
+    ]
+    residual = [Series(time_s, 1e3 * (measured - simulated), "measured - simulated", role="comparison")]
+    soc = [Series(whole.time_s, 100 * log.axis.soc, "counted", role="estimate")]
+    return [
+        Figure("Voltage", TIME, "Voltage [V]", voltage, spans=spans),
+        Figure("Residual", TIME, "Residual [mV]", residual, height_px=180),
+        current_figure(whole),
+        Figure("State of charge", TIME, SOC_AXIS, soc, height_px=180),
+    ]
 
 
 def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 80) -> Figure:
@@ -170,9 +230,37 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
     return Figure(title, x_label, "Density", series, height_px=220)
 
 
-def _band(x: np.ndarray, mean: np.ndarray, std: np.ndarray, low: float = -np.inf, high: float = np.inf) -> Band:
+def _band(
+    x: np.ndarray,
+    mean: np.ndarray,
+    std: np.ndarray,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    label: str = "95 % band",
+    role: Meaning = "estimate",
+) -> Band:
     """The 95 % band, cut where the quantity ends."""
-    return Band(x, np.clip(mean - BAND_95 * std, low, high), np.clip(mean + BAND_95 * std, low, high), "95 % band")
+    low, high = mean - BAND_95 * std, mean + BAND_95 * std
+    return Band(x, np.clip(low, *limits), np.clip(high, *limits), label, role)
+
+
+def _ocv_std_V(fit: CircuitFit, soc: np.ndarray) -> np.ndarray:
+    """Standard deviation [V] of the fit's correction of the curve at soc."""
+    from ohmward.battery.identification.circuit_design import OCV_KNOTS
+
+    return np.interp(soc, OCV_KNOTS, _std(fit, fit.solution.layout.correction))
+
+
+def _std(fit: CircuitFit, rows: slice) -> np.ndarray:
+    return np.sqrt(np.diag(fit.solution.cov)[rows])
+
+
+def _taus(fit: ExponentialFit) -> str:
+    return " and ".join(f"{tau:.0f} s" if tau >= 100 else f"{tau:.3g} s" for tau in fit.tau_s)
+
+
+def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:
+    """The parts one after the other with a gap, nan or (for a time) the last value, after each."""
+    return np.concatenate([np.append(part, part[-1] if hold else np.nan) for part in parts])
 
 
 def _usual(values: np.ndarray) -> float:

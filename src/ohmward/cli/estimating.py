@@ -83,8 +83,9 @@ def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:
     rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
     settings = Settings(rest_current_A=None if rest == UNKNOWN else rest)
     estimator = make_estimator(name, task.battery, settings)
-    with progress(f"{task.log.name}: {name}") as report:
-        return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, report)
+    with progress() as report:
+        told = (lambda done, total: report(name, done / total)) if report else None
+        return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, told)
 
 
 def rest_current(text: str) -> float | str:

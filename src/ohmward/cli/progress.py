@@ -6,21 +6,26 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Report = Callable[[int, int], None]
+#: Called with what is being done and the share done, from 0 to 1.
+Report = Callable[[str, float], None]
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Report | None]:
-    """A callback (done, total) that draws a bar with rich; None where nobody watches or rich is not installed."""
-    if not sys.stderr.isatty():
+def progress() -> Iterator[Report | None]:
+    """A callback that draws a bar with rich; None where nobody watches or rich is not installed."""
+    bars = _bars() if sys.stderr.isatty() else None
+    if bars is None:
         yield None
         return
+    with bars:
+        task = bars.add_task("", total=1.0)
+        yield lambda what, share: bars.update(task, description=what, completed=share)
+
+
+def _bars():
     try:
         from rich.console import Console
         from rich.progress import Progress
     except ImportError:
-        yield None
-        return
-    with Progress(console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(label, total=None)
-        yield lambda done, total: bars.update(task, completed=done, total=total)
+        return None
+    return Progress(console=Console(stderr=True), transient=True)

@@ -20,7 +20,9 @@ def duration(seconds: float) -> str:
 
 def percent(share: float | None, digits: int = 2) -> str:
     """A share as a percentage, "-" where it is not known."""
-    return f"{100 * share:.{digits}f} %" if known(share) else "-"
+    if not known(share):
+        return "-"
+    return f"{100 * share:.{digits}f} %" if abs(share) < 100 else f"{100 * share:.1e} %"
 
 
 def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3) -> str:
