@@ -15,6 +15,10 @@ from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
 
+#: A simulation takes every interval as it is: it has no way to doubt the current.
+NO_GAP_S = 1e9
+
+
 class Simulated(NamedTuple):
     """Answer of the model, (T,) each: state of charge and terminal voltage [V]."""
 
@@ -43,7 +47,7 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
     require_between("hysteresis", hysteresis, -1.0, 1.0)
 
     def step(state: SimulationState, sample: Sample) -> tuple[SimulationState, Simulated]:
-        reading = read(sample, state.current_A, state.temperature_degC, np.inf)
+        reading = read(sample, state.current_A, state.temperature_degC, NO_GAP_S)
         circuit = next_state(state.circuit, reading.mean, model, reading.dt_s)
         after = SimulationState(circuit, reading.now.current_A, reading.now.temperature_degC)
         return after, Simulated(circuit[0], voltage(circuit, reading.now, model)[0])
