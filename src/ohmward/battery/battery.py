@@ -74,7 +74,8 @@ class Battery:
         chemistry: such as "lfp", or "" when nobody said.
         n_series: cells in series.
         voltage_min_V, voltage_max_V: range seen in the logs.
-        idle_current_A: what the battery delivers at rest (<= 0), known from elsewhere.
+        idle_current_A: what the battery delivers at rest (<= 0; 0 in a laboratory), where the user has declared it; then
+            every rest tells the offset of the current sensor. None when nobody said.
         thevenin, rc: the models that were identified; at least one.
         noise: what an estimator must assume.
         identification: where the numbers come from, or None for numbers from a data sheet.
@@ -87,7 +88,7 @@ class Battery:
     n_series: int = 1
     voltage_min_V: float = 0.0
     voltage_max_V: float = 1000.0
-    idle_current_A: float = 0.0
+    idle_current_A: float | None = None
     thevenin: Thevenin | None = None
     rc: RcModel | None = None
     noise: Noise = field(default_factory=Noise)
@@ -97,7 +98,8 @@ class Battery:
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)
         require_between("n_series", self.n_series, 1, float("inf"))
-        require_between("idle_current_A", self.idle_current_A, -self.capacity_Ah, 0.0)
+        if self.idle_current_A is not None:
+            require_between("idle_current_A", self.idle_current_A, -self.capacity_Ah, 0.0)
         if not self.voltage_min_V < self.voltage_max_V:
             raise InputError(
                 f"voltage_min_V must be below voltage_max_V, got {self.voltage_min_V:g} and {self.voltage_max_V:g}"
