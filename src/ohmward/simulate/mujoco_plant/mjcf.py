@@ -31,6 +31,7 @@ def robot_xml(p: RlmaParameters) -> str:
   <option cone="elliptic" impratio="{FRICTION_RATIO}" gravity="0 0 {-GRAVITY_M_S2}"/>
   <default>
     <geom contype="0" conaffinity="0"/>
+    <joint solreffriction="0.01 1" solimpfriction="0.999 0.999 0.001"/>
     <pair condim="3" solimp="{IMPEDANCE} {IMPEDANCE} 0.001" solref="-1 -1" solreffriction="0 -1"/>
   </default>
   <worldbody>
@@ -64,7 +65,7 @@ def contact_stiffness(p: RlmaParameters, inverse_mass_per_kg: np.ndarray) -> tup
 
 
 def stable_step_s(p: RlmaParameters, inverse_mass_per_kg: np.ndarray) -> float:
-    """Longest step [s]: there a disturbed slip overshoots by half , where it decays at C N_0 over the wheel's mass."""
+    """Longest step [s]; slip decays at C N_0 over the mass of the wheel, and with this step overshoots by half."""
     regularising_kg = FRICTION_RATIO * IMPEDANCE / ((1 - IMPEDANCE) * inverse_mass_per_kg)
     spinning_kg = p.wheel_inertia_kg_m2 / p.wheel_radius_m**2
     return 1.5 * float(np.min((spinning_kg + regularising_kg) / (p.slip_stiffness_s_per_m * p.static_load_N)))
