@@ -74,8 +74,8 @@ class Battery:
         chemistry: such as "lfp", or "" when nobody said.
         n_series: cells in series.
         voltage_min_V, voltage_max_V: range seen in the logs.
-        idle_current_A: what the battery delivers at rest (<= 0; 0 in a laboratory), where the user has declared it; then
-            every rest tells the offset of the current sensor. None when nobody said.
+        idle_current_A: what the battery delivers at rest (<= 0; 0 in a laboratory), where the user has declared it:
+            then every rest tells the offset of the current sensor. None when nobody said.
         thevenin, rc: the models that were identified; at least one.
         noise: what an estimator must assume.
         identification: where the numbers come from, or None for numbers from a data sheet.

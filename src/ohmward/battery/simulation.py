@@ -14,7 +14,6 @@ from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
-
 #: A simulation takes every interval as it is: it has no way to doubt the current.
 NO_GAP_S = 1e9
 
