@@ -1,7 +1,7 @@
-"""Docstrings as they are written here: plain text with `code`, indented formulas and lines that stay lines.
+"""Docstrings as they are written here: plain text with `code`, formulas, and lists of `name: what`.
 
 They are read in an editor far more often than in a browser, so they carry no markup; this turns them into the
-reStructuredText that autodoc wants. Sections such as `Args:` are left to napoleon.
+reStructuredText that autodoc wants.
 """
 
 from __future__ import annotations
@@ -9,15 +9,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from itertools import groupby
+from textwrap import dedent
 
 from sphinx.application import Sphinx
 
-SECTIONS = ("Args:", "Attributes:", "Raises:", "Returns:", "Yields:", "Example:", "Examples:")
+SECTIONS = ("Args:", "Attributes:", "Raises:", "Returns:")
+ITEM = re.compile(r"(\w+(?:, \w+)*): ")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Run before napoleon, which listens to the same event at the default priority of 500."""
-    app.connect("autodoc-process-docstring", process, priority=400)
+    """Listen to autodoc."""
+    app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", skip)
     return {"parallel_read_safe": True}
 
@@ -39,14 +41,33 @@ def _paragraphs(lines: list[str]) -> Iterator[list[str]]:
 
 
 def _as_markup(paragraph: list[str]) -> list[str]:
-    """A section for napoleon, a formula or program as it stands, otherwise lines of text."""
-    if paragraph[0].strip() in SECTIONS:
-        return [_escaped(line) for line in paragraph]
-    if paragraph[0].startswith((" ", ">>>")) or paragraph[0].endswith(("(", "[", "{")):
+    head = paragraph[0].strip()
+    if head in SECTIONS:
+        return [f"**{head.removesuffix(':')}**", "", *_as_list(dedent("\n".join(paragraph[1:])).splitlines())]
+    if _is_verbatim(paragraph):
         return ["::", "", *(f"    {line}" for line in paragraph)]
-    if any(re.match(r"[\w, ]+: ", line) for line in paragraph):
-        return [f"| {_escaped(line)}" if not line.startswith(" ") else f"  {_escaped(line)}" for line in paragraph]
+    if any(ITEM.match(line) for line in paragraph):
+        return _as_list(paragraph)
     return [_escaped(line) for line in paragraph]
+
+
+def _is_verbatim(paragraph: list[str]) -> bool:
+    """A program, or formulas that stand below each other."""
+    first = paragraph[0]
+    aligned = any(re.search(r"\S {3,}\S", line) for line in paragraph) or all(" = " in line for line in paragraph)
+    return first.startswith((" ", ">>>")) or first.endswith(("(", "[", "{")) or aligned
+
+
+def _as_list(lines: list[str]) -> list[str]:
+    """One entry for each `name: what`; other lines belong to the entry before them."""
+    entries = []
+    for k, line in enumerate(lines):
+        item = ITEM.match(line)
+        if item:
+            entries.append(f"- ``{item[1]}``: {_escaped(line[item.end() :])}")
+        else:
+            entries.append(f"{'  ' if k else '- '}{_escaped(line.strip())}")
+    return entries
 
 
 def _escaped(line: str) -> str:
