@@ -147,6 +147,13 @@ def instant_resistance(p: Circuit | RcModel) -> Any:
     return p.r_terminal_ohm + p.r_surface_ohm * divider(p)[0]
 
 
+def slow_resistance(p: Circuit | RcModel) -> Any:
+    """R_1 = (R_b - s D)^2 / D [ohm], s = C_s / (C_b + C_s): what a lasting current sees on top."""
+    D = p.r_bulk_ohm + p.r_surface_ohm
+    uneven = p.r_bulk_ohm - p.c_surface_F / (p.c_bulk_F + p.c_surface_F) * D
+    return uneven * uneven / D
+
+
 def next_state_with_voltage(
     x: np.ndarray, before_A: Any, mean_A: Any, now_A: Any, p: Circuit | RcModel, dt_s: Any
 ) -> np.ndarray:
@@ -186,12 +193,10 @@ def transition(p: Circuit | RcModel, dt_s: Any) -> tuple[np.ndarray, np.ndarray]
 def equivalent_thevenin(model: RcModel) -> Thevenin:
     """The circuit with one RC pair that has the same voltage where the OCV curve is a straight line.
 
-    Its SoC is that of both capacitors together. With s = C_s / (C_b + C_s): R_0 = R_t + R_b R_s / D,
-    R_1 = (R_b - s D)^2 / D, tau_1 = 1 / `relaxation_rate`.
+    Its SoC is that of both capacitors together; R_0 = `instant_resistance`, R_1 = `slow_resistance`,
+    tau_1 = 1 / `relaxation_rate`.
     """
-    D = model.r_bulk_ohm + model.r_surface_ohm
-    s = model.c_surface_F / (model.c_bulk_F + model.c_surface_F)
-    r0, r1 = instant_resistance(model), (model.r_bulk_ohm - s * D) ** 2 / D
+    r0, r1 = instant_resistance(model), slow_resistance(model)
     tau_s = 1 / relaxation_rate(model)
     return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))
 

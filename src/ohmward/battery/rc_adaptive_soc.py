@@ -10,9 +10,12 @@ from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.rc_joint import JointState, Nominal, RcJoint
 from ohmward.battery.rc_linear import LinearState
+from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
 from ohmward.battery.rc_soc import RcSoc
 from ohmward.filters.gating import choose
 from ohmward.trace import where
+
+_LEAST_START_STD = 0.1
 
 
 class SchemeState(NamedTuple):
@@ -53,24 +56,33 @@ class RcAdaptiveSoc:
         return SchemeState(joint, soc), estimate
 
     def shares(self, p: rc.Circuit) -> tuple[Any, Any]:
-        """Capacitance and resistance in series with it, over the model's: how much of capacity and health is left."""
+        """Capacitance and lasting resistance over the model's: how much there is of what the battery file says."""
         file = self.soc.model.circuit
-        return (
-            (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F),
-            (p.r_terminal_ohm + p.r_bulk_ohm) / (file.r_terminal_ohm + file.r_bulk_ohm),
-        )
+        capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
+        return capacitance, lasting_resistance(p) / lasting_resistance(file)
+
+
+def lasting_resistance(p: rc.Circuit | rc.RcModel) -> Any:
+    """R_0 + R_1 [ohm]: what a lasting current sees."""
+    return rc.instant_resistance(p) + rc.slow_resistance(p)
 
 
 def adaptive_soc_of(model: rc.RcModel, noise: Noise | None = None) -> RcAdaptiveSoc:
-    """The scheme for a model: the joint filter starts at its circuit, with R_e the mean of R_b and R_s."""
+    """The scheme for a model; the joint filter starts at its circuit."""
     noise = noise or Noise()
-    r_ohm = 0.5 * (model.r_bulk_ohm + model.r_surface_ohm)
-    nominal = Nominal(model.c_bulk_F, model.c_surface_F, r_ohm, model.r_terminal_ohm)
-    std = max(noise.resistance_std, 0.1)
+    std = max(noise.resistance_std, _LEAST_START_STD)
     joint = RcJoint(
-        nominal,
+        even(model),
         start_std=(std, std, std, std),
         voltage_std_V=noise.voltage_std_V,
         current_std_A=noise.current_std_A,
     )
     return RcAdaptiveSoc(joint, RcSoc(model, noise))
+
+
+def even(model: rc.RcModel) -> Nominal:
+    """The model's elements with R_b = R_s: as they are, or with the same lasting resistance shared by [P]'s rule."""
+    if model.r_bulk_ohm == model.r_surface_ohm:
+        return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
+    r_total_ohm = lasting_resistance(model) / (1 + BRANCH_SHARE / 2)
+    return Nominal(model.c_bulk_F, model.c_surface_F, BRANCH_SHARE * r_total_ohm, TERMINAL_SHARE * r_total_ohm)

@@ -9,8 +9,11 @@ where q is the charge since the start, F a first-order filter of gain 1 and rate
     C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
 
 Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
-best. It also says what no test can tell: five elements stand behind four numbers. [T] and [P] settle it by R_b = R_s;
-where that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
+relaxation, and C is that of the straight line through the part of the curve that the log passes.
+
+It also says what no test can tell: five elements stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
+that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rul
 from ohmward.battery.rc_samples import Samples
 
 _LONGEST_WEIGHT_S = 60.0
-_LONGEST_TAU_S = 3600.0
+_LONGEST_TAU_S = 900.0
 _RATES = 40
 
 
@@ -34,7 +37,7 @@ class VoltageFit(NamedTuple):
 
     start_V: (parts,) open-circuit voltage at the first sample of each part of the log.
     capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
-    residual_V: (T,) measured minus fitted voltage, of the samples that have one.
+    residual_V: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one.
     """
 
     start_V: np.ndarray
@@ -50,52 +53,51 @@ class VoltageFit(NamedTuple):
         return float(np.sqrt(np.mean(self.residual_V**2)))
 
 
-def fit_voltage(samples: Samples, capacitance_F: float | None = None) -> VoltageFit | None:
+def fit_voltage(samples: Samples, ocv_V: np.ndarray | None = None) -> VoltageFit | None:
     """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
 
     Samples weigh as the time they stand for, up to 60 s. No number may be negative.
 
-    capacitance_F: C where it is known; None finds it too.
+    ocv_V: (T,) open-circuit voltage along the log where it is known [V].
     """
     from scipy.optimize import minimize_scalar
 
     longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), _LONGEST_TAU_S)
-    grid = np.geomspace(_shortest_s(samples), longest_s, _RATES)
-    costs = [_solve(samples, tau, capacitance_F)[1] for tau in grid]
-    best = int(np.argmin(costs))
+    grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
+    best = int(np.argmin([_solve(samples, ocv_V, tau)[1] for tau in grid]))
     low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
     found = minimize_scalar(
-        lambda log_tau: _solve(samples, math.exp(log_tau), capacitance_F)[1], bounds=(low, high), method="bounded"
+        lambda log_tau: _solve(samples, ocv_V, math.exp(log_tau))[1], bounds=(low, high), method="bounded"
     )
-    return _fit_at(samples, math.exp(found.x), capacitance_F)
+    return _fit_at(samples, ocv_V, math.exp(found.x))
 
 
-def _fit_at(samples: Samples, tau_s: float, capacitance_F: float | None) -> VoltageFit | None:
-    (per_C, r1, r0), _ = _solve(samples, tau_s, capacitance_F)
+def _fit_at(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> VoltageFit | None:
+    """The fit with this time constant."""
+    (r0, r1, per_C), _ = _solve(samples, ocv_V, tau_s)
     if not (per_C > 0 and r0 > 0):
         return None
-    modelled = _columns(samples, tau_s) @ np.array([per_C, r1, r0])
-    start_V = _means(samples, samples.voltage_V - modelled)
-    tau_s = tau_s if r1 > 0 else _shortest_s(samples)
-    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s, samples.voltage_V - start_V[samples.part] - modelled)
+    over_V, charge_V = r0 * samples.current_A + r1 * filtered(samples, tau_s), per_C * charge_in_part(samples)
+    open_V = samples.voltage_V - over_V if ocv_V is None else ocv_V
+    start_V = _means(samples, open_V - charge_V)
+    fitted_V = (start_V[samples.part] + charge_V if ocv_V is None else ocv_V) + over_V
+    return VoltageFit(
+        start_V, 1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples), samples.voltage_V - fitted_V
+    )
 
 
-def _solve(samples: Samples, tau_s: float, capacitance_F: float | None) -> tuple[tuple[float, float, float], float]:
-    """Best 1 / C, R_1 and R_0 >= 0 for a time constant, and the weighted sum of squares that they leave."""
+def _solve(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
+    """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
     from scipy.optimize import nnls
 
-    columns = _centred(samples, _columns(samples, tau_s))
-    y = _centred(samples, samples.voltage_V)
-    if capacitance_F is None:
-        values, norm = nnls(columns, y)
-        return tuple(values.tolist()), norm**2
-    values, norm = nnls(columns[:, 1:], y - columns[:, 0] / capacitance_F)
-    return (1 / capacitance_F, *values.tolist()), norm**2
-
-
-def _columns(samples: Samples, tau_s: float) -> np.ndarray:
-    """What 1 / C, R_1 and R_0 multiply, (T, 3): charge since the start of the part, filtered current, current."""
-    return np.column_stack([charge_in_part(samples), filtered(samples, tau_s), samples.current_A])
+    currents = _centred(samples, np.column_stack([samples.current_A, filtered(samples, tau_s)]))
+    charge = _centred(samples, charge_in_part(samples))
+    if ocv_V is None:
+        (r0, r1, per_C), norm = nnls(np.column_stack([currents, charge]), _centred(samples, samples.voltage_V))
+    else:
+        (r0, r1), norm = nnls(currents, _centred(samples, samples.voltage_V - ocv_V))
+        per_C = charge @ _centred(samples, ocv_V) / max(charge @ charge, 1e-300)
+    return (float(r0), float(r1), float(per_C)), float(norm) ** 2
 
 
 def charge_in_part(samples: Samples) -> np.ndarray:

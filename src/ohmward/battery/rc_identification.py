@@ -60,62 +60,70 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     samples = samples_of(log, capacity_Ah)
     response = find_response(samples, capacity_Ah)
     tau = find_time_constant(response)
-    soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
-    fit = _fit(samples, ocv, capacity_Ah, soc_range)
-    curve = _straight_line(fit, capacity_Ah, start_soc) if ocv is None else ocv
+    fit: VoltageFit | None
+    if ocv is None:
+        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc)
+        soc = _soc_along(samples, start, capacity_Ah)
+    else:
+        curve = ocv
+        soc = _soc_along(samples, _start_soc(samples, response, ocv, start_soc), capacity_Ah)
+        fit = fit_voltage(samples, ocv.mean_V(soc, ocv.reference_degC))
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
-    noise = Noise() if fit is None else _noise(samples, fit, model, response, start_soc)
-    notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, soc_range, total_F))
-    return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit, soc_range))
+    noise = Noise() if fit is None else _noise(fit, response, soc)
+    notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
+    return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit))
 
 
-def _fit(samples: Samples, ocv: OcvCurve | None, capacity_Ah: float, soc_range: float) -> VoltageFit | None:
-    """Least squares, with the capacitance of the curve where the log moves SoC too little to show its own."""
-    if soc_range > _LEAST_SOC_RANGE:
-        return fit_voltage(samples)
-    if ocv is None:
+def _fit_with_line(
+    samples: Samples, capacity_Ah: float, start_soc: float | None
+) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
+    """Least squares without a curve, the straight line between SoC 0 and 1 that it stands for, and SoC of each part."""
+    if start_soc is None:
+        raise InputError("identify_rc needs ocv, or start_soc to lay a straight line through the log; both are None")
+    soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
+    fit = fit_voltage(samples) if soc_range > _LEAST_SOC_RANGE else None
+    if fit is None:
         raise InputError(
-            f"the log moves SoC by {100 * soc_range:.2g} %, too little to show an open-circuit voltage; give ocv"
+            f"ocv is None, and the log, which moves SoC by {100 * soc_range:.2g} %, does not show an open-circuit "
+            "voltage that rises; give the battery's OCV curve"
         )
-    return fit_voltage(samples, rc.capacitance_for(capacity_Ah, ocv))
-
-
-def _straight_line(fit: VoltageFit | None, capacity_Ah: float, start_soc: float | None) -> OcvCurve:
-    """The open-circuit voltage that the fit stands for, between SoC 0 and 1."""
-    if fit is None or start_soc is None:
-        why = "the voltage of the log shows none" if fit is None else "start_soc is not given either"
-        raise InputError(f"ocv is None and {why}; give the battery's OCV curve")
     slope_V = SECONDS_PER_HOUR * capacity_Ah / fit.capacitance_F
     empty_V = float(fit.start_V[0]) - start_soc * slope_V
-    return OcvCurve((empty_V, empty_V + slope_V))
+    return fit, OcvCurve((empty_V, empty_V + slope_V)), (fit.start_V - empty_V) / slope_V
 
 
-def _noise(samples: Samples, fit: VoltageFit, model: RcModel, response: Response, start_soc: float | None) -> Noise:
+def _start_soc(samples: Samples, response: Response, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
+    """SoC at the first sample of each part, from its voltage without the drop at R_total; `start_soc` for the first."""
+    first = np.flatnonzero(np.diff(samples.part, prepend=-1) > 0)
+    open_V = samples.voltage_V[first] - response.r_total_ohm * samples.current_A[first]
+    soc = np.array([ocv.soc_at(v, ocv.reference_degC) for v in open_V.tolist()])
+    return soc if start_soc is None else np.array([start_soc, *soc[1:]])
+
+
+def _soc_along(samples: Samples, start: np.ndarray, capacity_Ah: float) -> np.ndarray:
+    """SoC along the log (T,) from that of each part."""
+    return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
+
+
+def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> Noise:
     """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
     white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
     doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
     return Noise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
-        model_std_V=_model_std_V(samples, fit, model, start_soc),
+        model_std_V=_model_std_V(fit.residual_V, soc),
         overpotential_share=doubt,
         resistance_std=doubt,
     )
 
 
-def _model_std_V(samples: Samples, fit: VoltageFit, model: RcModel, start_soc: float | None) -> tuple[float, ...]:
-    """Error of the model with its curve, on a grid of SoC: root mean square, at least its median over the grid.
+def _model_std_V(error_V: np.ndarray, soc: np.ndarray) -> tuple[float, ...]:
+    """Error of the model on a grid of SoC: root mean square, at least its median over the grid.
 
     A fit has zeros, and another log has them elsewhere; hence the median. Where the log has not been: the largest.
     """
-    ocv, charge_As = model.ocv, charge_in_part(samples)
-    start = np.array([ocv.soc_at(v, ocv.reference_degC) for v in fit.start_V.tolist()])
-    if start_soc is not None:
-        start[0] = start_soc
-    soc = start[samples.part] + charge_As / model.capacity_As
-    line_V = fit.start_V[samples.part] + charge_As / fit.capacitance_F
-    error_V = fit.residual_V + line_V - ocv.mean_V(soc, ocv.reference_degC)
     nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
     counts = np.bincount(nearest, minlength=_SOC_POINTS)
     rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
@@ -149,16 +157,16 @@ def _response_notes(response: Response) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _fit_notes(fit: VoltageFit | None, soc_range: float, total_F: float) -> tuple[str, ...]:
+def _fit_notes(fit: VoltageFit | None, total_F: float) -> tuple[str, ...]:
     if fit is None:
         return ()
-    text = f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms)"
-    if soc_range > _LEAST_SOC_RANGE:
-        text += f"; C_b + C_s = {fit.capacitance_F:.4g} F there, {total_F:.4g} F by the ends of the OCV curve"
-    return (text,)
+    return (
+        f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms); C_b + C_s = {fit.capacitance_F:.4g} F along the log, "
+        f"{total_F:.4g} F by the ends of the OCV curve",
+    )
 
 
-def _missing(response: Response, tau: TimeConstant, fit: VoltageFit | None, soc_range: float) -> tuple[str, ...]:
+def _missing(response: Response, tau: TimeConstant, fit: VoltageFit | None) -> tuple[str, ...]:
     sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
     if not tau.found:
         sentences.append(f"tau by the rule: no exponential in the first {response.window_s:g} s after the edges")
@@ -166,6 +174,4 @@ def _missing(response: Response, tau: TimeConstant, fit: VoltageFit | None, soc_
         sentences.append("the whole log: its voltage does not rise with charge and current; the rule alone was used")
     elif fit.r1_ohm == 0.0:
         sentences.append("the relaxation: the log shows no exponential beside R_0 and the open-circuit voltage")
-    if soc_range <= _LEAST_SOC_RANGE:
-        sentences.append(f"C_b + C_s: the log moves SoC by {100 * soc_range:.2g} % only; the OCV curve's was used")
     return tuple(sentences)

@@ -36,7 +36,7 @@ class RcSoc:
     """Settings; `init` and `step` are pure functions of them.
 
     Attributes:
-        model: the circuit and its OCV curve, through which the straight line is laid.
+        model: the circuit and its OCV curve, through which a straight line is laid.
         noise: what to assume about sensors and model.
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
@@ -123,9 +123,13 @@ class RcSoc:
 
     @cached_property
     def line(self) -> tuple[float, float]:
-        """Least-squares straight line through the OCV curve: voltage [V] at SoC 0, slope [V per unit of SoC]."""
-        slope_V, empty_V = np.polyfit(*self._curve, 1)
-        return float(empty_V), float(slope_V)
+        """The straight line for which the capacitances stand, through the middle of the OCV curve.
+
+        Voltage [V] at SoC 0, and slope Q / (C_b + C_s) [V per unit of SoC].
+        """
+        soc, ocv_V = self._curve
+        slope_V = self.model.capacity_As / (self.model.c_bulk_F + self.model.c_surface_F)
+        return float(np.median(ocv_V - slope_V * soc)), slope_V
 
     @cached_property
     def model_std_V(self) -> tuple[float, ...]:
