@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ohmward.battery.identification.samples import Samples
@@ -24,18 +26,18 @@ def hysteresis_decay(samples: Samples, capacity_Ah: float, rate: float) -> np.nd
     return np.exp(-rate * moved_Ah / capacity_Ah)
 
 
-def simulate(samples: Samples, p: Thevenin, hysteresis: float = 0.0) -> np.ndarray:
-    """(N,) terminal voltage [V] along the samples, from rest; the SoC is that of the samples, not counted again.
+def simulate(samples: Samples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
+    """(N,) terminal voltage [V] along the samples; the SoC is that of the samples, not counted again.
 
-    hysteresis: state h at the first sample.
+    start_V: (n,) RC voltages at the first sample, () for rest; hysteresis: state h there.
     """
     at = Input(samples.current_A, samples.temperature_degC)
     before = Input(samples.mean_current_A, samples.temperature_degC)
     decay_h = hysteresis_decay(samples, p.capacity_Ah, p.hysteresis_rate)
-    drive_h = (1 - decay_h) * np.sign(samples.mean_current_A)
-    h = scan(decay_h, np.concatenate([[hysteresis], drive_h[1:]]))
+    h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
     voltage = p.ocv.mean_V(samples.soc, samples.temperature_degC) + p.ocv.half_gap_V(samples.soc) * h
-    for tau, resistance in zip(p.tau_s, pair_resistances(samples.soc_before, before, p), strict=True):
+    resistances = pair_resistances(samples.soc_before, before, p)
+    for tau, resistance, v0 in zip(p.tau_s, resistances, start_V or (0.0,) * p.pairs, strict=True):
         decay = np.exp(-samples.dt_s / tau)
-        voltage = voltage + scan(decay, (1 - decay) * resistance * samples.mean_current_A)
+        voltage = voltage + scan(decay, np.append(v0, ((1 - decay) * resistance * samples.mean_current_A)[1:]))
     return voltage + ohmic_resistance(samples.soc, at, p) * samples.current_A

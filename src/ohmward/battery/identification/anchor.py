@@ -21,11 +21,12 @@ _TOP_SHARE = 0.02
 _TOP_BREAK_S = 600.0
 _SHORTEST_TOP_S = 60.0
 _TAPER_SAMPLES = 3
+_SOON_S = 3600.0
 _TAPER_CHARGE = 0.003
 _FIRST_REST_STD = 0.005
 _LONG_REST_S = 600.0
 _VOLTAGE_STD_SHARE = 0.0015
-_SHORTEST_EFFICIENCY_GAP = 0.01
+_SMALLEST_LOSS = 0.01
 _MOST_OUTSIDE = 0.1
 _CAPACITY_WARNING = 0.03
 
@@ -53,19 +54,23 @@ class SocAxis(NamedTuple):
 
 
 def anchor_soc(
-    record: Record, capacity_Ah: float, ocv: OcvCurve | None = None, initial_soc: float | None = None
+    record: Record,
+    capacity_Ah: float,
+    ocv: OcvCurve | None = None,
+    initial_soc: float | None = None,
+    efficiency: float = 1.0,
 ) -> SocAxis:
     """The state of charge along a record, tied to what is known best.
 
     In order: `initial_soc` of the user; the ends of full charges; the rest at which `ocv` tells the SoC best; a sweep
     of at least 85 % of the capacity, whose top is taken as full. Between two full charges the loss in charging is the
-    coulombic efficiency, and what remains is spread over the charge that flowed.
+    coulombic efficiency, and what remains is spread over the charge that flowed; `efficiency` is assumed otherwise.
 
     Raises:
         InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
     """
     anchors = find_anchors(record, capacity_Ah, ocv, initial_soc)
-    efficiency = _efficiency(record, anchors)
+    efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis.soc, capacity_Ah)
     return axis._replace(notes=_notes(record, axis, capacity_Ah, ocv))
@@ -168,9 +173,9 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
     """Whether the log starts at rest at (or above) the lowest voltage of a rest after a full charge, within 1 %."""
     if not is_rest(record.phases[0]):
         return False
-    after = [
-        p for p in record.phases if p.kind == "rest" and any(end < p.first <= end + _TAPER_SAMPLES for end in full)
-    ]
+    time_s = record.log.time_s
+    rests = find_rests(record.phases, _LONG_REST_S)
+    after = [p for p in rests if any(0 < time_s[p.first] - time_s[end] < _SOON_S for end in full)]
     voltage_V = record.log.voltage_V
     return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
 
@@ -183,14 +188,14 @@ def _by_voltage(voltage_V: float, ocv: OcvCurve, degC: float, sample: int) -> An
     return Anchor(sample, soc, max(_FIRST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
-def _efficiency(record: Record, anchors: Sequence[Anchor]) -> float:
+def _efficiency(record: Record, anchors: Sequence[Anchor], otherwise: float) -> float:
     """Charge that came out over charge that went in between the first and the last full charge; 1 above 0.99."""
     if len(anchors) < 2:
-        return 1.0
+        return otherwise
     moved_Ah = record.charge.moved_Ah[anchors[0].sample + 1 : anchors[-1].sample + 1]
     into, out_of = moved_Ah[moved_Ah > 0].sum(), -moved_Ah[moved_Ah < 0].sum()
     efficiency = out_of / into if into > 0 else 1.0
-    return float(efficiency) if 0.5 <= efficiency < 1 - _SHORTEST_EFFICIENCY_GAP else 1.0
+    return float(efficiency) if 0.5 <= efficiency < 1 - _SMALLEST_LOSS else 1.0
 
 
 def _tied(record: Record, capacity_Ah: float, anchors: Sequence[Anchor], efficiency: float) -> np.ndarray:

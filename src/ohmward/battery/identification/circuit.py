@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
-from ohmward.battery.identification.circuit_fit import Problem, Solution
+from ohmward.battery.identification.circuit_solve import Problem, Solution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
 from ohmward.battery.identification.samples import Samples
@@ -50,6 +50,14 @@ def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
         tuple(slope.tolist()),
         first.reference_degC,
     )
+
+
+def start_of(solution: Solution, part: int) -> tuple[tuple[float, ...], float]:
+    """RC voltages (n,) [V] and hysteresis state at the start of one part of the records."""
+    layout = solution.layout
+    start = solution.x[layout.initial(part)].tolist()
+    scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
+    return tuple(start[: layout.pairs]), start[-1] / scale if scale > 0 else 0.0
 
 
 def slow_shape(ocv: OcvCurve, samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:

@@ -22,7 +22,9 @@ class Prior(NamedTuple):
     level_share: of the level itself.
     direction_share: between r0 in charge and in discharge.
     ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; it holds on over `ocv_length` of SoC.
+    ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
     hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
+    charging_factor: how much larger the model's error is in a charge and the rest after it.
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
     """
 
@@ -31,14 +33,18 @@ class Prior(NamedTuple):
     direction_share: float = 0.1
     ocv_V: float = 0.004
     ocv_soc: float = 0.01
+    ocv_gap: float = 0.5
     ocv_length: float = 0.05
     hysteresis: tuple[float, float] = (0.5, 0.2)
+    charging_factor: float = 1.0
     rest_V: float = 0.002
     start_V: float = 0.03
 
 
 LOW_RATE_PRIOR = Prior()
-RESTS_PRIOR = Prior(ocv_V=0.008, ocv_soc=0.02)
+RESTS_PRIOR = Prior(ocv_V=0.010, ocv_soc=0.02)
+# Charging a lead-acid battery is another reaction than discharging it, and near full it makes gas.
+LEAD_ACID_PRIOR = Prior(ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0)
 
 
 class Gaussian(NamedTuple):
@@ -47,21 +53,35 @@ class Gaussian(NamedTuple):
     precision: np.ndarray
     information: np.ndarray
 
+    def times(self, other: Gaussian) -> Gaussian:
+        """The product of both densities."""
+        return Gaussian(self.precision + other.precision, self.information + other.information)
 
-def make_prior(
-    prior: Prior,
-    layout: Layout,
-    levels: np.ndarray,
-    shapes: np.ndarray,
-    ocv: OcvCurve,
-    at_rest: list[bool],
-    volts: float,
-) -> Gaussian:
-    """The prior of all unknowns.
+
+def nuisance_prior(prior: Prior, layout: Layout, ocv: OcvCurve, at_rest: list[bool], volts: float) -> Gaussian:
+    """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
+
+    at_rest: for each record, whether it starts with a rest.
+    volts: voltage of the battery over that of a lithium-ion cell.
+    """
+    precision, information = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
+    if layout.hysteresis:
+        mean, std = prior.hysteresis
+        precision[layout.scale, layout.scale] += 1 / std**2
+        information[layout.scale] += mean / std**2
+    precision[layout.correction, layout.correction] += ocv_precision(prior, ocv, volts)
+    for record, rests in enumerate(at_rest):
+        where = layout.initial(record)
+        start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
+        std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis[0])])
+        precision[where, where] += np.diag(1 / std_of_start**2)
+    return Gaussian(precision, information)
+
+
+def resistance_prior(prior: Prior, layout: Layout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
+    """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
-    at_rest: for each record, whether it starts with a long rest.
-    volts: voltage of the battery over that of a lithium-ion cell.
     """
     precision, information = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
     for j in range(layout.blocks):
@@ -71,23 +91,14 @@ def make_prior(
             add_rows(precision, layout.block(j), row[None, :])
             information[layout.block(j)] += row / prior.level_share
     _tie_directions(precision, layout, prior.direction_share * levels[0])
-    if layout.hysteresis:
-        mean, std = prior.hysteresis
-        precision[layout.scale, layout.scale] += 1 / std**2
-        information[layout.scale] += mean / std**2
-    precision[layout.correction, layout.correction] += ocv_precision(prior, ocv, volts)
-    for record, rests in enumerate(at_rest):
-        where = layout.initial(record)
-        v = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
-        std = np.concatenate([v, np.full(int(layout.hysteresis), prior.hysteresis[0])])
-        precision[where, where] += np.diag(1 / std**2)
     return Gaussian(precision, information)
 
 
 def ocv_precision(prior: Prior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation along SoC, wider on a steep curve."""
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
-    std = np.hypot(volts * prior.ocv_V, prior.ocv_soc * slope)
+    gap = np.asarray(ocv.half_gap_V(OCV_KNOTS))
+    std = np.sqrt((volts * prior.ocv_V) ** 2 + (prior.ocv_soc * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
     correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / prior.ocv_length)
     return np.linalg.inv(std[:, None] * correlation * std)
 

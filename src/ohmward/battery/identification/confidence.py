@@ -8,13 +8,13 @@ import numpy as np
 
 from ohmward.battery.battery import Confidence
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
-from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit, Solution
+from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
+from ohmward.battery.identification.circuit_solve import Solution
 from ohmward.battery.identification.samples import Samples
 
 Z_95 = 1.96
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 _COVERED_A_SHARE = 0.02
-_VAGUE_SHARE = 0.5
 _VAGUE_LOG = 0.7
 
 
@@ -52,13 +52,13 @@ def not_identified(
 
 
 def covered(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
-    """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least a minute in all."""
+    """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least 10 s in all."""
     half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
     time_s = np.zeros(RESISTANCE_GRID.size)
     for s in samples:
         flows = np.abs(s.mean_current_A) > _COVERED_A_SHARE * capacity_Ah
         time_s += (np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half) @ np.where(flows, s.dt_s, 0.0)
-    return time_s >= 60.0
+    return time_s >= 10.0
 
 
 def _resistance(s: Solution, j: int, name: str, soc: float) -> Confidence:
@@ -94,20 +94,24 @@ def _log_interval(name: str, value: float, std: float) -> Confidence:
 
 def _uncovered(s: Solution, samples: Sequence[Samples], capacity_Ah: float, shaped: bool) -> list[str]:
     missing = ~covered(samples, capacity_Ah)
+    if not missing.any():
+        return []
     source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
-    return [
-        f"resistances at SoC {RESISTANCE_GRID[a]:.2g} to {RESISTANCE_GRID[b - 1]:.2g}: no current flowed there; "
-        f"taken from {source}, +-{_share(s, a, b):.0%}"
-        for a, b in _runs(missing)
-    ]
+    where = ", ".join(_range(a, b) for a, b in _runs(missing))
+    return [f"resistances at SoC {where}: no current flowed there; taken from {source}, +-{_share(s, missing):.0%}"]
 
 
-def _share(s: Solution, first: int, stop: int) -> float:
-    """Two standard deviations of the total resistance over itself, the largest among the grid points."""
-    rows = np.zeros((stop - first, s.layout.size))
+def _range(first: int, stop: int) -> str:
+    low, high = RESISTANCE_GRID[first], RESISTANCE_GRID[stop - 1]
+    return f"{low:.2g}" if stop - first == 1 else f"{low:.2g} to {high:.2g}"
+
+
+def _share(s: Solution, where: np.ndarray) -> float:
+    """Two standard deviations of the total resistance over itself, the largest where (21,) is true."""
+    rows = np.zeros((int(where.sum()), s.layout.size))
     for j in range(s.layout.blocks):
         if j != 1:
-            rows[:, s.layout.block(j)] = np.eye(RESISTANCE_GRID.size)[first:stop]
+            rows[:, s.layout.block(j)] = np.eye(RESISTANCE_GRID.size)[where]
     std = np.sqrt(np.einsum("ij,jk,ik->i", rows, s.cov, rows))
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +11,13 @@ import numpy as np
 from ohmward.battery.battery import Battery, Fit
 from ohmward.battery.battery import Identification as Provenance
 from ohmward.battery.checks import require_positive
-from ohmward.battery.chemistries import start_model, start_noise
+from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
+from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import SocAxis, anchor_soc, find_anchors
-from ohmward.battery.identification.circuit import circuit_of, slow_shape
-from ohmward.battery.identification.circuit_fit import CircuitFit, Problem, fit_circuit
-from ohmward.battery.identification.circuit_prior import LOW_RATE_PRIOR, RESTS_PRIOR
+from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
+from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
+from ohmward.battery.identification.circuit_prior import LEAD_ACID_PRIOR, LOW_RATE_PRIOR, RESTS_PRIOR, Prior
+from ohmward.battery.identification.circuit_solve import Problem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import Edge, find_edges
 from ohmward.battery.identification.noise import current_noise_A, noise_from_fit
@@ -23,7 +25,7 @@ from ohmward.battery.identification.ocv_from_low_rate import Branch, branch_note
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
-from ohmward.battery.identification.samples import Samples, thin
+from ohmward.battery.identification.samples import COARSEST_S, Samples, thin
 from ohmward.battery.identification.segments import Phase, find_pulses
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
@@ -50,14 +52,14 @@ class Settings(NamedTuple):
     n_series: int
     name: str
     initial_soc: Mapping[str, float]
-    idle_current_A: float
+    idle_current_A: float | None
 
 
 class LogDetails(NamedTuple):
     """What was found in one log that the circuit was fitted to.
 
     axis: its state of charge and what that was tied to; pulses; edges; relaxations; rests: ends of long rests.
-    samples: those used by the fit; simulated_V: (N,) voltage of the identified circuit along them.
+    parts: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each.
     """
 
     record: Record
@@ -66,13 +68,13 @@ class LogDetails(NamedTuple):
     edges: tuple[Edge, ...]
     relaxations: tuple[Relaxation, ...]
     rests: tuple[RestPoint, ...]
-    samples: Samples
-    simulated_V: np.ndarray
+    parts: tuple[Samples, ...]
+    simulated_V: tuple[np.ndarray, ...]
 
     @property
-    def residual_V(self) -> np.ndarray:
-        """(N,) measured minus simulated voltage."""
-        return self.samples.voltage_V - self.simulated_V
+    def residual_V(self) -> tuple[np.ndarray, ...]:
+        """Measured minus simulated voltage of each part, (N,) each."""
+        return tuple(s.voltage_V - v for s, v in zip(self.parts, self.simulated_V, strict=True))
 
 
 class Identified(NamedTuple):
@@ -108,7 +110,7 @@ def identify(
     n_series: int = 1,
     name: str = "",
     initial_soc: Mapping[str, float] | None = None,
-    idle_current_A: float = 0.0,
+    idle_current_A: float | None = None,
     progress: Progress | None = None,
 ) -> Battery:
     """The battery in one or several logs of tests; `identify_in_detail` also returns what every stage found.
@@ -118,7 +120,8 @@ def identify(
     model: one of MODELS.
     chemistry, n_series, name: for the battery file; the chemistry also gives start values where the logs give none.
     initial_soc: state of charge at the start of a log, by its name, where the log does not tell.
-    idle_current_A: what the battery delivers at rest, <= 0.
+    idle_current_A: what the battery delivers at rest, <= 0, where it is known; None finds rests about 0 A and declares
+        nothing to the estimators.
     progress: called with the name of the stage and the share done, from 0 to 1.
 
     Raises:
@@ -146,7 +149,7 @@ def identify_in_detail(
     n_series: int = 1,
     name: str = "",
     initial_soc: Mapping[str, float] | None = None,
-    idle_current_A: float = 0.0,
+    idle_current_A: float | None = None,
     progress: Progress | None = None,
 ) -> Identified:
     """As `identify`, with what every stage found."""
@@ -157,7 +160,7 @@ def identify_in_detail(
     _check(settings, logs)
     report = progress or (lambda stage, share: None)
     report("charge, rests and pulses", 0.0)
-    records = tuple(r for log in logs for r in make_records(log, capacity_Ah, idle_current_A))
+    records = tuple(r for log in logs for r in make_records(log, capacity_Ah, idle_current_A or 0.0))
     report("open-circuit voltage", 0.05)
     stage = _before_the_fit(records, settings)
     if not stage.records:
@@ -179,7 +182,7 @@ def _before_the_fit(records: Sequence[Record], settings: Settings) -> Stage:
         ocv = ocv_from_branches(branches, reference_degC)
     else:
         ocv = _ocv_from_rests(fast, settings, reference_degC)
-    axes = tuple(anchor_soc(r, Q, ocv, settings.initial_soc.get(r.log.name)) for r in fast)
+    axes = tuple(_axis(r, settings, ocv) for r in fast)
     notes = (
         *(note for r in records for note in r.charge.notes),
         *branch_notes(branches, Q),
@@ -199,10 +202,15 @@ def _ocv_from_rests(records: Sequence[Record], settings: Settings, reference_deg
         except InputError as refusal:
             first_refusal = first_refusal or refusal
             continue
-        points += rest_points(record, anchor_soc(record, settings.capacity_Ah, None, given).soc)
+        points += rest_points(record, _axis(record, settings, None).soc)
     if not points and first_refusal:
         raise first_refusal
     return ocv_from_rests(points, min(float(np.nanmin(r.log.voltage_V)) for r in records), reference_degC)
+
+
+def _axis(record: Record, settings: Settings, ocv: OcvCurve | None) -> SocAxis:
+    efficiency = CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
+    return anchor_soc(record, settings.capacity_Ah, ocv, settings.initial_soc.get(record.log.name), efficiency)
 
 
 def _thevenin(
@@ -210,19 +218,24 @@ def _thevenin(
 ) -> Identified:
     """Stages 5 to 9 for the Thevenin circuit."""
     Q = settings.capacity_Ah
-    samples = tuple(thin(r, a.soc, ROOM_DEGC) for r, a in zip(stage.records, stage.axes, strict=True))
+    parts = [thin(r, a.soc, ROOM_DEGC) for r, a in zip(stage.records, stage.axes, strict=True)]
+    samples = tuple(part for record_parts in parts for part in record_parts)
     problem = Problem(
         samples,
         stage.ocv,
         Q,
-        LOW_RATE_PRIOR if _both_directions(stage.branches) else RESTS_PRIOR,
+        _prior(stage.branches, settings.chemistry),
         slow_shape(stage.ocv, samples, Q),
         _reference_degC(stage.records),
         _temperatures_differ(stage.records),
     )
     fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
     p = circuit_of(fit.solution, problem, min(axis.efficiency for axis in stage.axes))
-    details = tuple(_details(r, a, s, p) for r, a, s in zip(stage.records, stage.axes, samples, strict=True))
+    voltages = iter(simulate(s, p, *start_of(fit.solution, k)) for k, s in enumerate(samples))
+    details = tuple(
+        _details(r, a, own, tuple(islice(voltages, len(own))), Q)
+        for r, a, own in zip(stage.records, stage.axes, parts, strict=True)
+    )
     hysteresis = any(stage.ocv.hysteresis_V)
     provenance = Provenance(
         Q,
@@ -299,27 +312,28 @@ def _battery(
     )
 
 
-def _details(record: Record, axis: SocAxis, samples: Samples, p: Thevenin) -> LogDetails:
-    from ohmward.battery.identification.along import simulate
-
+def _details(
+    record: Record, axis: SocAxis, parts: tuple[Samples, ...], simulated_V: tuple[np.ndarray, ...], capacity_Ah: float
+) -> LogDetails:
     return LogDetails(
         record,
         axis,
-        find_pulses(record.phases, p.capacity_Ah),
-        find_edges(record, axis.soc, p.capacity_Ah),
+        find_pulses(record.phases, capacity_Ah),
+        find_edges(record, axis.soc, capacity_Ah),
         find_relaxations(record, axis.soc),
         rest_points(record, axis.soc),
-        samples,
-        simulate(samples, p),
+        parts,
+        simulated_V,
     )
 
 
 def _quality(d: LogDetails) -> Fit:
-    weight = np.where(np.isfinite(d.residual_V), np.minimum(d.samples.dt_s, 60.0), 0.0)
-    residual_V = np.nan_to_num(d.residual_V)
-    rms_V = float(np.sqrt(weight @ residual_V**2 / max(weight.sum(), 1e-9)))
+    residual_V = np.concatenate(d.residual_V)
+    known = np.isfinite(residual_V)
+    weight = np.minimum(np.concatenate([s.dt_s for s in d.parts])[known], COARSEST_S)
+    rms_V = float(np.sqrt(weight @ residual_V[known] ** 2 / max(weight.sum(), 1e-9)))
     soc = d.axis.soc
-    largest_V = float(np.abs(residual_V).max())
+    largest_V = float(np.abs(residual_V[known]).max())
     return Fit(d.record.log.name, d.record.test, float(soc.min()), float(soc.max()), rms_V, largest_V)
 
 
@@ -331,6 +345,13 @@ def _curve_fit(branch: Branch) -> Fit:
 def _measured_capacity_Ah(branches: Sequence[Branch]) -> float:
     complete = [b.moved_Ah for b in branches if b.complete]
     return float(np.mean(complete)) if complete else 0.0
+
+
+def _prior(branches: Sequence[Branch], chemistry: str) -> Prior:
+    """What is known before the fit: the OCV curve as well as it was measured."""
+    if chemistry == "lead-acid":
+        return LEAD_ACID_PRIOR
+    return LOW_RATE_PRIOR if _both_directions(branches) else RESTS_PRIOR
 
 
 def _both_directions(branches: Sequence[Branch]) -> bool:
@@ -355,6 +376,8 @@ def _check(settings: Settings, logs: Sequence[Log]) -> None:
     require_positive("capacity_Ah", settings.capacity_Ah)
     if settings.model not in MODELS:
         raise InputError(f"model must be one of {', '.join(MODELS)}, got {settings.model!r}")
+    if settings.chemistry and settings.chemistry not in CHEMISTRIES:
+        raise InputError(f"chemistry must be one of {', '.join(CHEMISTRIES)}, got {settings.chemistry!r}")
     if not logs:
         raise InputError("identify needs at least one log")
     names = [log.name for log in logs]

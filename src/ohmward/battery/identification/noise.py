@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
-from ohmward.battery.identification.circuit_fit import Solution
+from ohmward.battery.identification.circuit_solve import Solution
 from ohmward.battery.identification.circuit_prior import CELL_V
 from ohmward.battery.identification.samples import Samples
 from ohmward.battery.noise import Noise

@@ -16,6 +16,8 @@ from ohmward.logs.log import Note
 OCV_GRID = np.linspace(0.0, 1.0, 201)
 SAME_TEMPERATURE_K = 5.0
 _COMPLETE_SHARE = 0.93
+_LIMIT_SHARE = 0.8
+_LIMIT_TOLERANCE = 0.002
 _SHORTEST_SHARE = 0.3
 _CAPACITY_WARNING = 0.03
 _SMOOTHING_POINTS = 21
@@ -44,7 +46,9 @@ class Branch(NamedTuple):
 def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None = None) -> tuple[Branch, ...]:
     """The low-rate branches of a record. A branch of at least 93 % of the capacity runs from full to empty or back.
 
-    A shorter branch starts where the branch before it ended, or at `initial_soc`.
+    So does one of at least 80 % that follows such a branch and ends at the voltage limit: low rates end where the
+    battery is full or empty, and counters may err. A shorter branch starts where the one before it ended, or at
+    `initial_soc`.
 
     Raises:
         InputError: a branch is shorter and nothing says where it starts.
@@ -97,7 +101,11 @@ def _branch(
 ) -> Branch:
     rows = slice(phase.first, phase.last + 1)
     total_Ah = np.cumsum(record.charge.moved_Ah[rows]) - record.charge.moved_Ah[phase.first]
-    complete = abs(moved_Ah) >= _COMPLETE_SHARE * capacity_Ah
+    complete = abs(moved_Ah) >= _COMPLETE_SHARE * capacity_Ah or (
+        abs(moved_Ah) >= _LIMIT_SHARE * capacity_Ah
+        and bool(before and before[-1].complete)
+        and _ends_at_limit(record.log.voltage_V, phase.last, moved_Ah)
+    )
     scale_Ah = abs(moved_Ah) if complete else before[-1].moved_Ah if before else capacity_Ah
     start = (1.0 if moved_Ah < 0 else 0.0) if complete else _start_of_part(record, before, initial_soc)
     soc, voltage_V = start + total_Ah / scale_Ah, record.log.voltage_V[rows]
@@ -107,6 +115,12 @@ def _branch(
     return Branch(
         record.log.name, direction, soc[known], voltage_V[known], phase.current_A, abs(moved_Ah), degC, complete
     )
+
+
+def _ends_at_limit(voltage_V: np.ndarray, last: int, moved_Ah: float) -> bool:
+    """Whether the voltage at sample `last` is the highest of the log after a charge, the lowest after a discharge."""
+    limit_V = np.nanmax(voltage_V) if moved_Ah > 0 else np.nanmin(voltage_V)
+    return bool(abs(voltage_V[last] - limit_V) <= _LIMIT_TOLERANCE * limit_V)
 
 
 def _start_of_part(record: Record, before: list[Branch], initial_soc: float | None) -> float:

@@ -81,7 +81,7 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
 
 
 def _merged(points: Sequence[RestPoint]) -> tuple[np.ndarray, np.ndarray]:
-    """SoC and voltage of the rests, averaged within 1 % of SoC, both rising."""
+    """SoC and voltage of the rests, both rising; within 1 % of SoC averaged, longer rests counting more."""
     ordered = sorted(points, key=lambda p: p.soc)
     groups: list[list[RestPoint]] = []
     for point in ordered:
@@ -90,7 +90,9 @@ def _merged(points: Sequence[RestPoint]) -> tuple[np.ndarray, np.ndarray]:
         else:
             groups.append([point])
     soc = np.array([np.mean([p.soc for p in g]) for g in groups])
-    return soc, monotone(np.array([np.mean([p.voltage_V for p in g]) for g in groups]))
+    return soc, monotone(
+        np.array([np.average([p.voltage_V for p in g], weights=[p.duration_s for p in g]) for g in groups])
+    )
 
 
 def _with_ends(soc: np.ndarray, voltage_V: np.ndarray, empty_V: float) -> tuple[np.ndarray, np.ndarray]:

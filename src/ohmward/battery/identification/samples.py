@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.identification.charge import find_gaps
 from ohmward.battery.identification.record import Record
 from ohmward.logs.log import SECONDS_PER_HOUR
 
 FINEST_S = 1.0
 COARSEST_S = 60.0
-_GROWTH = 0.05
+LONG_REST_S = 60.0
+_GROWTH = 0.1
 # Within a phase of varying current everything is an edge: thin evenly instead.
 _EDGE_KINDS = ("rest", "constant")
 
@@ -23,7 +25,7 @@ class Samples(NamedTuple):
     current_A: current at the sample; soc: state of charge there; soc_before: at the sample before.
     voltage_V: measured, nan where it was not.
     starts_at_rest: whether the record starts with a long rest, its overpotentials gone.
-    index: of the sample in the log.
+    sample: index of each in the log.
     """
 
     name: str
@@ -36,32 +38,42 @@ class Samples(NamedTuple):
     temperature_degC: np.ndarray
     voltage_V: np.ndarray
     starts_at_rest: bool
-    index: np.ndarray
+    sample: np.ndarray
 
 
-def thin(record: Record, soc: np.ndarray, otherwise_degC: float = 25.0, finest_s: float = FINEST_S) -> Samples:
-    """The samples at the edges of the current, then ever fewer: every 5 % of the time since, from 1 s up to 60 s.
+def thin(
+    record: Record, soc: np.ndarray, otherwise_degC: float = 25.0, finest_s: float = FINEST_S
+) -> tuple[Samples, ...]:
+    """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
 
-    The charge of the intervals left out is added up, so nothing of the current is lost.
+    The charge of the intervals left out is added up, so nothing of the current is lost. At a gap in the recording,
+    during which the course of the current is not known, one part ends and another starts.
     soc: (T,) state of charge along the record.
     """
-    index = _kept(record, finest_s)
-    time_s, current_A = record.log.time_s[index], record.current_A[index]
+    kept = _kept(record, finest_s)
+    gaps = np.flatnonzero(find_gaps(record.log.time_s))
+    parts = np.split(kept, np.searchsorted(kept, gaps))
+    return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
+
+
+def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: float) -> Samples:
+    time_s = record.log.time_s[rows]
     dt_s = np.diff(time_s, prepend=time_s[0])
-    moved_Ah = np.diff(record.charge.total_Ah[index], prepend=record.charge.total_Ah[index[0]])
-    first = record.phases[0]
+    total_Ah = record.charge.total_Ah[rows]
+    phase = next(p for p in record.phases if p.last >= rows[0])
+    rest_s = record.log.time_s[phase.last] - time_s[0]
     return Samples(
         name=record.log.name,
         time_s=time_s,
         dt_s=dt_s,
-        current_A=current_A,
-        mean_current_A=SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0, dt_s, 1.0),
-        soc=soc[index],
-        soc_before=np.concatenate([soc[index[:1]], soc[index[:-1]]]),
-        temperature_degC=record.temperature_degC(otherwise_degC)[index],
-        voltage_V=record.log.voltage_V[index],
-        starts_at_rest=first.kind == "rest" and first.duration_s >= SECONDS_PER_HOUR / 60,
-        index=index,
+        current_A=record.current_A[rows],
+        mean_current_A=SECONDS_PER_HOUR * np.diff(total_Ah, prepend=total_Ah[0]) / np.where(dt_s > 0, dt_s, 1.0),
+        soc=soc[rows],
+        soc_before=np.concatenate([soc[rows[:1]], soc[rows[:-1]]]),
+        temperature_degC=record.temperature_degC(otherwise_degC)[rows],
+        voltage_V=record.log.voltage_V[rows],
+        starts_at_rest=phase.kind == "rest" and (rest_s >= LONG_REST_S or rows[0] > 0),
+        sample=rows,
     )
 
 
@@ -79,6 +91,9 @@ def _kept(record: Record, finest_s: float) -> np.ndarray:
     number[in_varying] = np.floor(time_s[in_varying] / finest_s)
     new = np.concatenate([[True], number[1:] != number[:-1]])
     new[edges] = True
+    gaps = find_gaps(time_s)
+    new |= gaps
+    new[:-1] |= gaps[1:]
     new[edges[edges > 0] - 1] = True
     new[-1] = True
     return np.flatnonzero(new)
