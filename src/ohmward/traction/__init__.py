@@ -1,0 +1,1 @@
+"""Wheel, ground and robot: traction laws, slip, dynamics and power."""

@@ -1,0 +1,190 @@
+"""Where the wheels are and which way they roll; one matrix serves speeds and forces.
+
+A wheel at (x, y) that rolls in the direction (c, s) moves at c v_x + s v_y + (x s - y c) yaw_rate: one row of the
+rolling matrix G. Travel speeds are G times the body's motion, and the wheels' forces act on the body through the
+transpose of G, so no power is lost or made between wheel and body.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from ohmward.battery.checks import require_positive
+from ohmward.errors import InputError
+
+#: The motion of a body in the plane: forward and leftward speed [m/s], yaw rate [rad/s].
+PLANAR = ("v_m_s", "v_left_m_s", "yaw_rate_rad_s")
+
+
+class Place(NamedTuple):
+    """One wheel: x forward and y left of the centre of gravity, where it rolls to, and whether a motor drives it."""
+
+    name: str
+    x_m: float
+    y_m: float
+    heading_rad: float = 0.0
+    driven: bool = True
+
+
+class Chassis(Protocol):
+    """A layout of wheels.
+
+    freedoms: the motions that the body can make, of `PLANAR`.
+    scrubs:   whether the wheels resist being pushed sideways with the friction that they roll with.
+    places:   the wheels, the driven ones first.
+    """
+
+    freedoms: ClassVar[tuple[str, ...]]
+    scrubs: ClassVar[bool]
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The wheels."""
+        ...
+
+
+@dataclass(frozen=True)
+class Differential:
+    """Four wheels of which the front or all are driven, as in [T]: no sideways motion, no resistance to turning.
+
+    Attributes:
+        front_m, rear_m: L_f and L_r, from the centre of gravity to the axles, > 0.
+        track_m: b, between left and right wheels, > 0.
+        driven: "front" or "all".
+    """
+
+    front_m: float
+    rear_m: float
+    track_m: float
+    driven: str = "front"
+
+    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
+    scrubs: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        _check_rectangle(self.front_m, self.rear_m, self.track_m)
+        if self.driven not in ("front", "all"):
+            raise InputError(f'chassis.driven must be "front" or "all", got {self.driven!r}')
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Between the axles."""
+        return self.front_m + self.rear_m
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Front left, front right, rear left, rear right."""
+        return _rectangle(self.front_m, self.rear_m, self.track_m, self.driven == "all")
+
+
+@dataclass(frozen=True)
+class SkidSteer:
+    """Four driven wheels, fixed: to turn, it drags them sideways.
+
+    Attributes:
+        front_m, rear_m: from the centre of gravity to the axles, > 0.
+        track_m: between left and right wheels, > 0.
+    """
+
+    front_m: float
+    rear_m: float
+    track_m: float
+
+    freedoms: ClassVar[tuple[str, ...]] = PLANAR
+    scrubs: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        _check_rectangle(self.front_m, self.rear_m, self.track_m)
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Between the axles."""
+        return self.front_m + self.rear_m
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Front left, front right, rear left, rear right."""
+        return _rectangle(self.front_m, self.rear_m, self.track_m, True)
+
+
+@dataclass(frozen=True)
+class Omni:
+    """Omni-wheels on a circle around the centre of gravity, each rolling along the circle, free sideways.
+
+    Attributes:
+        arm_m: radius of the circle, > 0.
+        bearings_deg: where the wheels are, counter-clockwise from forward; at least three, not all on one line.
+    """
+
+    arm_m: float
+    bearings_deg: tuple[float, ...] = (60.0, 180.0, 300.0)
+
+    freedoms: ClassVar[tuple[str, ...]] = PLANAR
+    scrubs: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        require_positive("chassis.arm_m", self.arm_m)
+        if np.linalg.matrix_rank(rolling_matrix(self)) < 3:
+            raise InputError(
+                "chassis.bearings_deg must hold three or more bearings that let the robot move in every direction; "
+                f"got {list(self.bearings_deg)}"
+            )
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """In the order of the bearings."""
+        return tuple(self._place(k, math.radians(bearing)) for k, bearing in enumerate(self.bearings_deg, start=1))
+
+    def _place(self, number: int, bearing: float) -> Place:
+        x, y = self.arm_m * math.cos(bearing), self.arm_m * math.sin(bearing)
+        return Place(f"wheel_{number}", x, y, bearing + math.pi / 2)
+
+
+def rolling_matrix(chassis: Chassis) -> np.ndarray:
+    """G (wheels, freedoms): travel speed of each wheel along its rolling direction, for each motion of the body."""
+    rows = [_row(p.x_m, p.y_m, p.heading_rad) for p in chassis.places]
+    return _free_columns(np.array(rows).reshape(-1, 3), chassis)
+
+
+def sideways_matrix(chassis: Chassis) -> np.ndarray:
+    """(wheels, freedoms): travel speed of each wheel to its left, for each motion of the body."""
+    rows = [_row(p.x_m, p.y_m, p.heading_rad + math.pi / 2) for p in chassis.places]
+    return _free_columns(np.array(rows).reshape(-1, 3), chassis)
+
+
+def load_matrix(places: Sequence[Place]) -> np.ndarray:
+    """(wheels, 3): normal loads from the force on the ground and its first moments in x and y.
+
+    The loads vary linearly with the place, as those of a stiff body on equal springs: for a rectangle and for three
+    wheels this is the only solution without twist.
+    """
+    return np.linalg.pinv(np.array([[1.0, p.x_m, p.y_m] for p in places]).T)
+
+
+def _row(x: float, y: float, heading: float) -> tuple[float, float, float]:
+    c, s = math.cos(heading), math.sin(heading)
+    return c, s, x * s - y * c
+
+
+def _free_columns(planar: np.ndarray, chassis: Chassis) -> np.ndarray:
+    return planar[:, [PLANAR.index(name) for name in chassis.freedoms]]
+
+
+def _rectangle(front_m: float, rear_m: float, track_m: float, all_driven: bool) -> tuple[Place, ...]:
+    half = track_m / 2
+    return (
+        Place("front_left", front_m, half),
+        Place("front_right", front_m, -half),
+        Place("rear_left", -rear_m, half, driven=all_driven),
+        Place("rear_right", -rear_m, -half, driven=all_driven),
+    )
+
+
+def _check_rectangle(front_m: float, rear_m: float, track_m: float) -> None:
+    for name, value in (("front_m", front_m), ("rear_m", rear_m), ("track_m", track_m)):
+        require_positive(f"chassis.{name}", value)

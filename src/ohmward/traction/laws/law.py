@@ -1,0 +1,54 @@
+"""The one interface of all traction laws: force from a contact."""
+
+from typing import Any, NamedTuple, Protocol
+
+from ohmward.trace import maximum
+
+#: Below this speed [m/s] a slip ratio is taken against it: a law in the slip ratio has infinite slope at rest.
+SPEED_FLOOR = 0.05
+
+
+class Contact(NamedTuple):
+    """How a wheel meets the ground; floats, arrays or traced.
+
+    slip_speed_m_s:   rim speed less travel speed, along the wheel; with sideways slip the length of the slip vector.
+    rim_speed_m_s:    r omega.
+    travel_speed_m_s: of the wheel's centre, along the wheel.
+    load_N:           normal force, >= 0.
+    """
+
+    slip_speed_m_s: Any
+    rim_speed_m_s: Any
+    travel_speed_m_s: Any
+    load_N: Any
+
+
+class TractionLaw(Protocol):
+    """A law of friction between wheel and ground.
+
+    Implementations are frozen dataclasses that check themselves. The force has the sign of the slip speed or is zero
+    (the ground takes energy and never gives any), is odd in the direction of motion, continuous, and traces.
+    """
+
+    def force_N(self, contact: Contact) -> Any:
+        """Force [N] of the ground on the wheel, forward at positive slip speed."""
+        ...
+
+
+def contact(rim_speed_m_s: Any, travel_speed_m_s: Any, load_N: Any) -> Contact:
+    """The contact of a wheel that does not slip sideways."""
+    return Contact(rim_speed_m_s - travel_speed_m_s, rim_speed_m_s, travel_speed_m_s, load_N)
+
+
+def bounded_slip_ratio(c: Contact, floor_m_s: float) -> Any:
+    """Slip speed over the larger of rim speed, travel speed and floor: [T] (4.1), made safe at rest."""
+    return c.slip_speed_m_s / maximum(maximum(abs(c.rim_speed_m_s), abs(c.travel_speed_m_s)), floor_m_s)
+
+
+def creepage(c: Contact, floor_m_s: float) -> Any:
+    """Slip speed over rim speed: how far a point that rolls through the patch is sheared per metre of the patch.
+
+    Driving it is the slip ratio i = 1 - v/(r omega); braking with the skid i_s = 1 - r omega/v it is -i_s/(1 - i_s).
+    One variable serves both, and grows without limit as the wheel locks.
+    """
+    return c.slip_speed_m_s / maximum(abs(c.rim_speed_m_s), floor_m_s)
