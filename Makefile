@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test check accuracy speed format clean
+.PHONY: help demo test check accuracy speed docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -12,6 +12,7 @@ help:
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make speed     time per step -> benchmarks/speed.md"
+	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
 $(VENV)/%.stamp: pyproject.toml
@@ -39,9 +40,13 @@ format: $(VENV)/dev.stamp
 
 accuracy: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/python docs/fill_readme.py
 
 speed: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/speed.py
 
+docs: $(VENV)/docs.stamp
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
 clean:
-	rm -rf $(VENV) demo build dist
+	rm -rf $(VENV) demo build dist docs/_build

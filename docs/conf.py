@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 project = "ohmward"
 author = "the ohmward authors"
-copyright = "the ohmward authors, Apache License 2.0"  # noqa: A001
+copyright = "the ohmward authors, Apache License 2.0"
 version = release = ohmward.__version__
 
 extensions = [
@@ -27,7 +27,7 @@ myst_enable_extensions = ["dollarmath", "deflist", "attrs_block"]
 myst_heading_anchors = 3
 myst_dmath_double_inline = True
 
-autodoc_default_options = {"members": True, "member-order": "bysource", "show-inheritance": False}
+autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True

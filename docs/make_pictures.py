@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ohmward import Battery, Estimate, Log, Settings, SocEstimator, identify, make_estimator, make_robot_day
+from ohmward import Battery, Estimate, Log, SocEstimator, identify, make_estimator, make_robot_day
 from ohmward.battery.score import BAND_95
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.report.svg import to_svg
@@ -30,8 +30,7 @@ def main() -> None:
 
 def estimate(log: Log, battery: Battery, name: str) -> Estimate:
     """State of charge along the day, started at the right value by the estimator called `name`."""
-    never_without_current = Settings(rest_current_A=None)
-    return SocEstimator(make_estimator(name, battery, never_without_current), initial_soc=1.0).run(log).estimates
+    return SocEstimator(make_estimator(name, battery), initial_soc=1.0).run(log).estimates
 
 
 def soc_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:

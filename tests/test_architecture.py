@@ -20,7 +20,7 @@ BELOW: dict[str, set[str]] = {
     "logs": {"errors"},
     "report": {"errors"},
     "battery": {"trace", "filters", "logs.log", "errors"},
-    "traction": {"trace", "filters", "logs.log", "errors"},
+    "traction": {"trace", "filters", "logs.log", "errors", "battery.checks"},
     "simulate": {"battery", "traction", "trace", "filters", "logs", "errors"},
     "cli": {"battery", "traction", "simulate", "logs", "report", "errors"},
 }

@@ -22,5 +22,7 @@ def inline(translator: HTML5Translator, node: nodes.math) -> None:
 
 def display(translator: HTML5Translator, node: nodes.math_block) -> None:
     """A formula on its own line."""
-    translator.body.append(f'<div style="overflow-x: auto; padding: 0.5em 0">{tex2mathml(node.astext(), as_block=True)}</div>')
+    translator.body.append(
+        f'<div style="overflow-x: auto; padding: 0.5em 0">{tex2mathml(node.astext(), as_block=True)}</div>'
+    )
     raise nodes.SkipNode

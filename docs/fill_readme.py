@@ -1,0 +1,66 @@
+"""Fill the accuracy table of README.md from benchmarks/accuracy.md: `python docs/fill_readme.py`.
+
+The excerpt follows a rule, so that nobody picks what looks good: of every data set the estimator and the starts for
+which the benchmark sets a goal, met or missed, beside coulomb counting from the same start. Left out are twins: the
+opposite sign of an offset, and other temperatures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+README, ACCURACY = ROOT / "README.md", ROOT / "benchmarks" / "accuracy.md"
+BEGIN = "<!-- accuracy: written by docs/fill_readme.py from benchmarks/accuracy.md -->\n"
+END = "<!-- /accuracy -->"
+TWINS = ("-50 mA", "declared currentless", ", 5 degC", ", 45 degC")
+DATA, METHOD, START, RMSE, COVERAGE, GOAL = "data", "method", "start", "RMSE", "coverage of 95 %", "to reach"
+
+
+def main() -> None:
+    """Rewrite the block between the markers; without a benchmark it is empty."""
+    README.write_text(filled(README.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def filled(readme: str) -> str:
+    """The text of the README with its block made anew."""
+    before, rest = readme.split(BEGIN)
+    _, after = rest.split(END)
+    rows = list(read_rows(ACCURACY.read_text(encoding="utf-8"))) if ACCURACY.exists() else []
+    return before + BEGIN + "\n".join([*excerpt(rows), END]) + after
+
+
+def read_rows(page: str) -> Iterator[dict[str, str]]:
+    """The rows of the benchmark's table, by the names in its header."""
+    header: list[str] = []
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if not line.startswith("|") or set(line) <= set("|-: "):
+            continue
+        if DATA in cells:
+            header = cells
+        else:
+            yield dict(zip(header, cells, strict=True))
+
+
+def excerpt(rows: list[dict[str, str]]) -> list[str]:
+    """The lines of the excerpt, none where there are no rows."""
+    if not rows:
+        return []
+    counted = {(row[DATA], row[START]): row[RMSE] for row in rows if row[METHOD] == "coulomb"}
+    lines = [
+        "Root mean square error of the state of charge in points of percent, on measured data:",
+        "",
+        "| recording | start | coulomb counting | ohmward | truth in its 95 % band |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows:
+        key = row[DATA], row[START]
+        if key in counted and row[GOAL] and not any(twin in f"{row[DATA]}, {row[START]}" for twin in TWINS):
+            lines.append(f"| {row[DATA]} | {row[START]} | {counted[key]} | {row[RMSE]} | {row[COVERAGE]} |")
+    return lines
+
+
+if __name__ == "__main__":
+    main()

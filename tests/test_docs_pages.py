@@ -1,0 +1,70 @@
+"""What the documentation shows runs, what it links to exists, and every page can be found."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from markdown_pages import ROOT, anchors, command_lines, links, name_of, pages, programs
+from ohmward import Battery, make_robot_day, save_battery, write_log
+from ohmward.battery.chemistries import start_model, start_noise
+from ohmward.cli.main import build_parser
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory):
+    """A folder with the files that the pages speak of: a day and a battery."""
+    folder = tmp_path_factory.mktemp("workshop")
+    write_log(make_robot_day("lfp").mission.between(3000.0, 4200.0), folder / "day.csv")
+    model, noise = start_model("lfp", 12.0, n_series=4), start_noise(12.0, n_series=4)
+    save_battery(Battery("robot", 12.0, "lfp", 4, thevenin=model, noise=noise), folder / "battery.toml")
+    return folder
+
+
+@pytest.mark.parametrize("page", [p for p in pages() if programs(p)], ids=name_of)
+def test_the_programs_of_a_page_run_from_top_to_bottom(page, workshop, monkeypatch):
+    monkeypatch.chdir(workshop)
+    names: dict[str, object] = {}
+    for program in programs(page):
+        exec(compile(program, name_of(page), "exec"), names)
+
+
+@pytest.mark.parametrize("page", [p for p in pages() if list(command_lines(p, "ohmward"))], ids=name_of)
+def test_the_command_lines_of_a_page_are_understood(page):
+    for words in command_lines(page, "ohmward"):
+        if words not in (["--help"], ["--version"]):
+            build_parser().parse_args(words)
+
+
+@pytest.mark.parametrize("page", pages(), ids=name_of)
+def test_links_lead_somewhere(page):
+    for link in links(page):
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), f"{name_of(page)} links to {link}, which does not exist"
+        if anchor:
+            assert anchor in anchors(target), f"{name_of(page)} links to {link}, but there is no such heading"
+
+
+@pytest.mark.parametrize("page", pages(), ids=name_of)
+def test_a_page_names_no_path_of_this_machine(page):
+    text = page.read_text(encoding="utf-8")
+    assert str(ROOT) not in text
+    assert not re.search(r"(?<![\w.~/-])/(home|root|work|tmp|Users)/", text)
+
+
+def test_every_page_can_be_found_from_the_index():
+    docs = ROOT / "docs"
+    found, waiting = set(), [docs / "index.md"]
+    while waiting:
+        page = waiting.pop()
+        if page not in found:
+            found.add(page)
+            waiting += children(page)
+    assert {name_of(p) for p in pages() if docs in p.parents} == {name_of(p) for p in found}
+
+
+def children(page: Path) -> list[Path]:
+    tables = re.findall(r"^```\{toctree\}\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    names = [line.strip() for table in tables for line in table.splitlines() if line.strip() and line[0] != ":"]
+    return [page.parent / f"{name}.md" for name in names]
