@@ -12,7 +12,7 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmwa
 
 from ohmward.errors import InputError
 from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, switching, uniform, zones
-from ohmward.simulate.mujoco_plant.parameters import GRAVITY_M_S2 as G
+from ohmward.traction.robot import GRAVITY as G
 
 FREE = RlmaParameters(rolling_resistance=0.0)
 M, R, J = FREE.mass_kg, FREE.wheel_radius_m, FREE.wheel_inertia_kg_m2
@@ -79,6 +79,14 @@ def test_a_spinning_wheel_pushes_with_mu_N_and_spins_up_with_the_rest(mu, torque
     assert truth.normal_N[late, :2] == pytest.approx(np.full((31, 2), load_N), rel=3e-3)
     assert fitted_acceleration(truth, 30) == pytest.approx(a, rel=3e-3)
     assert np.polyfit(truth.time_s[late], truth.wheel_speed_rad_s[late, 0], 1)[0] == pytest.approx(spin, rel=1e-2)
+
+
+def test_every_wheel_turns_by_its_own_torque_and_traction():
+    p = RlmaParameters(rolling_resistance=0.0, rotor_inertia_kg_m2=0.02)
+    truth = drive(RlmaPlant(p, uniform(0.2)), 4.0, duration_s=0.5, dt_s=1e-3)
+    inertia = J + np.array([0.02, 0.02, 0.0, 0.0])
+    gained = np.trapezoid(truth.torque_N_m - R * truth.traction_N, truth.time_s, axis=0) / inertia
+    assert gained == pytest.approx(truth.wheel_speed_rad_s[-1], rel=0.02)
 
 
 def test_below_the_limit_traction_is_linear_in_slip_speed():
@@ -202,6 +210,19 @@ def test_in_a_turn_the_outer_wheels_roll_faster():
     assert truth.slip_speed_m_s[-1, 2:] == pytest.approx(np.zeros(2), abs=0.02)
 
 
+def test_speeds_and_forces_of_a_turn_are_those_of_its_path():
+    truth = turned(-8.0, 12.0)
+    middle = slice(60, 100)
+    cos, sin = np.cos(truth.heading_rad), np.sin(truth.heading_rad)
+    vx, vy = (np.gradient(truth.position_m[:, axis], truth.time_s) for axis in (0, 1))
+    assert truth.speed_m_s[middle] == pytest.approx((cos * vx + sin * vy)[middle], abs=1e-3)
+    assert truth.lateral_speed_m_s[middle] == pytest.approx((cos * vy - sin * vx)[middle], abs=1e-3)
+    assert truth.yaw_rate_rad_s[middle] == pytest.approx(np.gradient(truth.heading_rad, truth.time_s)[middle], abs=1e-3)
+    sideways_N = truth.lateral_N.sum(axis=1)[middle]
+    assert sideways_N.min() > 5.0
+    assert M * truth.specific_force_m_s2[middle, 1] == pytest.approx(sideways_N, rel=0.02)
+
+
 def test_braking_slips_negative_and_backwards_mirrors_forwards():
     plant = RlmaPlant(FREE)
     plant.reset(speed_m_s=1.0)
@@ -219,6 +240,11 @@ def test_reset_rolls_where_it_points_without_slip():
     end = plant.step(0.0, 1.0)
     assert end.position_m[:2] == pytest.approx([0.5 * math.cos(2.0), 0.5 * math.sin(2.0)], rel=1e-3)
     assert end.heading_rad == pytest.approx(2.0)
+
+
+def test_a_wheel_that_spins_on_the_spot_has_slip_ratio_one():
+    start = drive(RlmaPlant(FREE, uniform(0.01)), 5.0, duration_s=0.1)
+    assert start.slip_ratio[-1, :2] == pytest.approx([1.0, 1.0], abs=0.01)
 
 
 def test_slip_ratio_is_undefined_at_rest():

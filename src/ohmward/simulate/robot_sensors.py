@@ -14,11 +14,9 @@ from ohmward.battery.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.simulate.sensors import Sensor
+from ohmward.traction.robot import RLMA
 
 _SAME_TIME_S = 1e-9
-
-HUB_MOTOR_N_m_PER_A = 8.27 / 16.0
-"""Torque over current of a 6.5 inch hub motor of 16 rpm/V, as hoverboards have it."""
 
 MOTOR_CURRENT = Sensor(low=-60.0, high=60.0, resolution=0.03, noise_std=0.1)
 GYRO = Sensor(low=-8.7, high=8.7, resolution=2.7e-4, noise_std=2e-3, offset=2e-3)
@@ -50,7 +48,7 @@ class RobotSensors:
     encoder_wheels: tuple[int, ...] = (0, 1, 2, 3)
     counts_per_turn: int = 4096
     motor_wheels: tuple[int, ...] = (0, 1)
-    torque_constant_N_m_per_A: float = HUB_MOTOR_N_m_PER_A
+    torque_constant_N_m_per_A: float = RLMA.motor.torque_constant_Nm_per_A
     motor_current: Sensor = MOTOR_CURRENT
     gyro: Sensor = GYRO
     accelerometer: Sensor = ACCELEROMETER

@@ -22,7 +22,7 @@ class RobotTruth(NamedTuple):
     torque_N_m: (4,) of the motors on the wheels.
     wheel_centre_speed_m_s: (4,) forward speed of the wheel's centre, v_f.
     slip_speed_m_s: (4,) s = r omega - v_f.
-    slip_ratio: (4,) s / max(|r omega|, |v_f|), NaN below the speed floor.
+    slip_ratio: (4,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`.
     traction_N, lateral_N, normal_N: (4,) force of the ground on the wheel, forward, to the left, up.
     friction: (4,) adhesion under the wheel.
     grade_rad: slope of the ground, > 0 where x leads uphill.

@@ -3,9 +3,9 @@
 Wheels are spheres and touch one plane through explicit pairs, whose friction can change in time. A contact is meant
 as a spring and damper, N = k depth + c speed, and, below mu N, as traction C N_0 s. MuJoCo regularises: an impedance d
 adds a mass d / ((1 - d) A) to the normal direction and `impratio` times that along the ground, A being the inverse
-mass that it assigns to the contact. With its defaults, d = 0.9 and ratio 1, a wheel that slips is lifted by its slip,
-chatters, and answers the torque late. The smallest d that MuJoCo takes makes these masses small, 1.5 g and 0.45 kg for
-a wheel of 1.5 kg; the large ratio leaves the wheel on the ground up to s of about ratio / (mu C), 60 m/s on mu = 0.8.
+mass that it assigns to the contact. With its defaults, d = 0.9 and ratio 1, slip of 0.2 m/s lifts a wheel, which then
+chatters, and slip follows torque 0.1 s late. The smallest d that MuJoCo takes makes these masses small, 1.5 g and
+0.45 kg; the large ratio leaves the wheel on the ground up to s of about ratio / (mu C), 60 m/s on mu = 0.8.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ohmward.simulate.mujoco_plant.parameters import GRAVITY_M_S2, RlmaParameters
+from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward.simulate.robot_truth import WHEELS
+from ohmward.traction.robot import GRAVITY
 
 IMPEDANCE = 1e-4
 FRICTION_RATIO = 300.0
@@ -28,7 +29,7 @@ def robot_xml(p: RlmaParameters) -> str:
     """
     return f"""
 <mujoco model="rlma">
-  <option cone="elliptic" impratio="{FRICTION_RATIO}" gravity="0 0 {-GRAVITY_M_S2}"/>
+  <option cone="elliptic" impratio="{FRICTION_RATIO}" gravity="0 0 {-GRAVITY}"/>
   <default>
     <geom contype="0" conaffinity="0"/>
     <joint solreffriction="0.01 1" solimpfriction="0.999 0.999 0.001"/>

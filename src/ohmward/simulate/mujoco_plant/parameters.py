@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.errors import InputError
+from ohmward.traction.chassis import Differential
+from ohmward.traction.robot import GRAVITY, RLMA
 
-GRAVITY_M_S2 = 9.81
 FRONT = (0, 1)
 FRONT_AND_REAR = (0, 1, 2, 3)
+
+_CHASSIS = cast(Differential, RLMA.chassis)
 
 
 @dataclass(frozen=True)
 class RlmaParameters:
     """Robot of four wheels on two axles.
 
-    Mass, axles, track, radius, outer size and driven wheels are those of [T]; the other values are assumed.
+    Mass, axles, track, radius, outer size and driven wheels are those of [T], the other values are assumed. All four
+    wheels are fixed to the body: to turn, it must slide sideways, unlike the planar model of [T].
 
     Attributes:
         mass_kg: with the wheels.
@@ -39,14 +44,14 @@ class RlmaParameters:
         InputError: a value out of its range.
     """
 
-    mass_kg: float = 42.0
+    mass_kg: float = RLMA.mass_kg
     wheel_mass_kg: float = 1.5
     rotor_inertia_kg_m2: float = 0.0
-    wheel_radius_m: float = 0.12
-    wheel_width_m: float = 0.05
-    front_m: float = 0.314
-    rear_m: float = 0.314
-    track_m: float = 0.30
+    wheel_radius_m: float = RLMA.wheel.radius_m
+    wheel_width_m: float = RLMA.wheel.width_m
+    front_m: float = _CHASSIS.front_m
+    rear_m: float = _CHASSIS.rear_m
+    track_m: float = _CHASSIS.track_m
     body_m: tuple[float, float, float] = (0.68, 0.38, 0.20)
     centre_height_m: float = 0.17
     driven: tuple[int, ...] = FRONT
@@ -96,7 +101,7 @@ class RlmaParameters:
     def static_load_N(self) -> np.ndarray:
         """(4,) normal load of the wheels at rest on level ground."""
         share = np.array([self.rear_m, self.rear_m, self.front_m, self.front_m]) / (self.front_m + self.rear_m)
-        return 0.5 * share * self.mass_kg * GRAVITY_M_S2
+        return 0.5 * share * self.mass_kg * GRAVITY
 
 
 _POSITIVE = (

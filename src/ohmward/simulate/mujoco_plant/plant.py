@@ -14,22 +14,23 @@ import numpy as np
 
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.errors import InputError
+from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
-from ohmward.simulate.mujoco_plant.parameters import GRAVITY_M_S2, RlmaParameters
-from ohmward.simulate.mujoco_plant.terrain import ROUGHEST, STEEPEST_RAD, Terrain, uniform
+from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward.simulate.robot_truth import RobotTruth, stack
+from ohmward.traction.robot import GRAVITY
+from ohmward.traction.slip import slip_ratio, slip_speed
 
-SLIP_FLOOR_M_S = 0.01
 _BODY = 1
 _WHEELS = slice(2, 6)
 
 
 class RlmaPlant:
-    """The robot on a terrain. Nothing in it is random: the same torques give the same truth.
+    """The robot on a ground. Nothing in it is random: the same torques give the same truth.
 
     Args:
         parameters: of the robot.
-        terrain: it drives on, by default level and dry.
+        ground: it drives on, by default level and dry.
         longest_step_s: of the physics; `step` divides longer steps.
 
     Raises:
@@ -39,11 +40,11 @@ class RlmaPlant:
     def __init__(
         self,
         parameters: RlmaParameters | None = None,
-        terrain: Terrain | None = None,
+        ground: Ground | None = None,
         longest_step_s: float = 1e-3,
     ) -> None:
         self.parameters = parameters or RlmaParameters()
-        self.terrain = terrain or uniform(0.8)
+        self.ground = ground or uniform(0.8)
         self._longest_step_s = longest_step_s
         self._mujoco = _mujoco()
         self._model = _model(self.parameters, self._mujoco)
@@ -62,7 +63,6 @@ class RlmaPlant:
         d.qpos[3:7] = math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad)
         d.qvel[:2] = speed_m_s * math.cos(heading_rad), speed_m_s * math.sin(heading_rad)
         d.qvel[6:] = speed_m_s / self.parameters.wheel_radius_m
-        self._mujoco.mj_kinematics(self._model, d)
         return self._settled()
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
@@ -93,29 +93,25 @@ class RlmaPlant:
         torques[list(driven)] = given
         return torques
 
-    def _surroundings(self) -> None:
-        """Give the next step its friction, gravity and drag."""
+    def _surroundings(self) -> float:
+        """Give the next step its friction, gravity and drag; the grade."""
         d, p = self._data, self.parameters
-        self._friction[:] = self.terrain.friction(d.time, d.xpos[_WHEELS, :2])
-        grade = self.terrain.grade_rad(d.time, d.xpos[_BODY, :2])
-        self._model.opt.gravity[:] = -GRAVITY_M_S2 * math.sin(grade), 0.0, -GRAVITY_M_S2 * math.cos(grade)
+        self._friction[:] = self.ground.friction(d.time, d.xpos[_WHEELS, :2])
+        grade = float(self.ground.grade_rad(d.time, d.xpos[_BODY, :2]))
+        _check_ground(self._friction[0].tolist(), grade)
+        self._model.opt.gravity[:] = -GRAVITY * math.sin(grade), 0.0, -GRAVITY * math.cos(grade)
         if p.drag_N_s2_per_m2:
             vx, vy = d.qvel[:2]
             factor = -p.drag_N_s2_per_m2 * math.hypot(vx, vy)
             d.xfrc_applied[_BODY, :2] = factor * vx, factor * vy
+        return grade
 
     def _settled(self) -> RobotTruth:
         """Forces and accelerations for the present state, and the truth."""
         self._mujoco.mj_kinematics(self._model, self._data)
-        self._surroundings()
+        grade = self._surroundings()
         self._mujoco.mj_forward(self._model, self._data)
-        friction = self._friction[0].copy()
-        grade = self.terrain.grade_rad(self._data.time, self._data.xpos[_BODY, :2])
-        if not 0 < friction.min() <= friction.max() <= ROUGHEST:
-            raise InputError(f"terrain.friction must return values in (0, {ROUGHEST:g}], got {friction.tolist()}")
-        if not abs(grade) <= STEEPEST_RAD:
-            raise InputError(f"terrain.grade_rad must return a value within +-{STEEPEST_RAD:g}, got {grade}")
-        return _truth(self._data, self.parameters, friction, float(grade))
+        return _truth(self._data, self.parameters, self._friction[0].copy(), grade)
 
 
 def drive(
@@ -154,7 +150,7 @@ def _truth(d: Any, p: RlmaParameters, friction: np.ndarray, grade_rad: float) ->
         wheel_speed_rad_s=wheel_speed,
         torque_N_m=d.ctrl.copy(),
         wheel_centre_speed_m_s=centre_speed,
-        slip_speed_m_s=rolling - centre_speed,
+        slip_speed_m_s=slip_speed(rolling, centre_speed),
         slip_ratio=slip_ratio(rolling, centre_speed),
         traction_N=force @ forward,
         lateral_N=force @ left,
@@ -176,18 +172,18 @@ def ground_forces(d: Any) -> np.ndarray:
     return force
 
 
-def slip_ratio(rolling_m_s: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
-    """(r omega - v) / max(|r omega|, |v|), NaN where both are below the floor."""
-    larger = np.maximum(np.abs(rolling_m_s), np.abs(speed_m_s))
-    moving = larger >= SLIP_FLOOR_M_S
-    return np.where(moving, (rolling_m_s - speed_m_s) / np.where(moving, larger, 1.0), np.nan)
-
-
 def _heading(d: Any) -> tuple[float, float]:
     """Cosine and sine of the heading: the body's x axis, seen from above."""
     x, y = d.xmat[_BODY, 0], d.xmat[_BODY, 3]
     length = math.hypot(x, y)
     return x / length, y / length
+
+
+def _check_ground(friction: list[float], grade_rad: float) -> None:
+    if not all(0 < mu <= ROUGHEST for mu in friction):
+        raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
+    if not abs(grade_rad) <= STEEPEST_RAD:
+        raise InputError(f"ground.grade_rad must return a value within +-{STEEPEST_RAD:g}, got {grade_rad}")
 
 
 def _model(p: RlmaParameters, mujoco: Any) -> Any:

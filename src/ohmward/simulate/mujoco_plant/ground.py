@@ -17,7 +17,7 @@ ROUGHEST = 3.0
 
 
 @dataclass(frozen=True)
-class Terrain:
+class Ground:
     """Adhesion and grade by functions of one's own; `uniform`, `switching` and `zones` make the usual ones.
 
     friction: (time_s, position_m (4, 2) of the wheels [m]) -> adhesion, a number or (4,), in (0, 3].
@@ -28,7 +28,7 @@ class Terrain:
     grade_rad: Callable[[float, np.ndarray], float]
 
 
-def uniform(friction: ArrayLike, grade_rad: float = 0.0) -> Terrain:
+def uniform(friction: ArrayLike, grade_rad: float = 0.0) -> Ground:
     """The same everywhere and always; friction: a number, or (4,) for each wheel its own.
 
     Raises:
@@ -37,7 +37,7 @@ def uniform(friction: ArrayLike, grade_rad: float = 0.0) -> Terrain:
     return switching((), np.asarray(friction, dtype=float)[None], grade_rad)
 
 
-def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Terrain:
+def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Ground:
     """Ground that changes at the times (K,) [s], under all wheels at once.
 
     friction: (K + 1,) before, between and after the times, or (K + 1, 4) for each wheel.
@@ -52,10 +52,10 @@ def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0
     def now(t: float) -> int:
         return int(times.searchsorted(t, side="right"))
 
-    return Terrain(lambda t, _: mu[now(t)], lambda t, _: grade[now(t)])
+    return Ground(lambda t, _: mu[now(t)], lambda t, _: grade[now(t)])
 
 
-def zones(edge_m: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Terrain:
+def zones(edge_m: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Ground:
     """Ground that changes at the lines x = edge_m (K,) [m], under each wheel as it comes there.
 
     friction: (K + 1,) from the lowest x to the highest, or (K + 1, 4) for each wheel.
@@ -67,7 +67,7 @@ def zones(edge_m: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) ->
     edges = _increasing("edge_m", edge_m)
     mu, grade = _pieces(edges, friction, grade_rad)
     wheels = np.arange(4)
-    return Terrain(
+    return Ground(
         lambda _, position_m: mu[edges.searchsorted(position_m[:, 0], side="right"), wheels],
         lambda _, position_m: grade[edges.searchsorted(position_m[0], side="right")],
     )

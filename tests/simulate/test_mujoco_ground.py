@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.mujoco_plant import RlmaPlant, Terrain, switching, uniform, zones
+from ohmward.simulate.mujoco_plant import Ground, RlmaPlant, switching, uniform, zones
 
 HERE = np.zeros((4, 2))
 
@@ -43,14 +43,19 @@ def test_impossible_ground_is_refused(make, message):
         make()
 
 
+NAN_LATER = Ground(lambda t, _: 0.5 if t < 0.05 else np.nan, lambda *_: 0.0)
+STEEP_LATER = Ground(lambda *_: 0.5, lambda t, _: 0.0 if t < 0.05 else 1.0)
+
+
 @pytest.mark.parametrize(
     "ground, message",
     [
-        (Terrain(lambda *_: -0.1, lambda *_: 0.0), r"terrain.friction must return values in \(0, 3\]"),
-        (Terrain(lambda *_: 0.5, lambda *_: 1.0), "terrain.grade_rad must return a value within"),
+        (NAN_LATER, r"ground.friction must return values in \(0, 3\], got \[nan"),
+        (STEEP_LATER, "ground.grade_rad must return a value within"),
     ],
 )
 def test_ground_of_ones_own_is_checked_as_it_is_used(ground, message):
     pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+    plant = RlmaPlant(ground=ground)
     with pytest.raises(InputError, match=message):
-        RlmaPlant(terrain=ground)
+        plant.step(0.0, 0.1)
