@@ -1,1 +1,46 @@
-"""Wheel, ground and robot: traction laws, slip, dynamics and power."""
+"""Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
+
+from ohmward.traction.chassis import Differential, Omni, SkidSteer
+from ohmward.traction.dynamics import Forces, Input, Scene, forces, rates, scene
+from ohmward.traction.implicit_step import ALEXANDER, EULER, Step, next_state, step
+from ohmward.traction.motor import Motor
+from ohmward.traction.power import Power, power
+from ohmward.traction.robot import RLMA, ROBOTINO, Robot, Wheel
+from ohmward.traction.robot_file import load_robot, save_robot
+from ohmward.traction.rolling import CompactionResistance, RollingResistance
+from ohmward.traction.slip import driving_slip_ratio, slip_ratio, slip_speed
+from ohmward.traction.terrain import Terrain, hard_terrain, soft_terrain
+
+__all__ = [
+    "ALEXANDER",
+    "EULER",
+    "RLMA",
+    "ROBOTINO",
+    "CompactionResistance",
+    "Differential",
+    "Forces",
+    "Input",
+    "Motor",
+    "Omni",
+    "Power",
+    "Robot",
+    "RollingResistance",
+    "Scene",
+    "SkidSteer",
+    "Step",
+    "Terrain",
+    "Wheel",
+    "driving_slip_ratio",
+    "forces",
+    "hard_terrain",
+    "load_robot",
+    "next_state",
+    "power",
+    "rates",
+    "save_robot",
+    "scene",
+    "slip_ratio",
+    "slip_speed",
+    "soft_terrain",
+    "step",
+]

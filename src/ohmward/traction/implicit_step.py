@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import linearize, maximum
+from ohmward.trace import linearize, maximum, where
 from ohmward.traction.dynamics import (
     LOAD_PASSES,
     Input,
@@ -123,12 +123,28 @@ def solve_stage(base: np.ndarray, h_s: Any, u: Input, p: Scene, newton_steps: in
         return X - base - h_s * momentum_rates(X, u, p, forces_at(X, u, p, load_N)) / robot.inertia
 
     X = without_slip(base, robot)
+    before: tuple[np.ndarray, np.ndarray] | None = None
     for k in range(newton_steps):
         value, J = linearize(residual, X)
+        if before is not None:
+            J = stiffened(J, X - before[0], value, before[1])
+        before = X, value
         X = X - solve(J, value)
         if robot.height_m and k < LOAD_PASSES:
             load_N = normal_loads(u, robot, force_on_plane(forces_at(X, u, p, load_N), robot))
     return X, load_N
+
+
+def stiffened(J: np.ndarray, step: np.ndarray, value: np.ndarray, value_before: np.ndarray) -> np.ndarray:
+    """J with the slope of the chord on the diagonal where the last step went over the root, if that is steeper.
+
+    Over a saturating law Newton would go back and forth between its flat ends; the chord leads to between them.
+    """
+    J = J.copy()
+    for k in range(len(step)):
+        chord = (value[k] - value_before[k]) / where(step[k] == 0, 1.0, step[k])
+        J[k, k] = where(value[k] * value_before[k] < 0, maximum(J[k, k], chord), J[k, k])
+    return J
 
 
 def without_slip(x: np.ndarray, robot: Robot) -> np.ndarray:
