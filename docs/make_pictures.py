@@ -20,12 +20,16 @@ PICTURES = Path(__file__).parent / "pictures"
 
 def main() -> None:
     """Write every picture."""
-    day = make_robot_day("lfp")
-    battery = identify([day.pulse_test], capacity_Ah=12.0, chemistry="lfp", n_series=4)
-    filtered, counted = (estimate(day.mission, battery, name) for name in ("ekf", "coulomb"))
-    figures = soc_figure(day.mission, filtered, counted), error_figure(day.mission, filtered, counted)
+    day = robot_day()
     PICTURES.mkdir(exist_ok=True)
-    (PICTURES / "robot-day.svg").write_text(to_svg(*figures), encoding="utf-8")
+    (PICTURES / "robot-day.svg").write_text(to_svg(soc_figure(*day), error_figure(*day)), encoding="utf-8")
+
+
+def robot_day() -> tuple[Log, Estimate, Estimate]:
+    """The log of the day, what the filter makes of it, and what coulomb counting does."""
+    day = make_robot_day("lfp")
+    battery = identify(day.pulse_test, capacity_Ah=12.0, chemistry="lfp", n_series=4)
+    return day.mission, estimate(day.mission, battery, "ekf"), estimate(day.mission, battery, "coulomb")
 
 
 def estimate(log: Log, battery: Battery, name: str) -> Estimate:

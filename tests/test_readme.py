@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from markdown_pages import ROOT, command_lines, links, programs
+from ohmward import score
 
 README = ROOT / "README.md"
 BENCHMARK = """\
@@ -55,6 +56,17 @@ def test_its_picture_is_whole():
     texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
     assert {"truth", "coulomb counting", "ohmward", "Time [h]"} <= set(texts)
     assert len([e for e in root.iter() if "line" in e.get("class", "").split()]) >= 5
+
+
+@pytest.mark.slow
+def test_its_picture_tells_the_truth():
+    pictures = load_script("make_pictures")
+    log, filtered, counted = pictures.robot_day()
+    of_filter = score(filtered.soc, log.extra["soc_true"], filtered.soc_std)
+    of_counting = score(counted.soc, log.extra["soc_true"])
+    assert of_filter and of_counting
+    assert of_filter.coverage_95 > 0.95
+    assert 3 * of_filter.rmse < of_counting.rmse
 
 
 def test_its_numbers_are_those_of_the_benchmark():
