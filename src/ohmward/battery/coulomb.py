@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -116,11 +117,11 @@ def charge_variance(reading: Reading, noise: Noise, model: Thevenin) -> Any:
     """
     sensor = noise.current_std_A**2 * reading.dt_s
     path = (0.15 * reading.change_A * reading.dt_s) ** 2
-    unknown = _unknown_variance(reading.unknown_s) - _unknown_variance(reading.unknown_s - reading.dt_s)
+    unknown = grown(lambda t: minimum(USUAL_C * t / 3600.0, SPREAD) ** 2, reading)
     known = reading.known > 0.5
     return where(known, minimum((sensor + path) / model.capacity_As**2, SPREAD**2), unknown)
 
 
-def _unknown_variance(unknown_s: Any) -> Any:
-    """Variance of SoC after so long without a known current; SoC cannot be farther off than full is from empty."""
-    return minimum(USUAL_C * unknown_s / 3600.0, SPREAD) ** 2
+def grown(variance: Callable[[Any], Any], reading: Reading) -> Any:
+    """By how much a variance grew in this step that is `variance(t)` after a time t [s] without a known current."""
+    return variance(reading.unknown_s) - variance(reading.unknown_s - reading.dt_s)

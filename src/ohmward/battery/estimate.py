@@ -47,7 +47,7 @@ class Estimate(NamedTuple):
 class Flag(IntFlag):
     """What happened at a sample. None of it stops an estimator."""
 
-    NO_CURRENT = 1  # no number, or one that no battery has: the last current was held
+    NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
     NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only
     BAD_TIME = 4  # dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample
     GAP = 8  # longer than the estimator trusts a straight line between two currents
@@ -55,3 +55,4 @@ class Flag(IntFlag):
     REST = 32  # current known: the zero-current update was made
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
+    LOST = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown

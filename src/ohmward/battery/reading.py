@@ -7,13 +7,16 @@ from typing import Any, NamedTuple
 
 from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.thevenin import Input
-from ohmward.trace import maximum, where
+from ohmward.trace import exp, maximum, where
 
 #: Room temperature stands in as long as no thermometer has spoken.
 ROOM_DEGC = 25.0
 
 #: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
 COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
+
+#: Without a sensor the last current is believed for so long, then less and less.
+HOLD_S = 30.0
 
 #: A longer step is a clock that was set, not a battery that waited.
 LONGEST_STEP_S = 365 * 86400.0
@@ -32,6 +35,7 @@ class Reading(NamedTuple):
     known: 1 where the current is measured and close enough in time to the one before, else 0.
     flags: sum of `Flag`.
     unknown_s: how long the current has not been known, this step included; 0 where it is.
+    measured: 1 where the current of this instant is measured, else 0.
     """
 
     dt_s: Any
@@ -41,6 +45,7 @@ class Reading(NamedTuple):
     known: Any
     flags: Any
     unknown_s: Any
+    measured: Any
 
 
 def read(
@@ -61,7 +66,7 @@ def read(
     time_good = (sample.dt_s >= 0) & (sample.dt_s <= LONGEST_STEP_S)
     dt_s = where(time_good, sample.dt_s, 0.0)
     current_good = is_current(sample.current_A, current_limit_A)
-    current = where(current_good, sample.current_A, current_before_A)
+    current = where(current_good, sample.current_A, current_before_A * exp(-dt_s / HOLD_S))
     temperature = where(is_temperature(sample.temperature_degC), sample.temperature_degC, temperature_before_degC)
     gap = dt_s > gap_s
     flags = (
@@ -71,9 +76,11 @@ def read(
     )
     trusted_share = gap_s / maximum(dt_s, gap_s)
     mean = Input(0.5 * (current + current_before_A) * trusted_share, temperature)
-    known = where(current_good & ~gap, 1.0, 0.0)
+    measured, known = where(current_good, 1.0, 0.0), where(current_good & ~gap, 1.0, 0.0)
     unknown_s = where(known > 0.5, 0.0, unknown_before_s + dt_s)
-    return Reading(dt_s, mean, Input(current, temperature), current - current_before_A, known, flags, unknown_s)
+    return Reading(
+        dt_s, mean, Input(current, temperature), current - current_before_A, known, flags, unknown_s, measured
+    )
 
 
 def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:

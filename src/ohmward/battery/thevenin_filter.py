@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.checks import require_between, require_finite, require_positive
-from ohmward.battery.coulomb import charge_variance
+from ohmward.battery.coulomb import SPREAD, USUAL_C, charge_variance, grown
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
@@ -37,6 +37,7 @@ from ohmward.battery.thevenin import (
     Input,
     Thevenin,
     next_state,
+    ohmic_resistance,
     open_circuit,
     overpotential,
     pair_decays,
@@ -45,10 +46,13 @@ from ohmward.battery.thevenin import (
 )
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, extended, unscented
-from ohmward.filters.belief import Belief, Correction, PackedBelief, nis, pack, unpack
+from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, nis, pack, unpack
 from ohmward.filters.gating import choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, linearize, maximum, table, where
+from ohmward.trace import clip, linearize, maximum, minimum, table, where
+
+#: A current of this instant that nobody measured, in multiples of the capacity per hour (over an hour: `USUAL_C`).
+MOMENTARY_C = 1.0
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
@@ -60,7 +64,7 @@ class FilterState(NamedTuple):
     noise: moments for covariance matching [V^2].
     current_A, temperature_degC: last credible ones.
     rest_s: how long the current has looked like rest.
-    rejected_s: how long the voltage has been outside its gate.
+    doubtful_s: how long the voltage has contradicted the belief.
     unknown_s: how long the current has not been known.
     """
 
@@ -69,7 +73,7 @@ class FilterState(NamedTuple):
     current_A: float
     temperature_degC: float
     rest_s: float
-    rejected_s: float
+    doubtful_s: float
     unknown_s: float
 
 
@@ -87,8 +91,8 @@ class TheveninFilter:
             then a rest teaches nothing about the current sensor.
         rest_hold_s: how long the current must look like rest first.
         gap_s: a longer step between two samples says nothing about the current in between.
-        gate: largest NIS of a voltage that is used.
-        patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+        gate: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance.
+        patience_s: after so much time beyond the gate it is the filter that is wrong: SoC is declared unknown.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
@@ -145,11 +149,14 @@ class TheveninFilter:
         rest_s, resting = self.rest(state, prior, reading)
         prior = choose(resting, self.zero_current_update(prior, reading), prior)
 
-        R = self.measurement_noise(state, prior.mean, reading)
+        lost = state.doubtful_s > self.patience_s
+        prior = choose(lost, _soc_unknown(prior), prior)
+        variance, weight = self.measurement_variance(prior, reading)
+        R = np.array([[variance * weight]]) + (state.noise.residual if self.matching else 0.0)
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         y = np.array([where(measured, sample.voltage_V, 0.0)])
         correction = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, reading), R)
-        accepted = measured & ((nis(correction.innovation) <= self.gate) | (state.rejected_s > self.patience_s))
+        accepted = measured & (nis(correction.innovation) <= self.gate)
         posterior, limited = _within_limits(choose(accepted, correction.belief, prior), self.model.pairs)
 
         moments = self.learn(state, correction, reading, y)
@@ -159,7 +166,7 @@ class TheveninFilter:
             reading.now.current_A,
             reading.now.temperature_degC,
             rest_s,
-            where(accepted, 0.0, state.rejected_s + where(measured, reading.dt_s, 0.0)),
+            self.doubtful_s(state, correction.innovation, R[0, 0] - variance, reading, measured),
             reading.unknown_s,
         )
         flags = (
@@ -168,6 +175,7 @@ class TheveninFilter:
             + where(measured & ~accepted, float(Flag.VOLTAGE_REJECTED), 0.0)
             + where(resting, float(Flag.REST), 0.0)
             + where(limited, float(Flag.SOC_LIMITED), 0.0)
+            + where(measured & lost, float(Flag.LOST), 0.0)
         )
         return after, self.estimate(posterior, correction, y, measured, flags)
 
@@ -187,7 +195,7 @@ class TheveninFilter:
         u = Input(reading.mean.current_A - offset, reading.mean.temperature_degC)
         moved = next_state(circuit, u, self.model, reading.dt_s, health)
         gain, resistance = x[-3], x[-2]
-        kept = self.error_kept(u.current_A, reading.dt_s)
+        kept = self.error_kept(u.current_A, reading)
         return np.array(
             [circuit[0] + gain * (moved[0] - circuit[0]), *moved[1:], offset, gain, resistance, kept * error]
         )
@@ -202,43 +210,70 @@ class TheveninFilter:
         """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
         return x[:-4], x[-4], Health(resistance_share=x[-2]), x[-1]
 
-    def error_kept(self, current_A: Any, dt_s: Any) -> Any:
+    def error_kept(self, current_A: Any, reading: Reading) -> Any:
         """Share of the model error that is still there after the charge of this step."""
-        return np.exp(-abs(current_A) * dt_s / (self.model.capacity_As * self.noise.model_soc_length))
+        unknown_A = where(reading.known > 0.5, 0.0, USUAL_C * self.model.capacity_Ah)
+        moved_As = (abs(current_A) + unknown_A) * reading.dt_s
+        return np.exp(-moved_As / (self.model.capacity_As * self.noise.model_soc_length))
 
     def process_noise(self, state: FilterState, reading: Reading) -> np.ndarray:
         """Q (n + 6, n + 6) of this step."""
         noise, p, dt_s = self.noise, self.model, reading.dt_s
         moved = abs(reading.mean.current_A) * dt_s / p.capacity_As
+        current_std_A = where(reading.known > 0.5, 0.005, MOMENTARY_C) * p.capacity_Ah
         pairs = [
-            (0.005 * r * p.capacity_Ah) ** 2 * (1 - a**2)
+            (r * current_std_A) ** 2 * (1 - a**2)
             for r, a in zip(pair_resistances(state.belief.mean[0], reading.mean, p), pair_decays(p, dt_s), strict=True)
         ]
         diagonal = [
             charge_variance(reading, noise, p),
             *pairs,
-            0.01 * moved,
+            0.01 * moved + grown(lambda t: minimum(p.hysteresis_rate * USUAL_C * t / 3600.0, 1.0) ** 2, reading),
             noise.current_offset_walk_A**2 * dt_s / 3600.0,
             noise.capacity_walk**2 * dt_s / 3.6e6,
             noise.resistance_walk**2 * dt_s / 3.6e5,
-            1 - self.error_kept(reading.mean.current_A, dt_s) ** 2,
+            1 - self.error_kept(reading.mean.current_A, reading) ** 2,
         ]
         return np.diag(np.array(diagonal))
 
-    def measurement_noise(self, state: FilterState, x: np.ndarray, reading: Reading) -> np.ndarray:
-        """R (1, 1) of this step: white noise, and errors that hold on for `correlation_s`."""
+    def measurement_variance(self, prior: Belief, reading: Reading) -> tuple[Any, Any]:
+        """Variance [V^2] of the voltage given the state, and how many times that R is: errors hold on for a while."""
         noise = self.noise
-        circuit, offset, health, _ = self.split(x)
+        circuit, offset, health, _ = self.split(prior.mean)
         u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
-        _, slope = linearize(
-            lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), circuit[:1]
-        )
+        inside = np.array([clip(circuit[0], 0.01, 0.99)])  # beyond the ends the curve is straight and hides its bend
+        slope, bend = linearize(lambda s: self.ocv_slope(s, circuit, u), inside)
         over = overpotential(circuit, u, self.model, health)
+        curvature_V = bend[0, 0] * prior.cov[0, 0]
         variance = (
-            noise.voltage_std_V**2 + (noise.soc_axis_std * slope[0, 0]) ** 2 + (noise.overpotential_share * over) ** 2
+            noise.voltage_std_V**2
+            + (noise.soc_axis_std * slope[0]) ** 2
+            + (noise.overpotential_share * over) ** 2
+            + 0.5 * curvature_V * curvature_V
         )
-        R = np.array([[variance * maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))]])
-        return R + state.noise.residual if self.matching else R
+        resistance = ohmic_resistance(circuit[0], u, self.model) + sum(pair_resistances(circuit[0], u, self.model))
+        unmeasured_V = where(reading.measured > 0.5, 0.0, resistance * (MOMENTARY_C * self.model.capacity_Ah))
+        weight = maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))
+        return variance + unmeasured_V * unmeasured_V, weight
+
+    def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: Input) -> np.ndarray:
+        """Rise of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
+        return linearize(lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), soc)[1][0]
+
+    def doubtful_s(
+        self, state: FilterState, innovation: Innovation, repeated: Any, reading: Reading, measured: Any
+    ) -> Any:
+        """How long the voltage has contradicted the belief, this step included.
+
+        The gate on NIS finds single outliers. R is so large because an error may hold on; one that holds on beyond
+        what the variance itself allows is a contradiction although every single sample passes that gate.
+
+        repeated: part of R that is there only because samples are not independent.
+        """
+        nu, S = innovation.value[0], innovation.cov[0, 0]
+        contradicts = nu * nu > self.gate * (S - repeated)
+        doubtful_s = where(contradicts & (state.doubtful_s <= self.patience_s), state.doubtful_s + reading.dt_s, 0.0)
+        return where(measured, doubtful_s, state.doubtful_s)
 
     def rest(self, state: FilterState, prior: Belief, reading: Reading) -> tuple[Any, Any]:
         """How long the current has looked like rest, and whether it counts as one.
@@ -286,6 +321,13 @@ class TheveninFilter:
             resistance_share=x[-2],
             flags=flags,
         )
+
+
+def _soc_unknown(belief: Belief) -> Belief:
+    """The belief with a SoC of which next to nothing is known, the mean as it was."""
+    opened = np.zeros_like(belief.cov)
+    opened[0, 0] = maximum(SPREAD**2 - belief.cov[0, 0], 0.0)
+    return Belief(belief.mean, belief.cov + opened)
 
 
 def _within_limits(belief: Belief, pairs: int) -> tuple[Belief, Any]:
