@@ -103,7 +103,7 @@ def test_going_from_grip_to_ice_neither_lifts_nor_chatters():
     after = truth.time_s > 0.55
     assert truth.normal_N.min() > 0.85 * M * G / 4
     assert truth.normal_N.max() < 1.15 * M * G / 4
-    assert np.abs(np.diff(truth.normal_N[after], axis=0)).max() < 0.2
+    assert np.abs(np.diff(truth.normal_N[after], axis=0)).max() < 0.02
     assert truth.traction_N[after, :2] == pytest.approx(0.2 * truth.normal_N[after, :2], rel=1e-3)
     assert np.all(np.diff(truth.slip_speed_m_s[after, 0]) > 0)
 
