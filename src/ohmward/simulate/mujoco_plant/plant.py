@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.battery.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
@@ -57,7 +57,7 @@ class RlmaPlant:
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
         """Put the robot back to the origin, rolling without slip at `speed_m_s`; the truth there."""
         require_between("speed_m_s", speed_m_s, -10.0, 10.0)
-        require_between("heading_rad", heading_rad, -np.inf, np.inf)
+        require_finite("heading_rad", heading_rad)
         d = self._data
         self._mujoco.mj_resetData(self._model, d)
         d.qpos[3:7] = math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad)
@@ -71,7 +71,7 @@ class RlmaPlant:
         torque_N_m: of each driven wheel, a number or one for each in the order of `parameters.driven`.
 
         Raises:
-            InputError: another number of torques, a number that is not finite, dt_s <= 0, friction out of (0, 3].
+            InputError: another number of torques, a number that is not finite, dt_s <= 0, ground out of its range.
         """
         require_positive("dt_s", dt_s)
         self._data.ctrl[:] = self._torques(torque_N_m)
