@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward.battery import snapshot
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
 Progress = Callable[[int, int], None]
+
+#: A sample that is late by more than this is not late: the clock was set.
+CLOCK_SET_S = 60.0
 
 
 class Estimator(Protocol):
@@ -72,13 +76,15 @@ class SocEstimator:
     def update(self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan) -> Estimate:
         """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
 
-        time_s: of the sample, on a clock that only goes forwards.  current_A: > 0 charges.
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than `CLOCK_SET_S`, the clock was set, and time goes on from there.
+        current_A: > 0 charges.
         """
         dt_s = 0.0 if self.state is None else time_s - self.time_s
         sample = Sample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
         if self.state is None:
             self._start(sample)
-        if math.isfinite(time_s) and not time_s < self.time_s:
+        if math.isfinite(time_s) and not self.time_s - CLOCK_SET_S <= time_s < self.time_s:
             self.time_s = time_s
         self.state, estimate = self.kernel(self.state, sample)
         return estimate
@@ -92,6 +98,24 @@ class SocEstimator:
         self.state, estimates = self.kernel.scan(self.state, samples, progress)
         self.time_s = float(log.time_s[-1])
         return Run(estimates, time.perf_counter() - began)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+
+        Raises:
+            InputError: there is no state before the first sample.
+        """
+        if self.state is None:
+            raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
+        return snapshot.take(self.estimator, self.state, self.time_s)
+
+    def restore(self, taken: Mapping[str, Any]) -> None:
+        """Go on from a snapshot.
+
+        Raises:
+            InputError: it is of another version, another estimator or other settings, or damaged.
+        """
+        self.state, self.time_s = snapshot.resume(self.estimator, taken)
 
     @property
     def kernel(self) -> Kernel:
