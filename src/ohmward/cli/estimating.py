@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ohmward.cli.parser import add_log_options, number, positive, share
 from ohmward.cli.progress import progress
 from ohmward.cli.reading import read
+from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 
 
 UNKNOWN = "unknown"
+
+
+#: The battery file knows the range of the tests; a log may leave it a little, not be somewhere else.
+_OTHER_BATTERY = 0.2
+_BEYOND_TESTS = 0.02
 
 
 class Task(NamedTuple):
@@ -70,9 +76,34 @@ def make_task(args: argparse.Namespace) -> Task:
     from ohmward.cli.truth import read_truth
 
     battery = load_battery(args.battery)
-    log = read(args.log, args, extra=None if args.truth else ())
+    log = within_range(read(args.log, args, extra=None if args.truth else ()), battery)
     start = args.initial_soc if args.truth_start is None else args.truth_start
     return Task(battery, log, read_truth(log, args.truth, battery.capacity_Ah, start) if args.truth else None)
+
+
+def within_range(log: Log, battery: Battery) -> Log:
+    """The log, with a warning where its voltage leaves the range of the battery's tests by more than 2 %.
+
+    Raises:
+        InputError: the usual voltage is more than 20 % outside: another battery, or another unit.
+    """
+    import numpy as np
+
+    from ohmward.logs import Note
+
+    low_V, high_V = battery.voltage_min_V, battery.voltage_max_V
+    usual_V = float(np.nanmedian(log.voltage_V))
+    if not (1 - _OTHER_BATTERY) * low_V <= usual_V <= (1 + _OTHER_BATTERY) * high_V:
+        raise InputError(
+            f"{log.name}: its voltage is usually {usual_V:.4g} V, but battery {battery.name!r} was seen between "
+            f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
+            "(--unit voltage=mV)?"
+        )
+    outside = (log.voltage_V < (1 - _BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + _BEYOND_TESTS) * high_V)
+    if not outside.any():
+        return log
+    text = f"{outside.mean():.2%} of the voltages lie outside the battery's tests, {low_V:g} to {high_V:g} V"
+    return log.with_notes(Note(text, "warning"))
 
 
 def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:

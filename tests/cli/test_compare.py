@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from ohmward.cli.main import main
+
+COMPARE = ("compare", "day.csv", "--battery", "battery.toml", "--filters", "coulomb,ekf")
+
+
+def test_figures_are_those_of_soc(here, as_json):
+    compared = as_json(*COMPARE, "--truth", "soc_true")["estimators"]
+    alone = as_json("soc", "day.csv", "--battery", "battery.toml", "--truth", "soc_true")
+    for key in ("soc_final", "soc_rmse", "soc_max_error_after_1h", "coverage_95", "voltage_rmse_V"):
+        assert compared["ekf"][key] == alone[key]
+    assert compared["coulomb"]["voltage_rmse_V"] is None
+    assert compared["ekf"]["us_per_step"] > 0
+
+
+def test_a_mean_square_is_the_mean_squared_plus_the_variance(here, as_json):
+    figures = as_json(*COMPARE, "--truth", "soc_true")["estimators"]["ekf"]
+    assert figures["soc_rmse"] == pytest.approx(np.hypot(figures["soc_error_mean"], figures["soc_error_std"]))
+    assert figures["voltage_rmse_V"] == pytest.approx(
+        np.hypot(figures["voltage_error_mean_V"], figures["voltage_error_std_V"])
+    )
+
+
+def test_mutual_differences_are_symmetric(here, as_json):
+    differences = as_json(*COMPARE)["soc_rms_differences"]
+    assert differences["ekf"]["coulomb"] == differences["coulomb"]["ekf"] > 0
+
+
+def test_tables_with_and_without_a_truth(here, capsys):
+    main([*COMPARE, "--truth", "soc_true"])
+    out = capsys.readouterr().out
+    assert "RMSE after 1 h" in out and "voltage error: mean" in out
+    assert "SoC difference" not in out
+    main(list(COMPARE))
+    assert "SoC difference, RMS" in capsys.readouterr().out
+
+
+def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
+    monkeypatch.setattr("ohmward.battery.estimators.available", lambda battery: ("coulomb", "ocv"))
+    assert list(as_json(*COMPARE[:4])["estimators"]) == ["coulomb", "ocv"]

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from cli.examples import drive
+from ohmward.cli.main import main
+from ohmward.logs import Log, write_log
+
+
+def test_what_it_says(here, capsys):
+    assert main(["doctor", "test.csv"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("test: 1,437 samples in 3 h 59 min\n")
+    assert "current      -12 to 0 A; > 0 charges" in out
+    assert "0 Ah in, 11.25 Ah out" in out
+    assert "positive current charges the battery" in out
+
+
+def test_json_has_one_entry_for_each_log(here, as_json):
+    found = as_json("doctor", "test.csv", "day.csv")
+    assert [log["path"] for log in found["logs"]] == ["test.csv", "day.csv"]
+    log = found["logs"][1]
+    assert set(log) == {"path", "name", "survey", "findings", "notes", "worst"}
+    assert log["survey"]["samples"] == 3600
+    assert log["survey"]["activity"]["charge_out_Ah"] == pytest.approx(-min(drive().charge_Ah()), rel=0.05)
+
+
+def test_an_error_in_a_log_gives_status_1(tmp_path, capsys):
+    time_s = np.arange(200.0)
+    write_log(Log("x", time_s, np.full(200, -1.0), 12.0 - 0.001 * time_s), tmp_path / "x.csv")
+    assert main(["doctor", str(tmp_path / "x.csv"), "--current-sign", "charge"]) == 1
+    assert "error: the current never changes" in capsys.readouterr().out
+
+
+def test_the_sign_can_be_given(here, as_json):
+    charged = as_json("doctor", "day.csv")["logs"][0]["survey"]["activity"]["charge_out_Ah"]
+    reversed_ = as_json("doctor", "day.csv", "--current-sign", "discharge")["logs"][0]
+    assert reversed_["survey"]["activity"]["charge_in_Ah"] == pytest.approx(charged)
+    assert reversed_["worst"] == "error"
+
+
+def test_a_selection_can_stand_behind_the_file(tmp_path, as_json):
+    log = drive()
+    part = np.where(log.time_s < 3600.0, 1.0, 2.0)
+    write_log(Log("x", log.time_s, log.current_A, log.voltage_V, extra={"script": part}), tmp_path / "x.csv")
+    found = as_json("doctor", f"{tmp_path}/x.csv:script=1", f"{tmp_path}/x.csv:script=2")["logs"]
+    assert [log["name"] for log in found] == ["x:script=1", "x:script=2"]
+    assert [log["survey"]["samples"] for log in found] == [1800, 1800]
+
+
+def test_columns_and_units_can_be_named(tmp_path, as_json):
+    (tmp_path / "x.csv").write_text("t,a,b\n" + "".join(f"{k},{3700 - (k % 7)},{-(k % 7)}\n" for k in range(300)))
+    words = ("--column", "voltage=a", "--unit", "voltage=mV", "--column", "current=b", "--unit", "current=A")
+    survey = as_json("doctor", str(tmp_path / "x.csv"), *words)["logs"][0]["survey"]
+    assert survey["voltage"]["maximum"] == pytest.approx(3.7)

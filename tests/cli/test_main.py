@@ -1,0 +1,177 @@
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import ohmward
+from ohmward.battery.chemistries import CHEMISTRIES
+from ohmward.battery.estimators import DEFAULT, ESTIMATORS
+from ohmward.battery.identification import DEFAULT_MODEL, MODELS
+from ohmward.cli import demo, doctor, identify, main, soc
+from ohmward.cli.parser import count, pair, share
+
+COMMANDS = ("doctor", "identify", "soc", "compare", "demo")
+
+
+def python(*words: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False, **options)
+
+
+def ohmward_in_a_shell(line: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        ["bash", "-c", line.replace("ohmward", f"{sys.executable} -m ohmward.cli")],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+def help_of(command: str, capsys) -> str:
+    with pytest.raises(SystemExit) as end:
+        main.main([command, "--help"])
+    assert end.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [("--help",), *((command, "--help") for command in COMMANDS)])
+def test_help_imports_no_numpy(words):
+    code = f"import sys; from ohmward.cli.main import main\ntry: main({list(words)!r})\nexcept SystemExit: pass\n"
+    done = python("-c", code + "assert 'numpy' not in sys.modules and 'msgspec' not in sys.modules", cwd="/")
+    assert done.returncode == 0, done.stderr
+
+
+def test_help_is_instant():
+    def seconds() -> float:
+        before = os.times()
+        python("-m", "ohmward.cli", "--help")
+        after = os.times()
+        return after.children_user - before.children_user + after.children_system - before.children_system
+
+    # of the processor, not of the clock: other tests may run beside this one
+    assert min(seconds() for _ in range(5)) < 0.2
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit):
+        main.main(["--version"])
+    assert capsys.readouterr().out == f"ohmward {ohmward.__version__}\n"
+
+
+@pytest.mark.parametrize("words", [(), ("blah",), ("soc",), ("soc", "day.csv"), ("doctor", "x.csv", "--nonsense")])
+def test_usage_errors_are_refused_like_all_others(words, refused):
+    assert "--help`" in refused(*words)
+
+
+def test_abbreviated_options_are_refused(here, refused):
+    assert "--truth-sta" in refused("soc", "day.csv", "--battery", "battery.toml", "--truth-sta", "1")
+
+
+def test_help_names_what_there_is(capsys):
+    assert set(re.findall(r"\b[a-z]+\b", help_of("soc", capsys))) >= set(ESTIMATORS)
+    text = help_of("identify", capsys)
+    assert all(name in text for name in ("thevenin-0rc", "thevenin-3rc", "rc"))
+    assert MODELS[0] == "thevenin-0rc" and MODELS[-2:] == ("thevenin-3rc", "rc")
+    assert all(name in text for name in CHEMISTRIES)
+
+
+def test_defaults_are_those_of_the_library():
+    arguments = main.build_parser().parse_args(["soc", "day.csv", "--battery", "b.toml"])
+    assert arguments.filter == DEFAULT
+    arguments = main.build_parser().parse_args(["identify", "test.csv", "--capacity-ah", "1"])
+    assert arguments.model == DEFAULT_MODEL
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_help_has_examples(command, capsys):
+    assert f"examples:\n  ohmward {command}" in help_of(command, capsys)
+
+
+EXAMPLES = [
+    line.strip()
+    for text in (doctor._EXAMPLES, identify._EXAMPLES, soc._EXAMPLES)
+    for line in text.splitlines()
+    if line.startswith("  ohmward ")
+]
+
+
+@pytest.mark.parametrize("line", EXAMPLES)
+def test_examples_of_the_help_can_be_pasted(line, here):
+    if line.startswith("ohmward identify"):
+        (here / "battery.toml").unlink()
+        line += " --model thevenin-1rc" if "--model" not in line else ""
+    done = ohmward_in_a_shell(line, cwd=here)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_closed_pipe_is_quiet(here):
+    done = ohmward_in_a_shell("set -o pipefail; ohmward doctor day.csv | true", cwd=here)
+    assert done.stderr == ""
+    assert done.returncode in (0, main.BROKEN_PIPE)
+
+
+def test_an_interrupt_ends_with_130(here, monkeypatch):
+    def interrupted(*_, **__):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("ohmward.logs.read_log", interrupted)
+    assert main.main(["doctor", "day.csv"]) == 130
+
+
+def test_unexpected_errors_are_not_swallowed(here, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("ohmward.logs.read_log", broken)
+    with pytest.raises(ZeroDivisionError):
+        main.main(["doctor", "day.csv"])
+
+
+def test_notes_go_to_standard_error_with_json(here, capsys):
+    main.main(["doctor", "day.csv", "--json"])
+    out, err = capsys.readouterr()
+    assert out.startswith("{")
+    assert "positive current charges the battery" in err
+
+
+def test_nothing_half_written_when_the_disk_refuses(here, monkeypatch, refused):
+    def full(*_):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr("os.fsync", full)
+    message = refused("soc", "day.csv", "--battery", "battery.toml", "-o", "estimates.csv")
+    assert "No space left on device" in message
+    message = refused("soc", "day.csv", "--battery", "battery.toml", "--report", "report.html")
+    assert "No space left on device" in message
+    assert sorted(p.name for p in here.iterdir()) == ["battery.toml", "day.csv", "test.csv"]
+
+
+@pytest.mark.parametrize(("text", "value"), [("current=I batt", ("current", "I batt")), ("a=b=c", ("a", "b=c"))])
+def test_pairs(text, value):
+    assert pair(text) == value
+
+
+@pytest.mark.parametrize("text", ["current", "=x", "current="])
+def test_pairs_that_are_none(text):
+    with pytest.raises(Exception, match="NAME=VALUE"):
+        pair(text)
+
+
+@pytest.mark.parametrize("text", ["80", "-0.1", "1.01", "nan", "full"])
+def test_shares_that_are_none(text):
+    with pytest.raises(Exception, match="must be"):
+        share(text)
+    assert share("1") == 1.0
+
+
+@pytest.mark.parametrize("text", ["0", "-3", "2.5", "four"])
+def test_counts_that_are_none(text):
+    with pytest.raises(Exception, match="whole number"):
+        count(text)
+
+
+def test_the_demo_is_a_command():
+    assert demo in main.COMMANDS

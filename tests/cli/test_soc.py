@@ -1,0 +1,124 @@
+import csv
+
+import numpy as np
+import pytest
+
+from cli.examples import CAPACITY_AH, START_SOC, drive
+from ohmward.battery.score import score
+from ohmward.cli.main import main
+from ohmward.logs import read_log
+
+SOC = ("soc", "day.csv", "--battery", "battery.toml")
+
+KEYS = {
+    "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
+    "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "capacity_share", "resistance_share",
+    "flags", "truth", "notes", "output", "report",
+}  # fmt: skip
+SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
+LATE = {f"{name}_after_1h" for name in SCORES}
+
+
+def test_keys_are_always_the_same(here, as_json):
+    assert set(as_json(*SOC)) == KEYS | SCORES | LATE
+    assert set(as_json(*SOC, "--truth", "soc_true")) == KEYS | SCORES | LATE
+
+
+def test_without_a_truth_there_are_no_errors(here, as_json):
+    found = as_json(*SOC)
+    assert all(found[name] is None for name in SCORES | LATE)
+    assert found["soc_final"] == pytest.approx(drive().extra["soc_true"][-1], abs=0.01)
+
+
+def test_errors_are_those_of_the_estimates_file(here, as_json):
+    found = as_json(*SOC, "--truth", "soc_true", "-o", "estimates.csv")
+    with (here / "estimates.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    soc, std = (np.array([float(row[name]) for row in rows]) for name in ("soc", "soc_std"))
+    truth = drive().extra["soc_true"]
+    whole, late = score(soc, truth, std), score(soc[1800:], truth[1800:], std[1800:])
+    assert whole and late
+    for name, value in whole._asdict().items():
+        key = {"rmse": "soc_rmse", "mae": "soc_mae", "max_error": "soc_max_error", "coverage_95": name}.get(name)
+        if key:
+            assert found[key] == pytest.approx(value, rel=1e-9)
+            assert found[f"{key}_after_1h"] == pytest.approx(late._asdict()[name], rel=1e-9)
+    assert found["soc_rmse"] < 0.01
+
+
+def test_a_log_shorter_than_an_hour_has_no_errors_after_it(here, as_json):
+    lines = (here / "day.csv").read_text().splitlines(keepends=True)
+    (here / "short.csv").write_text("".join(lines[:1500]))
+    found = as_json("soc", "short.csv", "--battery", "battery.toml", "--truth", "soc_true")
+    assert found["soc_rmse"] < 0.02
+    assert all(found[name] is None for name in LATE)
+
+
+def test_the_estimates_file_is_a_log(here):
+    main([*SOC, "-o", "estimates.parquet"])
+    log = read_log("estimates.parquet")
+    assert len(log) == 3600
+    assert {"soc", "soc_std", "voltage_expected_V", "current_offset_A", "flags"} <= set(log.extra)
+    assert log.voltage_V == pytest.approx(drive().voltage_V, nan_ok=True)
+
+
+@pytest.mark.parametrize("name", ["coulomb", "ocv", "ekf", "aekf"])
+def test_every_filter_runs(name, here, as_json):
+    found = as_json(*SOC, "--filter", name, "--initial-soc", str(START_SOC), "--truth", "soc_true")
+    assert found["filter"] == name
+    assert found["soc_rmse"] < 0.02
+    assert found["coverage_95"] > 0.9
+
+
+def test_the_start_is_used(here, as_json):
+    sure = ("--initial-soc-std", "0.001", "--filter", "coulomb")
+    assert as_json(*SOC, "--initial-soc", "0.88", *sure)["soc_initial"] == pytest.approx(0.88, abs=0.005)
+
+
+def test_the_rest_current_is_used(here, as_json):
+    offset_A = as_json(*SOC, "--rest-current", "0")["current_offset_A"]
+    assert offset_A == pytest.approx(0.02, abs=0.02)
+    shifted_A = as_json(*SOC, "--rest-current", "-0.05")["current_offset_A"]
+    assert shifted_A - offset_A == pytest.approx(0.05, abs=0.02)
+    assert "rest" not in as_json(*SOC, "--rest-current", "unknown")["flags"]
+
+
+def test_flags_are_counted(here, as_json):
+    lines = (here / "day.csv").read_text().splitlines()
+    header = lines[0].split(",")
+    for k in range(100, 107):
+        cells = lines[k].split(",")
+        cells[header.index("voltage_V")] = ""
+        lines[k] = ",".join(cells)
+    (here / "holes.csv").write_text("\n".join(lines) + "\n")
+    assert as_json("soc", "holes.csv", "--battery", "battery.toml")["flags"]["no_voltage"] == 7
+
+
+def test_text_says_the_key_numbers(here, capsys):
+    main([*SOC, "--truth", "soc_true"])
+    out = capsys.readouterr().out
+    for part in ("day with battery 'pack'", "extended Kalman filter", "SoC at the end", "against the truth", "Assumed"):
+        assert part in out
+
+
+@pytest.mark.parametrize(
+    ("column", "words", "says"),
+    [
+        ("soc_true", (), "taken as a share"),
+        ("soc_pct", (), "taken as percent"),
+        ("discharged_Ah", ("--truth-start", str(START_SOC)), "counted up in discharging"),
+        ("charge_mAh", ("--initial-soc", str(START_SOC)), "counted up in charging"),
+    ],
+)
+def test_every_form_of_the_truth_gives_the_same_errors(column, words, says, here, as_json):
+    start = ("--initial-soc", str(START_SOC)) if "--initial-soc" not in words else ()
+    found = as_json(*SOC, "--truth", column, *words, *start)
+    assert says in found["truth"]
+    expected = as_json(*SOC, "--truth", "soc_true", "--initial-soc", str(START_SOC))
+    assert found["soc_rmse"] == pytest.approx(expected["soc_rmse"], abs=2e-4)
+    assert CAPACITY_AH == 12.0
+
+
+def test_samples_without_a_truth_are_left_out(here, as_json):
+    found, whole = as_json(*SOC, "--truth", "half_true"), as_json(*SOC, "--truth", "soc_true")
+    assert found["soc_rmse"] == pytest.approx(whole["soc_rmse_after_1h"])
