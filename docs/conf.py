@@ -22,6 +22,7 @@ extensions = [
     "plain_docstrings",
 ]
 exclude_patterns = ["_build", "extensions"]
+suppress_warnings = ["ref.python"]  # rooms may each have their own `Input`
 
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_block"]
 myst_heading_anchors = 3

@@ -29,6 +29,7 @@ BELOW: dict[str, set[str]] = {
 EDGES: dict[str, set[str]] = {
     "battery.pictures": {"report"},
     "battery.battery_file": {"logs.atomic"},
+    "traction.robot_file": {"logs.atomic"},
 }
 
 #: What runs on a robot.

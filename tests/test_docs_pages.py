@@ -59,7 +59,7 @@ def test_every_page_can_be_found_from_the_index():
         if page not in found:
             found.add(page)
             waiting += children(page)
-    assert {name_of(p) for p in pages() if docs in p.parents} == {name_of(p) for p in found}
+    assert {name_of(p) for p in pages() if docs in p.parents} == {name_of(p) for p in found}, "add it to docs/index.md"
 
 
 def children(page: Path) -> list[Path]:
