@@ -20,6 +20,7 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log
 _LEAST_SOC_RANGE = 0.05
 _LEAST_VOLTAGE_STD_V = 0.001
 _LEAST_RESISTANCE_STD = 0.05
+_MODEL_SOC_LENGTH = 0.3  # a straight line errs in long bows
 _SOC_POINTS = 11
 
 
@@ -114,6 +115,7 @@ def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> Noise:
     return Noise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
         model_std_V=_model_std_V(fit.residual_V, soc),
+        model_soc_length=_MODEL_SOC_LENGTH,
         overpotential_share=doubt,
         resistance_std=doubt,
     )

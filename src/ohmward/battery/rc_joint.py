@@ -64,7 +64,7 @@ class JointState(NamedTuple):
     noise: second moments of innovation and residual [V^2].
     gain: (n,) of the last voltage; zero where it was not used.
     current_A: of the sample before.
-    rejected_s: how long the voltage has been outside its gate.
+    rejected_s: how long the voltage has been outside its gate [s].
     """
 
     belief: PackedBelief
@@ -190,7 +190,7 @@ class RcJoint:
             self.measurement_noise(state, before, reading),
             self.scaling,
         )
-        used, rejected = self.verdict(state, reading, sample.voltage_V, correction.innovation)
+        used, outside = self.verdict(state, reading, sample.voltage_V, correction.innovation)
         K = where(used, correction.gain, 0.0)
         posterior = _corrected(prior, correction.innovation, K)
         residual = np.array([y]) - self.voltage(posterior.mean, reading)
@@ -200,24 +200,27 @@ class RcJoint:
             choose(used, moments, state.noise),
             K[:, 0],
             reading.now.current_A,
-            where(rejected, state.rejected_s + reading.dt_s, 0.0),
+            where(outside, state.rejected_s + reading.dt_s, 0.0),
         )
         flags = (
             reading.flags
             + where(isfinite(sample.voltage_V), 0.0, float(Flag.NO_VOLTAGE))
-            + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
+            + where(outside & logical_not(used), float(Flag.VOLTAGE_REJECTED), 0.0)
             + where(healthy, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
         )
         innovation_V = where(isfinite(sample.voltage_V), correction.innovation.value[0], math.nan)
         return after, self.estimate(posterior, y, correction.innovation, innovation_V, flags)
 
     def verdict(self, state: JointState, reading: Reading, voltage_V: Any, innovation: Innovation) -> tuple[Any, Any]:
-        """Whether the voltage is used, and whether it is rejected; a repeated sample (dt = 0) is neither."""
+        """Whether the voltage is used, and whether it is outside the gate; a repeated sample (dt = 0) is neither.
+
+        Once patience is at its end every voltage is used, until one is inside again.
+        """
         first = state.noise.samples < 0.5
         distance = nis(innovation)
         measured = isfinite(voltage_V) & isfinite(distance) & ((reading.dt_s > 0) | first)
-        used = measured & ((distance <= self.gate) | (state.rejected_s > self.patience_s))
-        return used, measured & logical_not(used)
+        outside = measured & (distance > self.gate)
+        return measured & ((distance <= self.gate) | (state.rejected_s > self.patience_s)), outside
 
     def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
         """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
@@ -271,7 +274,9 @@ class RcJoint:
 
     def measurement_noise(self, state: JointState, before: Belief, reading: Reading) -> np.ndarray:
         """R (1, 1) of this step: the floor, and what the residuals of the last steps say."""
-        floor = np.array([[self.voltage_std_V**2]])
+        instant_ohm = self.nominal.r_terminal_ohm + 0.5 * self.nominal.r_ohm
+        unknown_V2 = where(reading.known > 0.5, 0.0, (self.unknown_A * instant_ohm) ** 2)
+        floor = np.array([[self.voltage_std_V**2 + unknown_V2]])
         if not self.match_R:
             return floor
         P_yy = unscented.output_covariance(before, lambda x: self.voltage(x, reading), self.scaling)

@@ -141,8 +141,9 @@ def correct(
     posterior, innovation = kalman.update(prior, y, H, np.array([[R]]), np.array([y_hat]))
     measured = isfinite(voltage_V)
     largest, patience_s = gate
-    used = measured & ((nis(innovation) <= largest) | (rejected_s > patience_s))
-    rejected = measured & logical_not(used)
+    outside = measured & (nis(innovation) > largest)
+    rejected = outside & (rejected_s <= patience_s)
+    used = measured & logical_not(rejected)
     flags = where(measured, 0.0, float(Flag.NO_VOLTAGE)) + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
     return Outcome(
         choose(used, posterior, prior),
@@ -150,7 +151,7 @@ def correct(
         np.sqrt(innovation.cov[0, 0]),
         innovation.value[0],
         flags,
-        where(rejected, rejected_s + dt_s, 0.0),
+        where(outside, rejected_s + dt_s, 0.0),
     )
 
 

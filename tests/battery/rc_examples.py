@@ -1,0 +1,108 @@
+"""An RC battery, its simulation and its sensors, for the tests of the RC model and its filters."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from ohmward.battery import rc
+from ohmward.battery.estimate import Sample
+from ohmward.battery.ocv import OcvCurve
+from ohmward.logs import Log, read_log
+
+#: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.
+EVEN = rc.Circuit(17_000.0, 300.0, 0.03, 0.03, 0.02)
+#: The same with three different resistances.
+UNEVEN = rc.Circuit(17_000.0, 300.0, 0.05, 0.02, 0.015)
+CAPACITY_AH = 6.0
+FULL_V = 13.0
+
+
+class Truth(NamedTuple):
+    """What a simulation knows, and what its sensors show: (T,) each, states (T, 2)."""
+
+    samples: Sample
+    states: np.ndarray
+    soc: np.ndarray
+
+
+def model_of(circuit: rc.Circuit) -> rc.RcModel:
+    """The battery with this circuit, and with the straight line that its capacitances stand for."""
+    span_V = 3600.0 * CAPACITY_AH / (circuit.c_bulk_F + circuit.c_surface_F)
+    return rc.RcModel(*circuit, OcvCurve((FULL_V - span_V, FULL_V)), CAPACITY_AH)
+
+
+def drive(rng: np.random.Generator, count: int, hold: int = 20) -> np.ndarray:
+    """Current (T,) [A] that is new every `hold` samples; the first is zero."""
+    current_A = np.repeat(rng.uniform(-8.0, 4.0, count // hold + 1), hold)[:count]
+    current_A[0] = 0.0
+    return current_A
+
+
+def simulate(
+    circuit: rc.Circuit,
+    count: int = 2000,
+    seed: int = 0,
+    dt_s: float | np.ndarray = 1.0,
+    voltage_std_V: float = 0.0,
+    current_std_A: float = 0.0,
+    offset_A: float = 0.0,
+    soc: float = 1.0,
+    warming: float = 0.0,
+) -> Truth:
+    """A battery of this circuit from rest; the current is linear between the samples, as every estimator assumes.
+
+    warming: share of their value that the resistances lose, steadily, until the end.
+    """
+    rng = np.random.default_rng(seed)
+    current_A, dt = drive(rng, count), np.broadcast_to(dt_s, count).copy()
+    dt[0] = 0.0
+    model = model_of(circuit)
+    x, states, voltage_V = model.at_rest(soc), [], []
+    for k in range(count):
+        p = scaled(circuit, 1 - warming * k / count)
+        x = rc.next_state(x, 0.5 * (current_A[max(k - 1, 0)] + current_A[k]), p, dt[k])
+        states.append(x)
+        voltage_V.append(rc.voltage(x, current_A[k], p)[0])
+    measured = Sample(
+        dt,
+        current_A + offset_A + current_std_A * rng.standard_normal(count),
+        np.array(voltage_V) + voltage_std_V * rng.standard_normal(count),
+        np.full(count, np.nan),
+    )
+    mean_V = (np.array(states) @ circuit[:2]) / sum(circuit[:2])
+    low, high = model.ocv.voltage_V
+    return Truth(measured, np.array(states), (mean_V - low) / (high - low))
+
+
+def scaled(circuit: rc.Circuit, share: float) -> rc.Circuit:
+    """The circuit with its resistances multiplied by `share`."""
+    return rc.Circuit(*circuit[:2], *(share * r for r in circuit[2:]))
+
+
+def row(samples: Sample, k: int) -> Sample:
+    """Sample k of columns (T,)."""
+    return Sample(*(float(c[k]) for c in samples))
+
+
+def log_of(samples: Sample) -> Log:
+    """The samples as a log."""
+    return Log("simulated", np.cumsum(samples.dt_s), samples.current_A, samples.voltage_V)
+
+
+def lanes(runs: list[Truth]) -> Sample:
+    """The samples of several runs side by side, (T, B) each."""
+    return Sample(*(np.stack(columns, axis=1) for columns in zip(*(run.samples for run in runs), strict=True)))
+
+
+def measured_log(path: str, **options) -> Log:
+    """A measured log, or a skipped test where the data is not there."""
+    repository = Path(__file__).parents[2]
+    root = Path(os.environ.get("OHMWARD_DATA", repository.parent / "shared" / "data"))
+    if not (root / path).exists():
+        pytest.skip(f"measured data not found: {root / path} (set OHMWARD_DATA to the folder that holds it)")
+    return read_log(root / path, **options)
