@@ -13,7 +13,7 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
 
-GRID = np.linspace(0.0, 1.0, 41)
+GRID = np.linspace(0.0, 1.0, 101)
 
 #: A straight OCV and constant resistances: closed forms hold.
 STRAIGHT = Thevenin(
@@ -41,7 +41,14 @@ NMC = Thevenin(
 LFP = replace(
     NMC,
     ocv=OcvCurve(
-        tuple(3.3 + 0.01 * GRID - 0.5 * np.exp(-25 * GRID) + 0.15 * np.exp(-60 * (1 - GRID)) + 0.02 * (GRID > 0.66)),
+        tuple(
+            3.26
+            + 0.02 * GRID
+            + 0.035 / (1 + np.exp((0.27 - GRID) / 0.03))
+            + 0.04 / (1 + np.exp((0.68 - GRID) / 0.02))
+            - 0.5 * np.exp(-30 * GRID)
+            + 0.1 * np.exp(-100 * (1 - GRID))
+        ),
         tuple(0.012 * np.minimum(1.0, 10 * np.minimum(GRID, 1 - GRID))),
     ),
     hysteresis_rate=40.0,
