@@ -1,6 +1,8 @@
 """What the documentation shows runs, what it links to exists, and every page can be found."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,6 +62,17 @@ def test_every_page_can_be_found_from_the_index():
             found.add(page)
             waiting += children(page)
     assert {name_of(p) for p in pages() if docs in p.parents} == {name_of(p) for p in found}, "add it to docs/index.md"
+
+
+@pytest.mark.slow
+def test_the_documentation_builds_without_a_warning_and_reads_without_a_network(tmp_path):
+    for needed in ("sphinx", "myst_parser", "furo"):
+        pytest.importorskip(needed, reason="pip install 'ohmward[docs]' to build the documentation")
+    built = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", ROOT / "docs", tmp_path]
+    assert subprocess.run(built, capture_output=True, text=True, check=False).stderr == ""
+    for page in tmp_path.rglob("*.html"):
+        assert re.findall(r"<(?:script|link|img)[^>]*https?://[^>]*>", page.read_text(encoding="utf-8")) == []
+    assert "<math" in (tmp_path / "theory" / "rc-model.html").read_text(encoding="utf-8")
 
 
 def children(page: Path) -> list[Path]:
