@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.trace import cos, maximum, sin, sqrt
-from ohmward.traction.laws import Contact, contact
+from ohmward.trace import cos, maximum, sin, sqrt, where
+from ohmward.traction.laws import Contact, TractionLaw, contact
 from ohmward.traction.motor import friction_torque, ideal_torque
+from ohmward.traction.odd import direction_and_size
 from ohmward.traction.robot import GRAVITY, Robot
 from ohmward.traction.terrain import Terrain
 
@@ -97,42 +98,67 @@ def forces(x: np.ndarray, u: Input, p: Scene) -> Forces:
     return result
 
 
-def forces_at(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray) -> Forces:
-    """Slip and forces in state x under these loads (wheels,)."""
-    robot = p.robot
+class WheelMotion(NamedTuple):
+    """How each wheel moves over the ground, each (wheels,) in m/s: its rim, its centre along and to the left of it."""
+
+    rim: np.ndarray
+    travel: np.ndarray
+    sideways: np.ndarray
+
+
+def wheel_motion(x: np.ndarray, robot: Robot) -> WheelMotion:
+    """Motion of the wheels in state x; one that is not driven rolls, one that is free sideways is not dragged."""
     motion, omega = x[: robot.freedoms], x[robot.freedoms :]
     travel = robot.rolling @ motion
     sideways = robot.sideways @ motion if robot.chassis.scrubs else np.zeros(len(travel))
-    idle = np.zeros(len(travel) - robot.driven)
-    rim = np.concatenate([robot.wheel.radius_m * omega, travel[robot.driven :]])
-    share = np.broadcast_to(np.asarray(u.adhesion_share), travel.shape)
-    pulls = [
-        share[k] * contact_force(rim[k], travel[k], sideways[k], load_N[k], p.terrains[k], robot.chassis.scrubs)
-        for k in range(robot.driven)
-    ]
-    along, across = np.array(pulls).T
-    current = [u.current_A[k] for k in range(robot.driven)]
+    return WheelMotion(np.concatenate([robot.wheel.radius_m * omega, travel[robot.driven :]]), travel, sideways)
+
+
+def forces_at(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray, grip: np.ndarray | None = None) -> Forces:
+    """Slip and forces in state x under these loads (wheels,).
+
+    grip: (driven,) [N s/m] force per slip speed, where it is not to be that of x, see `grips`.
+    """
+    robot, n = p.robot, p.robot.driven
+    rim, travel, sideways = wheel_motion(x, robot)
+    omega = x[robot.freedoms :]
+    grip = grips(x, u, p, load_N) if grip is None else grip
+    idle = np.zeros(len(travel) - n)
     return Forces(
         load_N,
         rim - travel,
         sideways,
-        np.concatenate([along, idle]),
-        np.concatenate([across, idle]),
+        np.concatenate([grip * (rim - travel)[:n], idle]),
+        np.concatenate([-grip * sideways[:n], idle]),
         np.array([t.rolling.force_N(v, N) for t, v, N in zip(p.terrains, travel, load_N, strict=True)]),
-        np.array([ideal_torque(robot.motor, i) for i in current]),
-        np.array([friction_torque(robot.motor, i, w) for i, w in zip(current, omega, strict=True)]),
+        np.array([ideal_torque(robot.motor, u.current_A[k]) for k in range(n)]),
+        np.array([friction_torque(robot.motor, u.current_A[k], omega[k]) for k in range(n)]),
     )
 
 
-def contact_force(rim: Any, travel: Any, sideways: Any, load_N: Any, terrain: Terrain, scrubs: bool) -> np.ndarray:
-    """Force (2,) of the ground along the wheel and to its left."""
-    if not scrubs:
-        return np.array([terrain.traction.force_N(contact(rim, travel, load_N)), 0.0])
-    slip = rim - travel
-    length = sqrt(slip * slip + sideways * sideways + _STILL**2)
-    travelled = sqrt(travel * travel + sideways * sideways + _STILL**2)
-    per_slip = terrain.traction.force_N(Contact(length, rim, travelled, load_N)) / length
-    return np.array([per_slip * slip, -per_slip * sideways])
+def grips(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray) -> np.ndarray:
+    """Force per slip speed (driven,) [N s/m] of each driven wheel in state x."""
+    wheels = wheel_motion(x, p.robot)
+    share = np.broadcast_to(np.asarray(u.adhesion_share), load_N.shape)
+    find = vector_grip if p.robot.chassis.scrubs else grip_along
+    found = [
+        find(wheels.rim[k], wheels.travel[k], wheels.sideways[k], load_N[k], p.terrains[k].traction)
+        for k in range(p.robot.driven)
+    ]
+    return share[: p.robot.driven] * np.array(found)
+
+
+def grip_along(rim: Any, travel: Any, sideways: Any, load_N: Any, law: TractionLaw) -> Any:
+    """Force per slip speed of a wheel that is free sideways."""
+    _, size = direction_and_size(rim - travel)
+    slip = where(size < _STILL, _STILL, rim - travel)
+    return law.force_N(contact(travel + slip, travel, load_N)) / slip
+
+
+def vector_grip(rim: Any, travel: Any, sideways: Any, load_N: Any, law: TractionLaw) -> Any:
+    """Force per slip speed along the slip vector (r omega - v, -v_sideways)."""
+    slip = sqrt((rim - travel) ** 2 + sideways**2 + _STILL**2)
+    return law.force_N(Contact(slip, rim, sqrt(travel**2 + sideways**2 + _STILL**2), load_N)) / slip
 
 
 def normal_loads(u: Input, robot: Robot, ground_N: np.ndarray) -> np.ndarray:

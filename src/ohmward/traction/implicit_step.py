@@ -7,33 +7,37 @@ L-stable: they forget the stiff part instead of ringing.
 EULER       order 1, one stage. Its numerical loss is >= 0: discrete time is passive too.
 ALEXANDER   order 2, two stages, gamma = 1 - 1/sqrt(2) (Alexander 1977, SDIRK2).
 
-Newton starts from wheels that roll without slip, where the adhesion is steepest: a saturating law is concave beyond, so
-the steps approach the root from one side. A start from a spinning wheel, where the law is flat, can go back and forth
-for ever. The number of steps is fixed, so that the whole step is a straight line of operations; `Step.defect_m_s` says
-what they left.
+Newton alone can go back and forth for ever between the flat ends of a saturating law. So every stage starts with a few
+chord steps: the force is taken as proportional to the slip, with the factor of the last step. The factor falls with the
+slip, so these steps cannot overshoot (they minimise a bound of the stage's energy), only be slow; Newton then finishes.
+The number of steps is fixed, so that the whole step is a straight line of operations; `Step.defect_m_s` says what they
+left.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import linearize, maximum, where
+from ohmward.trace import linearize, maximum
 from ohmward.traction.dynamics import (
     LOAD_PASSES,
     Input,
     Scene,
     force_on_plane,
     forces_at,
+    grips,
     momentum_rates,
     normal_loads,
 )
 from ohmward.traction.power import Power, kinetic_energy, power
-from ohmward.traction.robot import Robot, wheel_speeds
+from ohmward.traction.robot import Robot
 
-NEWTON_STEPS = 6
+CHORD_STEPS = 4
+NEWTON_STEPS = 5
 
 
 class Method(NamedTuple):
@@ -114,43 +118,22 @@ def step(
 def solve_stage(base: np.ndarray, h_s: Any, u: Input, p: Scene, newton_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """X (n,) of X = base + h rate(X), and the loads (wheels,) there.
 
-    Loads follow the forces from step to step, but not in the Jacobian, and rest in the end: X is exact for the loads.
+    Loads follow the forces from step to step, but not in the Jacobian, and rest at last: X is exact for the loads.
     """
     robot = p.robot
     load_N = normal_loads(u, robot, np.zeros(2))
 
-    def residual(X: np.ndarray) -> np.ndarray:
-        return X - base - h_s * momentum_rates(X, u, p, forces_at(X, u, p, load_N)) / robot.inertia
+    def residual(X: np.ndarray, grip: np.ndarray | None = None) -> np.ndarray:
+        return X - base - h_s * momentum_rates(X, u, p, forces_at(X, u, p, load_N, grip)) / robot.inertia
 
-    X = without_slip(base, robot)
-    before: tuple[np.ndarray, np.ndarray] | None = None
-    for k in range(newton_steps):
-        value, J = linearize(residual, X)
-        if before is not None:
-            J = stiffened(J, X - before[0], value, before[1])
-        before = X, value
+    X = base
+    for k in range(CHORD_STEPS + newton_steps):
+        grip = grips(X, u, p, load_N) if k < CHORD_STEPS else None
+        value, J = linearize(partial(residual, grip=grip), X)
         X = X - solve(J, value)
         if robot.height_m and k < LOAD_PASSES:
             load_N = normal_loads(u, robot, force_on_plane(forces_at(X, u, p, load_N), robot))
     return X, load_N
-
-
-def stiffened(J: np.ndarray, step: np.ndarray, value: np.ndarray, value_before: np.ndarray) -> np.ndarray:
-    """J with the slope of the chord on the diagonal where the last step went over the root, if that is steeper.
-
-    Over a saturating law Newton would go back and forth between its flat ends; the chord leads to between them.
-    """
-    J = J.copy()
-    for k in range(len(step)):
-        chord = (value[k] - value_before[k]) / where(step[k] == 0, 1.0, step[k])
-        J[k, k] = where(value[k] * value_before[k] < 0, maximum(J[k, k], chord), J[k, k])
-    return J
-
-
-def without_slip(x: np.ndarray, robot: Robot) -> np.ndarray:
-    """The state (n,) with wheels that roll, and without turning where turning drags them sideways."""
-    motion = np.concatenate([x[:1], np.zeros(2)]) if robot.chassis.scrubs else x[: robot.freedoms]
-    return np.concatenate([motion, wheel_speeds(robot, motion)[: robot.driven]])
 
 
 def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:

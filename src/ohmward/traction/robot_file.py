@@ -23,7 +23,7 @@ _HEADER = """\
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
 #   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m),
 #   omni (arm_m, bearings_deg).
-# [motor] is each of the motors; its torque and friction are those at the wheel, behind the gear.
+# [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 
 
