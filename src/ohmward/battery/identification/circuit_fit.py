@@ -16,13 +16,13 @@ from ohmward.battery.identification.circuit_solve import Problem, Solution, solv
 
 HYSTERESIS_RATES = (5.0, 200.0)
 _ACTIVATION_UNIT_K = 1000.0
-_ROUNDS = 2
 _EVALUATIONS = 6
 _STEP = 0.02
+_APART = np.log(2.0)
 _STARTS: dict[int, tuple[tuple[float, ...], ...]] = {
     0: ((),),
     1: ((15.0,), (60.0,), (300.0,), (1500.0,)),
-    2: ((15.0, 300.0), (20.0, 1500.0), (30.0, 3000.0), (60.0, 3000.0)),
+    2: ((15.0, 300.0), (20.0, 1500.0), (40.0, 2500.0)),
     3: ((5.0, 60.0, 1500.0), (10.0, 200.0, 2500.0)),
 }
 
@@ -41,38 +41,61 @@ def fit_circuit(problem: Problem, pairs: int, progress: Callable[[float], None] 
 
     progress: called with the share done, from 0 to 1.
     """
-    from scipy.optimize import least_squares
-
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
-    tried = []
     starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in _starts(problem, pairs)]
+    tried = []
     for k, start in enumerate(starts):
         tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
-        report(0.4 * (k + 1) / len(starts))
-    best = min(tried, key=lambda s: s.score)
-    theta = starts[tried.index(best)]
-    jacobian = np.zeros((1, 0))
-    for k in range(_ROUNDS if theta.size else 0):
-        weights = best.robust
+        report(0.3 * (k + 1) / len(starts))
+    searches = []
+    for k, start in enumerate(_best_apart(starts, tried)):
+        searches.append(_search(problem, pairs, start, (low, high)))
+        report(0.3 + 0.25 * (k + 1))
+    best = min(searches, key=lambda s: s.solution.score)
+    solution, theta, jacobian = _search(problem, pairs, best.theta, (low, high))
+    report(1.0)
+    return CircuitFit(solution, theta, _search_cov(jacobian), tuple((s.rates, s.score) for s in tried))
 
-        def residuals(t: np.ndarray, weights: tuple[np.ndarray, ...] = weights) -> np.ndarray:
-            return solve(problem, _to_rates(t, problem, pairs), weights).weighted
 
-        found = least_squares(residuals, theta, bounds=(low, high), diff_step=_STEP, x_scale=0.3, max_nfev=_EVALUATIONS)
-        theta, jacobian = found.x, found.jac
-        best = solve(problem, _to_rates(theta, problem, pairs))
-        report(0.4 + 0.6 * (k + 1) / _ROUNDS)
-    return CircuitFit(best, theta, _search_cov(jacobian), tuple((s.rates, s.score) for s in tried))
+class Search(NamedTuple):
+    """Where a search ended: its solution, search parameters (n,) and the Jacobian (M, n) of the weighted residuals."""
+
+    solution: Solution
+    theta: np.ndarray
+    jacobian: np.ndarray
+
+
+def _search(problem: Problem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> Search:
+    """Least squares over the search parameters, with the weights that outlying samples have at the start."""
+    from scipy.optimize import least_squares
+
+    first = solve(problem, _to_rates(start, problem, pairs))
+    if not start.size:
+        return Search(first, start, np.zeros((1, 0)))
+
+    def residuals(theta: np.ndarray) -> np.ndarray:
+        return solve(problem, _to_rates(theta, problem, pairs), first.robust).weighted
+
+    found = least_squares(residuals, start, bounds=bounds, diff_step=_STEP, x_scale=0.3, max_nfev=_EVALUATIONS)
+    return Search(solve(problem, _to_rates(found.x, problem, pairs)), found.x, found.jac)
+
+
+def _best_apart(starts: list[np.ndarray], tried: list[Solution]) -> list[np.ndarray]:
+    """The best start, and the best of those whose slowest time constant differs by more than a factor of 2."""
+    order = sorted(range(len(starts)), key=lambda k: tried[k].score)
+    first = tried[order[0]].rates.tau_s[-1:]
+    others = [k for k in order if any(abs(np.log(t / f)) > _APART for t, f in zip(tried[k].rates.tau_s[-1:], first))]
+    return [starts[k] for k in (order[0], *others[:1])]
 
 
 def _starts(problem: Problem, pairs: int) -> list[Rates]:
-    gammas = (8.0, 40.0) if any(problem.ocv.hysteresis_V) else (20.0,)
+    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (20.0,)
     return [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
 
 
 def _to_search(rates: Rates, problem: Problem) -> np.ndarray:
-    """log tau_1, log of the ratios of the further ones, log gamma, activation in 1000 K: the search parameters."""
+    """Log tau_1, log of the ratios of the further ones, log gamma, activation in 1000 K: the search parameters."""
     tau = np.log(np.array(rates.tau_s))
     tail = [np.log(rates.hysteresis_rate)] if any(problem.ocv.hysteresis_V) else []
     return np.array([*tau[:1], *np.diff(tau), *tail, *([2.0] if problem.fit_activation else [])])

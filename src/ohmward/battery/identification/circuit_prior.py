@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, OCV_KNOTS, Layout
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, Layout
 from ohmward.battery.ocv import OcvCurve
 
 CELL_V = 3.7
@@ -24,8 +24,11 @@ class Prior(NamedTuple):
     ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; it holds on over `ocv_length` of SoC.
     ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
     hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
+    slow_tau_s, slow_tau_log_std: slowest of several time constants, log-normal.
+    hysteresis_rate, hysteresis_rate_log_std: gamma, log-normal.
     charging_factor: how much larger the model's error is in a charge and the rest after it.
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
+    model_V: error of the model at any SoC, however well it fits.
     """
 
     walk_share: float = 0.25
@@ -36,15 +39,37 @@ class Prior(NamedTuple):
     ocv_gap: float = 0.5
     ocv_length: float = 0.05
     hysteresis: tuple[float, float] = (0.5, 0.2)
+    slow_tau_s: float = 700.0
+    slow_tau_log_std: float = 0.6
+    hysteresis_rate: float = 40.0
+    hysteresis_rate_log_std: float = 0.7
     charging_factor: float = 1.0
     rest_V: float = 0.002
     start_V: float = 0.03
+    model_V: float = 0.003
 
 
-LOW_RATE_PRIOR = Prior()
-RESTS_PRIOR = Prior(ocv_V=0.010, ocv_soc=0.02)
-# Charging a lead-acid battery is another reaction than discharging it, and near full it makes gas.
-LEAD_ACID_PRIOR = Prior(ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0)
+class Slow(NamedTuple):
+    """Prior of the slowest time constant: median [s] and standard deviation of its logarithm."""
+
+    tau_s: float
+    log_std: float
+
+
+# Iron phosphate is slow on its plateau: a pair of a few hundred seconds fits a drive as well, and then fails elsewhere.
+SLOW = {"lfp": Slow(2200.0, 0.4), "lead-acid": Slow(3000.0, 0.6)}
+
+
+def prior_for(chemistry: str, ocv_from_low_rate: bool) -> Prior:
+    """What is known before the fit: the OCV curve as well as it was measured, and what the chemistry is like."""
+    prior = Prior() if ocv_from_low_rate else Prior(ocv_V=0.010, ocv_soc=0.02)
+    if chemistry == "lead-acid":
+        # Charging is another reaction than discharging and makes gas near full; no two discharges are quite alike.
+        prior = Prior(
+            ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.02
+        )
+    slow = SLOW.get(chemistry, Slow(prior.slow_tau_s, prior.slow_tau_log_std))
+    return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std)
 
 
 class Gaussian(NamedTuple):

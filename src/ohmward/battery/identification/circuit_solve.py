@@ -26,8 +26,6 @@ _OVERPOTENTIAL_SHARE = 0.03
 _SOC_STD = 0.003
 _DSOC = 0.005
 _REST_SHARE = 0.03
-_SLOW_TAU_S = 2000.0
-_SLOW_LOG_STD = 0.6
 
 
 class Problem(NamedTuple):
@@ -111,7 +109,9 @@ def solve(
         np.where(np.isfinite(s.voltage_V), r, np.nan) for s, r in zip(problem.samples, residuals, strict=True)
     )
     deviations = [w * r for w, r in zip(weights, residuals, strict=True)]
-    weighted = np.concatenate([*deviations, _prior_residual(prior, x), _slow_residual(rates)])
+    weighted = np.concatenate(
+        [*deviations, _prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
+    )
     occam = float(np.linalg.slogdet(H)[1] - np.linalg.slogdet(prior.precision)[1])
     return Solution(layout, rates, x, np.linalg.inv(H), residual_V, weighted, kept, occam)
 
@@ -138,11 +138,11 @@ def _weights(problem: Problem, samples: Samples) -> np.ndarray:
         _SOC_STD * np.asarray(slope_V),
     ]
     std_V = np.sqrt(sum(term**2 for term in terms_V))
-    charging = np.where(_last_direction(samples.mean_current_A) > 0, problem.prior.charging_factor, 1.0)
+    charging = np.where(last_direction(samples.mean_current_A) > 0, problem.prior.charging_factor, 1.0)
     return np.where(np.isfinite(samples.voltage_V), share, 0.0) / (charging * std_V)
 
 
-def _last_direction(current_A: np.ndarray) -> np.ndarray:
+def last_direction(current_A: np.ndarray) -> np.ndarray:
     """(N,) 1 in a charge and the rest after it, -1 in a discharge and the rest after it, 0 before any."""
     flows = np.abs(current_A) > _REST_SHARE * np.abs(current_A).max()
     last = np.maximum.accumulate(np.where(flows, np.arange(current_A.size), -1))
@@ -214,11 +214,15 @@ def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:
     return L.T @ x - np.linalg.solve(L, prior.information)
 
 
-def _slow_residual(rates: Rates) -> np.ndarray:
-    """Deviation of the slowest of several time constants from its prior, over its standard deviation.
+def _rates_residual(prior: Prior, rates: Rates, hysteresis: bool) -> np.ndarray:
+    """Deviations of the slowest of several time constants and of the hysteresis rate from their priors.
 
-    Diffusion makes the slowest pair of a battery slow. What a log shows of it is easily fitted by a faster pair, which
-    then fails on longer loads and at the SoC where there were no data.
+    Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. What a log
+    shows of diffusion is easily fitted by a faster pair together with a slow hysteresis, which then fails on longer
+    loads and at the SoC where there were no data.
     """
     slow = rates.tau_s[-1:] if len(rates.tau_s) > 1 else ()
-    return np.array([np.log(tau / _SLOW_TAU_S) / _SLOW_LOG_STD for tau in slow])
+    deviations = [np.log(tau / prior.slow_tau_s) / prior.slow_tau_log_std for tau in slow]
+    if hysteresis:
+        deviations.append(np.log(rates.hysteresis_rate / prior.hysteresis_rate) / prior.hysteresis_rate_log_std)
+    return np.array(deviations)

@@ -16,7 +16,7 @@ from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
-from ohmward.battery.identification.circuit_prior import LEAD_ACID_PRIOR, LOW_RATE_PRIOR, RESTS_PRIOR, Prior
+from ohmward.battery.identification.circuit_prior import prior_for
 from ohmward.battery.identification.circuit_solve import Problem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import Edge, find_edges
@@ -224,7 +224,7 @@ def _thevenin(
         samples,
         stage.ocv,
         Q,
-        _prior(stage.branches, settings.chemistry),
+        prior_for(settings.chemistry, _both_directions(stage.branches)),
         slow_shape(stage.ocv, samples, Q),
         _reference_degC(stage.records),
         _temperatures_differ(stage.records),
@@ -244,7 +244,8 @@ def _thevenin(
         confidence_intervals(fit, hysteresis, problem.fit_activation),
         tuple(str(note) for note in stage.notes),
     )
-    noise = noise_from_fit(fit.solution, samples, p, current_noise_A(stage.records[0].current_A))
+    pulses_only = all(r.test == "pulses" for r in stage.records)
+    noise = noise_from_fit(fit.solution, problem, p, current_noise_A(stage.records[0].current_A), pulses_only)
     missing = not_identified(fit, samples, Q, hysteresis, hysteresis)
     battery = _battery(settings, records, p, None, noise, provenance, missing)
     return Identified(battery, stage.branches, stage.ocv, details, fit)
@@ -345,13 +346,6 @@ def _curve_fit(branch: Branch) -> Fit:
 def _measured_capacity_Ah(branches: Sequence[Branch]) -> float:
     complete = [b.moved_Ah for b in branches if b.complete]
     return float(np.mean(complete)) if complete else 0.0
-
-
-def _prior(branches: Sequence[Branch], chemistry: str) -> Prior:
-    """What is known before the fit: the OCV curve as well as it was measured."""
-    if chemistry == "lead-acid":
-        return LEAD_ACID_PRIOR
-    return LOW_RATE_PRIOR if _both_directions(branches) else RESTS_PRIOR
 
 
 def _both_directions(branches: Sequence[Branch]) -> bool:

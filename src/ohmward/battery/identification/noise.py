@@ -7,36 +7,46 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
-from ohmward.battery.identification.circuit_solve import Solution
-from ohmward.battery.identification.circuit_prior import CELL_V
-from ohmward.battery.identification.samples import Samples
+from ohmward.battery.identification.circuit_solve import Problem, Solution, last_direction
+from ohmward.battery.identification.confidence import covered
+from ohmward.battery.identification.samples import COARSEST_S, Samples
 from ohmward.battery.noise import Noise
 from ohmward.battery.thevenin import Thevenin
 
 OFFSET_SHARE = 0.025
 _SMALLEST_STD_V = 0.002
-_SMALLEST_MODEL_STD_V = 0.003
+_PULSES_STD_V = 0.008
+_PULSES_SHARE = 0.15
 _WINDOW = 0.05
+_UNSEEN_STD_V = 0.02
+_OVERPOTENTIAL_SHARE = 0.05
+_LARGEST_SHARE = 0.5
 _MAD = 1.4826
 _CORRELATION_S = (20.0, 1000.0)
 _GAIN_STD = 0.01
 _HYSTERESIS_STD = 0.3
 
 
-def noise_from_fit(solution: Solution, samples: Sequence[Samples], p: Thevenin, current_noise_A: float) -> Noise:
+def noise_from_fit(
+    solution: Solution, problem: Problem, p: Thevenin, current_noise_A: float, pulses_only: bool
+) -> Noise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is what the fit left there, and what its posterior does not know: little where there
     were data, growing where there were none.
     current_noise_A: white noise of the current sensor, as seen at rest.
+    pulses_only: no log shows a lasting load, and short pulses show only how a slow process starts.
     """
-    volts = _volts(samples)
-    data_V = residual_std_V(solution, samples)
-    known_V = posterior_std_V(solution, samples, p)
-    model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), _SMALLEST_MODEL_STD_V * volts)
+    samples, volts = problem.samples, problem.volts
+    data_V = residual_std_V(solution, problem)
+    known_V = np.maximum(posterior_std_V(solution, samples, p), volts * unseen_std_V(samples, p.capacity_Ah))
+    floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
+    model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), floor_V)
+    share = overpotential_share(solution, problem, p)
     return Noise(
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
+        overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
         correlation_s=correlation_s(solution, samples),
         current_std_A=max(current_noise_A, 0.002 * p.capacity_Ah),
         current_offset_std_A=OFFSET_SHARE * p.capacity_Ah,
@@ -45,15 +55,31 @@ def noise_from_fit(solution: Solution, samples: Sequence[Samples], p: Thevenin, 
     )
 
 
-def residual_std_V(solution: Solution, samples: Sequence[Samples]) -> np.ndarray:
-    """(21,) rms of what the fit left within 5 % of each SoC [V], nan where there are no data."""
-    soc = np.concatenate([s.soc for s in samples])
-    weight = np.concatenate([np.minimum(s.dt_s, 60.0) for s in samples])
+def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
+    """(21,) rms of what the fit left within 5 % of each SoC [V], nan where there are no data.
+
+    What counts little in the fit, as the charge of a lead-acid battery, counts little here.
+    """
+    soc = np.concatenate([s.soc for s in problem.samples])
+    factor = np.where(_charging(problem), problem.prior.charging_factor, 1.0)
+    weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
     residual_V = np.concatenate(solution.residual_V)
     near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _WINDOW) & np.isfinite(residual_V)
     total = near @ weight
-    mean_square = near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan)
-    return np.sqrt(mean_square)
+    return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
+
+
+def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> float:
+    """Error of the overpotential as a share of itself: 5 %, or what the fit left in charging where that counts little."""
+    if problem.prior.charging_factor == 1.0:
+        return _OVERPOTENTIAL_SHARE
+    charging = _charging(problem)
+    measured_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])[
+        charging
+    ]
+    residual_V = np.concatenate(solution.residual_V)[charging]
+    share = float(np.sqrt(np.nansum(residual_V**2) / max(float(np.nansum(measured_V**2)), 1e-12)))
+    return min(max(share, _OVERPOTENTIAL_SHARE), _LARGEST_SHARE)
 
 
 def posterior_std_V(solution: Solution, samples: Sequence[Samples], p: Thevenin) -> np.ndarray:
@@ -71,6 +97,16 @@ def posterior_std_V(solution: Solution, samples: Sequence[Samples], p: Thevenin)
     variance = np.einsum("ij,jk,ik->i", rows, solution.cov, rows)
     hysteresis_V = _HYSTERESIS_STD * np.asarray(p.ocv.half_gap_V(RESISTANCE_GRID)) * np.ones(RESISTANCE_GRID.size)
     return np.sqrt(np.maximum(variance, 0.0) + hysteresis_V**2)
+
+
+def unseen_std_V(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+    """(21,) standard deviation of a lithium-ion cell's model away from the SoC where a current was seen [V].
+
+    Measured on cells identified from one half of their range: it grows with the root of the distance.
+    """
+    seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
+    distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1) if seen.size else np.ones(RESISTANCE_GRID.size)
+    return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _WINDOW, 0.0) / 0.1)
 
 
 def typical_current_A(samples: Sequence[Samples]) -> float:
@@ -111,5 +147,6 @@ def _decay_s(samples: Samples, residual_V: np.ndarray) -> float:
     return 10.0 * float(below[0]) if below.size else _CORRELATION_S[1]
 
 
-def _volts(samples: Sequence[Samples]) -> float:
-    return float(np.nanmean(np.concatenate([s.voltage_V for s in samples]))) / CELL_V
+def _charging(problem: Problem) -> np.ndarray:
+    """(N,) bool over all samples: in a charge or the rest after it."""
+    return np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])

@@ -14,8 +14,7 @@ FINEST_S = 1.0
 COARSEST_S = 60.0
 LONG_REST_S = 60.0
 _GROWTH = 0.1
-# Within a phase of varying current everything is an edge: thin evenly instead.
-_EDGE_KINDS = ("rest", "constant")
+_MOST_VARYING = 6000
 
 
 class Samples(NamedTuple):
@@ -41,16 +40,14 @@ class Samples(NamedTuple):
     sample: np.ndarray
 
 
-def thin(
-    record: Record, soc: np.ndarray, otherwise_degC: float = 25.0, finest_s: float = FINEST_S
-) -> tuple[Samples, ...]:
+def thin(record: Record, soc: np.ndarray, otherwise_degC: float = 25.0) -> tuple[Samples, ...]:
     """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
 
-    The charge of the intervals left out is added up, so nothing of the current is lost. At a gap in the recording,
+    A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up, so nothing of the current is lost. At a gap in the recording,
     during which the course of the current is not known, one part ends and another starts.
     soc: (T,) state of charge along the record.
     """
-    kept = _kept(record, finest_s)
+    kept = _kept(record)
     gaps = np.flatnonzero(find_gaps(record.log.time_s))
     parts = np.split(kept, np.searchsorted(kept, gaps))
     return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
@@ -77,18 +74,15 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: flo
     )
 
 
-def _kept(record: Record, finest_s: float) -> np.ndarray:
+def _kept(record: Record) -> np.ndarray:
     """(N,) indices of the samples to keep, the first and the last among them."""
     time_s = record.log.time_s
-    edges = np.array([p.first for p in record.phases if p.kind in _EDGE_KINDS], dtype=int)
-    varying = [p.first for p in record.phases if p.kind == "varying"]
-    starts = np.unique(np.concatenate([[0], edges, np.array(varying, dtype=int)]))
-    since_s = time_s - time_s[starts[np.searchsorted(starts, np.arange(time_s.size), side="right") - 1]]
-    number = _numbered(since_s, finest_s)
-    in_varying = np.zeros(time_s.size, dtype=bool)
-    for phase in record.phases:
-        in_varying[phase.first : phase.last + 1] = phase.kind == "varying"
-    number[in_varying] = np.floor(time_s[in_varying] / finest_s)
+    starts = np.array([p.first for p in record.phases])
+    varying = np.concatenate([np.full(p.last - p.first + 1, p.kind == "varying") for p in record.phases])
+    edges = starts[~varying[starts]]
+    since_s = time_s - time_s[np.repeat(starts, np.diff(starts, append=time_s.size))]
+    even_s = max(FINEST_S, float(np.diff(time_s)[varying[1:]].sum()) / _MOST_VARYING)
+    number = np.where(varying, np.floor(time_s / even_s), _numbered(since_s))
     new = np.concatenate([[True], number[1:] != number[:-1]])
     new[edges] = True
     gaps = find_gaps(time_s)
@@ -99,9 +93,9 @@ def _kept(record: Record, finest_s: float) -> np.ndarray:
     return np.flatnonzero(new)
 
 
-def _numbered(since_s: np.ndarray, finest_s: float) -> np.ndarray:
-    """(T,) number of the interval of growing length in which a time since the last edge lies."""
-    even_s, coarse_s = finest_s / _GROWTH, COARSEST_S / _GROWTH
-    growing = even_s + np.log(np.maximum(np.minimum(since_s, coarse_s), even_s) / even_s) / _GROWTH
+def _numbered(since_s: np.ndarray) -> np.ndarray:
+    """(T,) number of the interval, ever longer, in which a time since the last edge lies."""
+    even_s, coarse_s = FINEST_S / _GROWTH, COARSEST_S / _GROWTH
+    growing = np.log(np.clip(since_s, even_s, coarse_s) / even_s) / _GROWTH
     beyond = np.maximum(since_s - coarse_s, 0.0) / COARSEST_S
-    return np.floor(np.where(since_s < even_s, since_s / finest_s, even_s / finest_s - even_s + growing + beyond))
+    return np.floor(np.where(since_s < even_s, since_s / FINEST_S, even_s / FINEST_S + growing + beyond))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -65,13 +66,13 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
 
 def find_pulses(phases: Sequence[Phase], capacity_Ah: float) -> tuple[Phase, ...]:
     """Phases of constant current over C/20 that last up to 400 s and follow a rest of at least 10 s."""
-    pairs = zip(phases, phases[1:], strict=False)
+    pairs = pairwise(phases)
     return tuple(b for a, b in pairs if is_rest(a) and is_pulse(b, capacity_Ah))
 
 
 def find_rests(phases: Sequence[Phase], shortest_s: float) -> tuple[Phase, ...]:
     """Rests of at least `shortest_s` that follow a current."""
-    pairs = zip(phases, phases[1:], strict=False)
+    pairs = pairwise(phases)
     return tuple(b for a, b in pairs if a.kind != "rest" and is_rest(b, shortest_s))
 
 
