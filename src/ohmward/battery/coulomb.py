@@ -118,10 +118,11 @@ def charge_variance(reading: Reading, noise: Noise, model: Thevenin) -> Any:
     sensor = noise.current_std_A**2 * reading.dt_s
     path = (0.15 * reading.change_A * reading.dt_s) ** 2
     unknown = grown(lambda t: minimum(USUAL_C * t / 3600.0, SPREAD) ** 2, reading)
-    known = reading.known > 0.5
-    return where(known, minimum((sensor + path) / model.capacity_As**2, SPREAD**2), unknown)
+    known = minimum((sensor + path) / model.capacity_As**2, SPREAD**2)
+    return where(reading.known > 0.5, known, unknown)
 
 
 def grown(variance: Callable[[Any], Any], reading: Reading) -> Any:
     """By how much a variance grew in this step that is `variance(t)` after a time t [s] without a known current."""
-    return variance(reading.unknown_s) - variance(reading.unknown_s - reading.dt_s)
+    growth = variance(reading.unknown_s) - variance(reading.unknown_s - reading.dt_s)
+    return where(reading.known > 0.5, 0.0, growth)
