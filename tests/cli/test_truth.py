@@ -40,6 +40,13 @@ def test_the_first_value_counts_where_the_first_samples_have_none():
     assert soc[[1800, -1]] == pytest.approx([0.9, 0.65])
 
 
+def test_a_counter_that_starts_again_from_zero():
+    counter = np.where(TIME_S < 1800, TIME_S, TIME_S - 1800) / 3600
+    truth = read_truth(log(Ah=counter), "Ah", 2.0, 1.0)
+    assert truth.soc[[0, -1]] == pytest.approx([1.0, 0.5], abs=1e-3)
+    assert truth.note.endswith("resets undone")
+
+
 def test_a_share_and_a_percentage():
     share = 0.5 + TIME_S / 1e4
     assert read_truth(log(soc=share), "soc", 2.0).soc == pytest.approx(share)
@@ -58,7 +65,7 @@ def test_a_percentage_below_one_percent_is_known_by_its_name():
         ({"soc": TIME_S}, "soc", None, "runs from 0 to 3600"),
         ({"soc": np.full(TIME_S.size, np.nan)}, "soc", None, "has no value"),
         ({"Ah": TIME_S / 3600}, "Ah", None, "--truth-start"),
-        ({"Ah": TIME_S / 360}, "Ah", 1.0, "never reset"),
+        ({"Ah": TIME_S / 360}, "Ah", 1.0, "would lead from -4 to 1"),
         ({"a": TIME_S}, "a - b", None, "no column 'b'"),
     ],
 )

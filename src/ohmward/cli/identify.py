@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> Outcome:
         return make_page(found, notes)
 
     figures = summary(found.battery, args.model, seconds)
-    notes = [str(note) for log in logs for note in log.notes] + figures["notes"]
+    notes = _notes(logs) + figures["notes"]
     figures |= {"notes": notes, "output": args.output, "report": args.report}
     return Outcome(figures, describe(found.battery, figures), notes, page)
 
@@ -175,6 +175,13 @@ def _identify(logs: list[Log], args: argparse.Namespace) -> Identified:
             idle_current_A=args.idle_current,
             progress=report,
         )
+
+
+def _notes(logs: list[Log]) -> list[str]:
+    """What was assumed about the logs, with their names where there are several."""
+    if len(logs) == 1:
+        return [str(note) for note in logs[0].notes]
+    return [f"{note.level}: {log.name}: {note.text}" for log in logs for note in log.notes]
 
 
 def _starts(logs: list[Log], given: list[tuple[str, float]]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -72,16 +73,39 @@ def _from_counter(log: Log, column: str, counter_Ah: np.ndarray, capacity_Ah: fl
         raise InputError(
             f"{log.name}: {column!r} counts ampere hours; say where it starts with --truth-start 1.0 (or --initial-soc)"
         )
-    since_Ah = counter_Ah - counter_Ah[np.flatnonzero(np.isfinite(counter_Ah))[0]]
-    counted = np.isfinite(since_Ah)
-    direction = 1.0 if since_Ah[counted] @ log.charge_Ah()[counted] >= 0 else -1.0
-    soc = start_soc + direction * since_Ah / capacity_Ah
-    if np.nanmin(soc) < -MARGIN or np.nanmax(soc) > 1.0 + MARGIN:
+    counted = np.isfinite(counter_Ah)
+    charge = _charge_counted(log.select(counted), counter_Ah[counted])
+    soc = np.full(len(log), np.nan)
+    soc[counted] = start_soc + charge.total_Ah / capacity_Ah
+    low, high = float(np.nanmin(soc)), float(np.nanmax(soc))
+    if low < -MARGIN or high > 1.0 + MARGIN:
         raise InputError(
-            f"{log.name}: from {start_soc:g} at {capacity_Ah:g} Ah, {column!r} would lead from {np.nanmin(soc):.3g} to "
-            f"{np.nanmax(soc):.3g}; check --truth-start and the capacity, and that the counter is never reset"
+            f"{log.name}: from {start_soc:g}, {column!r} over {capacity_Ah:g} Ah would lead from {low:.3g} to "
+            f"{high:.3g}; check --truth-start, the capacity in the battery file and what the column counts"
         )
-    way = "charging" if direction > 0 else "discharging"
-    return Truth(
-        soc, f"truth from {column!r}: {start_soc:g} at its first value, counted up in {way}, over {capacity_Ah:g} Ah"
+    note = (
+        f"truth from {column!r}: {start_soc:g} at its first value, counted up in {charge.way}, over {capacity_Ah:g} Ah"
     )
+    return Truth(soc, note + (", resets undone" if charge.resets else ""))
+
+
+class _Counted(NamedTuple):
+    """Charge since the first sample (T,), > 0 when it went in; which way the counter counts; whether it was reset."""
+
+    total_Ah: np.ndarray
+    way: str
+    resets: bool
+
+
+def _charge_counted(log: Log, counter_Ah: np.ndarray) -> _Counted:
+    """What the counter says, its sign and its resets told by the current."""
+    from ohmward.battery.identification.charge import find_counter, find_gaps
+
+    moved_Ah = np.diff(log.charge_Ah(), prepend=0.0)
+    plain_Ah = np.diff(counter_Ah, prepend=counter_Ah[0])
+    found = find_counter(replace(log, extra={"Ah": counter_Ah}), moved_Ah, find_gaps(log.time_s))
+    sign = 1.0 if plain_Ah @ moved_Ah >= 0 else -1.0
+    step_Ah = sign * plain_Ah if found is None else found.step_Ah
+    up_in_charge = bool(plain_Ah @ step_Ah >= 0)
+    resets = not np.allclose(np.abs(step_Ah), np.abs(plain_Ah))
+    return _Counted(np.cumsum(step_Ah), "charging" if up_in_charge else "discharging", resets)

@@ -1,0 +1,68 @@
+"""What the documentation shows runs; what it lists is what there is."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cli.test_soc import KEYS, SCORES
+from ohmward.cli.main import main
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+LINES = sorted(
+    {
+        line
+        for page in ("command-line.md", "tutorial.md")
+        for block in blocks(page, "bash")
+        for line in block.splitlines()
+    }
+)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_command_lines_can_be_pasted(line, here, monkeypatch):
+    monkeypatch.setattr("ohmward.battery.estimators.available", lambda battery: ("coulomb", "ekf"))
+    program, *words = line.split()
+    assert program == "ohmward"
+    assert main(words) == 0
+
+
+def test_the_script_of_the_tutorial_runs(here, capsys):
+    (script,) = blocks("tutorial.md", "python")
+    exec(script, {})
+    assert re.fullmatch(r"4\d\.\d% ± \d\.\d%\n", capsys.readouterr().out)
+
+
+def section(command: str) -> str:
+    text = (DOCS / "command-line.md").read_text(encoding="utf-8")
+    return re.split(r"^## ", text.split(f"## JSON of `{command}`")[1], flags=re.MULTILINE)[0]
+
+
+def listed(command: str) -> set[str]:
+    return set(re.findall(r"`(\w+)`", section(command)))
+
+
+def test_keys_of_soc_are_all_listed():
+    assert listed("soc") >= KEYS | SCORES
+
+
+def test_keys_of_compare_are_all_listed(here, as_json):
+    found = as_json("compare", "day.csv", "--battery", "battery.toml", "--filters", "ekf")
+    own = set(found["estimators"]["ekf"]) - SCORES - {f"{name}_after_1h" for name in SCORES}
+    assert listed("compare") >= set(found) | own
+
+
+def test_keys_of_doctor_are_all_listed(here, as_json):
+    found = as_json("doctor", "day.csv")
+    assert listed("doctor") >= set(found) | set(found["logs"][0]) | set(found["logs"][0]["survey"])
+
+
+def test_keys_of_identify_are_all_listed(here, as_json):
+    found = as_json("identify", "test.csv", "--capacity-ah", "12", "--model", "thevenin-1rc")
+    assert listed("identify") >= set(found) | set(found["logs"][0]) | set(found["parameters"][0])
