@@ -12,6 +12,7 @@ from ohmward.battery.estimate import Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.trace import Kernel
 
 GRID = np.linspace(0.0, 1.0, 101)
 
@@ -66,21 +67,27 @@ class Truth(NamedTuple):
 
 
 def drive(rng: np.random.Generator, steps: int, mean_A: float = -0.5, rest_every: int = 6) -> np.ndarray:
-    """Current (steps,) that is new every 40 samples, with a rest of 200 samples now and then."""
+    """Current (steps,) that is new every 40 samples and at least 0.3 A, with a rest of 200 samples now and then."""
     blocks = mean_A + 1.5 * rng.standard_normal(steps // 40 + 1)
+    blocks = np.sign(blocks) * np.maximum(np.abs(blocks), 0.3)
     blocks[np.arange(len(blocks)) // 5 % rest_every == rest_every - 1] = 0.0
     return np.repeat(blocks, 40)[:steps]
 
 
 def simulate(model: Thevenin, current_A: np.ndarray, soc: float, dt_s: float = 1.0, hysteresis: float = 0.0) -> Truth:
     """The model itself, with a current that is linear between the samples as every estimator assumes."""
+    mean_A = 0.5 * (current_A + np.roll(current_A, 1))
+    dt = np.full(len(current_A), dt_s)
+    mean_A[0], dt[0] = 0.0, 0.0
+
+    def step(x, sample):
+        (mean, now, step_s) = sample
+        x = next_state(x, Input(mean, 25.0), model, step_s)
+        return x, (x[0], voltage(x, Input(now, 25.0), model)[0])
+
     x = np.array([soc, *(0.0 for _ in range(model.pairs)), hysteresis])
-    states = [x]
-    for before, after in zip(current_A, current_A[1:], strict=False):
-        x = next_state(x, Input(0.5 * (before + after), 25.0), model, dt_s)
-        states.append(x)
-    measured = [voltage(x, Input(i, 25.0), model)[0] for x, i in zip(states, current_A, strict=True)]
-    return Truth(dt_s * np.arange(len(states)), current_A, np.array(states)[:, 0], np.array(measured))
+    _, (socs, voltages) = Kernel(step, x, (0.0, 0.0, 0.0)).scan(x, (mean_A, current_A, dt))
+    return Truth(dt_s * np.arange(len(socs)), current_A, socs, voltages)
 
 
 def samples(truth: Truth, offset_A: float = 0.0, noise: Noise | None = None, seed: int = 1) -> Sample:
