@@ -48,6 +48,11 @@ def test_first_seconds_do_not_flatten_the_errors():
     assert figure.y_limits == pytest.approx((-2.548, 2.548), rel=1e-3)
 
 
+def test_more_estimators_than_hues_can_still_be_told_apart():
+    figure = pictures.soc_comparison_figure(LOG, {f"filter {k}": estimates() for k in range(8)})
+    assert [s.style for s in figure.series] == ["line"] * 6 + ["dashed"] * 2
+
+
 def test_an_estimator_without_a_voltage_shows_none():
     assert list(series(pictures.voltage_figure(LOG, estimates()))) == ["measured"]
     expected = series(pictures.voltage_figure(LOG, estimates(voltage_V=np.full(T, 12.1))))

@@ -13,7 +13,7 @@ from ohmward.battery.score import BAND_95
 from ohmward.battery.thevenin import Thevenin
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Band, Figure, Series, Span
-from ohmward.report.palette import Meaning
+from ohmward.report.palette import CYCLE, Meaning
 
 if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails
@@ -91,7 +91,7 @@ def health_figure(log: Log, estimates: Estimate) -> Figure:
         Series(log.time_s, 100 * estimates.capacity_share, "capacity", role="estimate"),
         Series(log.time_s, 100 * estimates.resistance_share, "resistance", role="comparison"),
     ]
-    return Figure("Capacity and resistance", TIME, "Share of the battery file's [%]", series, height_px=180)
+    return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, height_px=180)
 
 
 def voltage_error_figure(log: Log, estimates: Estimate) -> Figure:
@@ -102,7 +102,7 @@ def voltage_error_figure(log: Log, estimates: Estimate) -> Figure:
 
 def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray | None = None) -> Figure:
     """State of charge by every estimator, and the reference."""
-    series = [Series(log.time_s, 100 * e.soc, name) for name, e in estimates.items()]
+    series = _side_by_side(log.time_s, {name: 100 * e.soc for name, e in estimates.items()})
     if truth is not None:
         series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
     return Figure("State of charge", TIME, SOC_AXIS, series, height_px=320)
@@ -110,7 +110,7 @@ def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np
 
 def soc_errors_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray) -> Figure:
     """Estimate minus reference of every estimator."""
-    series = [Series(log.time_s, 100 * (e.soc - truth), name) for name, e in estimates.items()]
+    series = _side_by_side(log.time_s, {name: 100 * (e.soc - truth) for name, e in estimates.items()})
     limit = _usual(np.concatenate([s.y for s in series]))
     return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
 
@@ -228,6 +228,11 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
         Series(middle, normal, "normal", "dashed", "reference"),
     ]
     return Figure(title, x_label, "Density", series, height_px=220)
+
+
+def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
+    """A line each; those beyond the number of hues are dashed."""
+    return [Series(x, y, name, "line" if k < len(CYCLE) else "dashed") for k, (name, y) in enumerate(lines.items())]
 
 
 def _band(
