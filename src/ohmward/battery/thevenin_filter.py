@@ -6,11 +6,12 @@ The state is the model's, then five that make the sigma honest:
     offset                           of the current sensor [A]; a random walk
     charge_gain                      of the current sensor over capacity: 1 / capacity share; a slow random walk
     resistance                       share of the file's resistances; a slow random walk
-    model_error                      voltage error of the model in its own standard deviations. It is a function of SoC:
-                                     it stays while SoC stays, and is new after `model_soc_length`.
+    model_error                      voltage error of the model in its own standard deviations: of the curve, of its SoC
+                                     axis, of the overpotential. It is a function of SoC: it stays while SoC stays, and
+                                     is new after `model_soc_length`.
 
 The measurement noise is not white either: an error that holds on for `correlation_s` is one observation in that time,
-however often it is sampled, so R = variance * 2 correlation_s / dt.
+however often it is sampled, so R = variance * 2 correlation_s / dt. Axis and overpotential err in both ways.
 
 One step works with the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
 Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which is what sets the gain
@@ -75,6 +76,19 @@ class FilterState(NamedTuple):
     rest_s: float
     doubtful_s: float
     unknown_s: float
+
+
+class VoltageError(NamedTuple):
+    """How far the voltage may be from the model's.
+
+    lasting_V: standard deviation of the error that stays with SoC; the state `model_error` counts in it.
+    variance: of all else [V^2].
+    weight: how many times that variance R is, because errors hold on from sample to sample.
+    """
+
+    lasting_V: Any
+    variance: Any
+    weight: Any
 
 
 @dataclass(frozen=True)
@@ -151,22 +165,22 @@ class TheveninFilter:
 
         lost = state.doubtful_s > self.patience_s
         prior = choose(lost, _soc_unknown(prior), prior)
-        variance, weight = self.measurement_variance(prior, reading)
-        R = np.array([[variance * weight]]) + (state.noise.residual if self.matching else 0.0)
+        error = self.voltage_error(prior, reading)
+        R = np.array([[error.variance * error.weight]]) + (state.noise.residual if self.matching else 0.0)
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         y = np.array([where(measured, sample.voltage_V, 0.0)])
-        correction = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, reading), R)
+        correction = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, reading, error), R)
         accepted = measured & (nis(correction.innovation) <= self.gate)
         posterior, limited = _within_limits(choose(accepted, correction.belief, prior), self.model.pairs)
 
-        moments = self.learn(state, correction, reading, y)
+        moments = self.learn(state, correction, y - self.voltage(correction.belief.mean, reading, error))
         after = FilterState(
             pack(posterior),
             choose(accepted, moments, state.noise),
             reading.now.current_A,
             reading.now.temperature_degC,
             rest_s,
-            self.doubtful_s(state, correction.innovation, R[0, 0] - variance, reading, measured),
+            self.doubtful_s(state, correction.innovation, R[0, 0] - error.variance, reading, measured),
             reading.unknown_s,
         )
         flags = (
@@ -200,11 +214,11 @@ class TheveninFilter:
             [circuit[0] + gain * (moved[0] - circuit[0]), *moved[1:], offset, gain, resistance, kept * error]
         )
 
-    def voltage(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def voltage(self, x: np.ndarray, reading: Reading, error: VoltageError) -> np.ndarray:
         """Terminal voltage [V] expected in state x, (1,)."""
-        circuit, offset, health, error = self.split(x)
+        circuit, offset, health, deviations = self.split(x)
         u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
-        return voltage(circuit, u, self.model, health) + _on_grid(self.noise.model_std_V, circuit[0]) * error
+        return voltage(circuit, u, self.model, health) + error.lasting_V * deviations
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, Health, Any]:
         """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
@@ -236,25 +250,23 @@ class TheveninFilter:
         ]
         return np.diag(np.array(diagonal))
 
-    def measurement_variance(self, prior: Belief, reading: Reading) -> tuple[Any, Any]:
-        """Variance [V^2] of the voltage given the state, and how many times that R is: errors hold on for a while."""
+    def voltage_error(self, prior: Belief, reading: Reading) -> VoltageError:
+        """How far the voltage may be from what the model says in the state that is believed."""
         noise = self.noise
         circuit, offset, health, _ = self.split(prior.mean)
         u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
         inside = np.array([clip(circuit[0], 0.01, 0.99)])  # beyond the ends the curve is straight and hides its bend
         slope, bend = linearize(lambda s: self.ocv_slope(s, circuit, u), inside)
-        over = overpotential(circuit, u, self.model, health)
         curvature_V = bend[0, 0] * prior.cov[0, 0]
-        variance = (
-            noise.voltage_std_V**2
-            + (noise.soc_axis_std * slope[0]) ** 2
-            + (noise.overpotential_share * over) ** 2
-            + 0.5 * curvature_V * curvature_V
-        )
+        over = overpotential(circuit, u, self.model, health)
+        doubtful = (noise.soc_axis_std * slope[0]) ** 2 + (noise.overpotential_share * over) ** 2
         resistance = ohmic_resistance(circuit[0], u, self.model) + sum(pair_resistances(circuit[0], u, self.model))
         unmeasured_V = where(reading.measured > 0.5, 0.0, resistance * (MOMENTARY_C * self.model.capacity_Ah))
-        weight = maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))
-        return variance + unmeasured_V * unmeasured_V, weight
+        return VoltageError(
+            lasting_V=np.sqrt(_on_grid(noise.model_std_V, circuit[0]) ** 2 + doubtful),
+            variance=noise.voltage_std_V**2 + doubtful + 0.5 * curvature_V * curvature_V + unmeasured_V * unmeasured_V,
+            weight=maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3)),
+        )
 
     def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: Input) -> np.ndarray:
         """Rise of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
@@ -298,13 +310,10 @@ class TheveninFilter:
         mean = belief.mean + K * (reading.now.current_A - self.rest_current_A - offset)
         return Belief(mean, mirror_lower(belief.cov - np.outer(K, belief.cov[-4])))
 
-    def learn(
-        self, state: FilterState, correction: Correction, reading: Reading, y: np.ndarray
-    ) -> adaptive.NoiseEstimate:
+    def learn(self, state: FilterState, correction: Correction, residual: np.ndarray) -> adaptive.NoiseEstimate:
         """Moments that R is matched to, as after this voltage."""
         if not self.matching:
             return state.noise
-        residual = y - self.voltage(correction.belief.mean, reading)
         return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
     def estimate(self, posterior: Belief, correction: Correction, y: np.ndarray, measured: Any, flags: Any) -> Estimate:
