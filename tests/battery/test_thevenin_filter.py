@@ -79,34 +79,31 @@ def test_is_the_filter_of_filterpy(method):
 
 def peer_step(settings, state, sample):
     """Mean and covariance that FilterPy has after the sample."""
-    reading, (mean, cov), n = settings.read(state, sample), unpack(state.belief), 8
+    reading, (mean, cov) = settings.read(state, sample), unpack(state.belief)
+    Q, y = settings.process_noise(state, reading).astype(float), np.array([sample.voltage_V])
 
     def f(x, _dt=None):
         return settings.next_state(x, reading)
 
-    def h(x):
-        return settings.voltage(x, reading)
+    def output(x, P):
+        error = settings.voltage_error(Belief(x, P), reading)
+        return lambda x: settings.voltage(x, reading, error), np.array([[float(error.variance * error.weight)]])
 
     if settings.method == "ekf":
-        peer = ExtendedKalmanFilter(n, 1)
+        peer = ExtendedKalmanFilter(len(mean), 1)
         F = linearize(f, mean)[1]
-        peer.x, peer.P = f(mean).astype(float), F @ cov @ F.T + settings.process_noise(state, reading)
-        peer.R = noise_of(settings, peer.x, peer.P, reading)
-        peer.update(np.array([sample.voltage_V]), lambda x: linearize(h, x)[1], h)
+        peer.x, peer.P = f(mean).astype(float), F @ cov @ F.T + Q
+        h, peer.R = output(peer.x, peer.P)
+        peer.update(y, lambda x: linearize(h, x)[1], h)
         return peer.x, peer.P
-    points = MerweScaledSigmaPoints(n, 0.85, 2.0, 0.0)
-    peer = UnscentedKalmanFilter(n, 1, 1.0, h, f, points)
-    peer.x, peer.P, peer.Q = mean.copy(), cov.copy(), settings.process_noise(state, reading).astype(float)
+    points = MerweScaledSigmaPoints(len(mean), 0.85, 2.0, 0.0)
+    peer = UnscentedKalmanFilter(len(mean), 1, 1.0, None, f, points)
+    peer.x, peer.P, peer.Q = mean.copy(), cov.copy(), Q
     peer.predict()
     peer.sigmas_f = points.sigma_points(peer.x, peer.P)  # redrawn, as ours
-    peer.R = noise_of(settings, peer.x, peer.P, reading)
-    peer.update(np.array([sample.voltage_V]))
+    peer.hx, peer.R = output(peer.x, peer.P)
+    peer.update(y)
     return peer.x, peer.P
-
-
-def noise_of(settings, mean, cov, reading):
-    variance, weight = settings.measurement_variance(Belief(mean, cov), reading)
-    return np.array([[float(variance * weight)]])
 
 
 @pytest.mark.parametrize("method", METHODS)
