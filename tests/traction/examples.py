@@ -1,6 +1,7 @@
 """Robots and grounds that the tests share."""
 
 from dataclasses import replace
+from typing import Any
 
 from ohmward.traction import (
     RLMA,
@@ -18,7 +19,7 @@ from ohmward.traction.terrain import ROADS, SOILS
 
 LOAD_N = 100.0
 
-LAWS = {
+LAWS: dict[str, Any] = {
     "ward-iagnemma": WardIagnemma(0.7, 20.0),
     "ward-iagnemma with peak": WardIagnemma.with_peak(0.8, 0.55, 0.1),
     "burckhardt": ROADS["wet asphalt road"],

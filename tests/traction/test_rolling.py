@@ -9,8 +9,8 @@ from ohmward.traction import CompactionResistance, RollingResistance
 from ohmward.traction.laws import SoftGround
 from ohmward.traction.terrain import SOILS
 
-LAWS = [RollingResistance(), CompactionResistance(SoftGround(SOILS["regolith"], 0.12, 0.05))]
-every_law = pytest.mark.parametrize("law", LAWS, ids=["hard", "soil"])
+SOIL = CompactionResistance(SoftGround(SOILS["regolith"], 0.12, 0.05))
+every_law = pytest.mark.parametrize("law", [RollingResistance(), SOIL], ids=["hard", "soil"])
 
 
 def test_the_formula_by_hand():
@@ -19,8 +19,7 @@ def test_the_formula_by_hand():
 
 
 def test_soil_resists_with_its_compaction():
-    soil = LAWS[1]
-    assert soil.force_N(2.0, 100.0) == pytest.approx(-soil.ground.compaction_N(100.0))
+    assert SOIL.force_N(2.0, 100.0) == pytest.approx(-SOIL.ground.compaction_N(100.0))
 
 
 @every_law

@@ -2,13 +2,14 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import hard_terrain, soft_terrain
-from ohmward.traction.laws import contact
+from ohmward.traction.laws import WardIagnemma, contact
 from ohmward.traction.terrain import ADHESION, ROADS
 
 
 @pytest.mark.parametrize("name", ADHESION)
 def test_a_hard_floor_has_the_peak_and_the_sliding_value_of_its_table(name):
     law, published = hard_terrain(name).traction, ADHESION[name]
+    assert isinstance(law, WardIagnemma)
     assert published.peak[0] <= law.peak_adhesion <= published.peak[1] + 1e-12
     assert published.sliding[0] <= law.force_N(contact(9.0, 0.0, 1.0)) <= published.sliding[1] + 1e-12
     assert law.peak_slip_speed_m_s == pytest.approx(0.1)

@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from ohmward.battery.checks import require_between, require_positive
-from ohmward.trace import exp
 from ohmward.traction.laws.soft_ground import SoftGround
 from ohmward.traction.odd import direction_and_size
 
@@ -48,7 +49,7 @@ class RollingResistance:
     def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
         """Force [N] of the ground on the body along x."""
         direction, speed = direction_and_size(travel_speed_m_s)
-        return -direction * load_N * (self.a1 * (1 - exp(-self.a2_s_per_m * speed)) + self.a3_s_per_m * speed)
+        return -direction * load_N * (-self.a1 * np.expm1(-self.a2_s_per_m * speed) + self.a3_s_per_m * speed)
 
 
 @dataclass(frozen=True)
@@ -69,4 +70,4 @@ class CompactionResistance:
     def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
         """Force [N] of the ground on the body along x."""
         direction, speed = direction_and_size(travel_speed_m_s)
-        return -direction * self.ground.compaction_N(load_N) * (1 - exp(-self.a2_s_per_m * speed))
+        return direction * self.ground.compaction_N(load_N) * np.expm1(-self.a2_s_per_m * speed)

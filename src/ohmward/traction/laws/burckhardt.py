@@ -9,9 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.errors import InputError
-from ohmward.trace import exp, minimum
+from ohmward.trace import minimum
 from ohmward.traction.laws.law import SPEED_FLOOR, Contact, bounded_slip_ratio
 from ohmward.traction.laws.ward_iagnemma import WardIagnemma
 from ohmward.traction.odd import direction_and_size
@@ -69,4 +71,4 @@ class Burckhardt:
         return WardIagnemma(self.c1, self.c2 / speed_m_s, -self.c3 / speed_m_s, self.sliding)
 
     def _adhesion(self, slip_ratio: Any) -> Any:
-        return self.c1 * (1 - exp(-self.c2 * slip_ratio)) - self.c3 * slip_ratio
+        return -self.c1 * np.expm1(-self.c2 * slip_ratio) - self.c3 * slip_ratio

@@ -12,9 +12,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ohmward.battery.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
-from ohmward.trace import exp, maximum, where
+from ohmward.trace import maximum, where
 from ohmward.traction.laws.law import Contact
 from ohmward.traction.odd import direction_and_size
 
@@ -83,4 +85,4 @@ class WardIagnemma:
 
 def adhesion(slip_speed_m_s: Any, c1: Any, c2_s_per_m: Any, c3_s_per_m: Any = 0.0) -> Any:
     """Force over load at a slip speed >= 0, [T] 4.3; the parameters may be states of a filter."""
-    return c1 * (1 - exp(-c2_s_per_m * slip_speed_m_s)) + c3_s_per_m * slip_speed_m_s
+    return -c1 * np.expm1(-c2_s_per_m * slip_speed_m_s) + c3_s_per_m * slip_speed_m_s
