@@ -340,13 +340,22 @@ def _soc_unknown(belief: Belief) -> Belief:
 
 
 def _within_limits(belief: Belief, pairs: int) -> tuple[Belief, Any]:
-    """The belief with SoC projected into [0, 1] along its covariance, hysteresis into [-1, 1]; and whether SoC was."""
+    """The belief with SoC projected into [0, 1] along its covariance, hysteresis into [-1, 1]; and whether SoC was.
+
+    Their standard deviations stay within what it means to know nothing of them.
+    """
     mean, P = belief.mean, belief.cov
-    excess = mean[0] - clip(mean[0], 0.0, 1.0)
-    projected = mean - P[:, 0] * (excess / maximum(P[0, 0], 1e-12))
-    h = pairs + 1
-    limited = np.array([clip(x, -1.0, 1.0) if k == h else x for k, x in enumerate(projected)])
-    return Belief(limited, P), abs(excess) > 0.0
+    soc, h = clip(mean[0], 0.0, 1.0), pairs + 1
+    projected = mean - P[:, 0] * ((mean[0] - soc) / maximum(P[0, 0], 1e-12))
+    limited = np.array([soc, *projected[1:h], clip(projected[h], -1.0, 1.0), *projected[h + 1 :]])
+    highest_std = {0: SPREAD, h: 1.0}
+    scale = np.array([_at_most(highest_std[k], P[k, k]) if k in highest_std else 1.0 for k in range(len(mean))])
+    return Belief(limited, mirror_lower(P * np.outer(scale, scale))), abs(mean[0] - soc) > 0.0
+
+
+def _at_most(std: float, variance: Any) -> Any:
+    """Factor that brings a standard deviation down to `std`; 1 where it is below."""
+    return std / np.sqrt(maximum(variance, std**2))
 
 
 def _on_grid(values: tuple[float, ...], soc: Any) -> Any:
