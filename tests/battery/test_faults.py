@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from ohmward.battery.coulomb import CoulombCounting
 from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.rest_ocv import RestOcv
+from ohmward.battery.soc_estimator import Estimator
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
@@ -22,7 +24,7 @@ NAN, INF = math.nan, math.inf
 LENGTH, FIRST, LAST = 5400, 1800, 3600
 OUTAGE, ONE = slice(FIRST, LAST), slice(FIRST, FIRST + 1)
 TRUTH = simulate(NMC, drive(np.random.default_rng(1), LENGTH, -0.3), 0.9)
-ESTIMATORS = {
+ESTIMATORS: dict[str, Estimator] = {
     "ekf": TheveninFilter(NMC, NOISE, rest_current_A=0.0),
     "ukf": TheveninFilter(NMC, NOISE, "ukf", rest_current_A=0.0),
     "aekf": TheveninFilter(NMC, NOISE, "ekf", matching=True, rest_current_A=0.0),
@@ -59,7 +61,7 @@ def assert_sane(estimates):
     assert np.all(np.isfinite(estimates.soc_std) & (estimates.soc_std > 0.0))
 
 
-SINGLE = {
+SINGLE: dict[str, tuple[dict[str, Any], Flag]] = {
     "voltage nan": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
     "voltage inf": ({"voltage_V": INF}, Flag.NO_VOLTAGE),
     "voltage 0": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
@@ -113,7 +115,7 @@ def test_flags_are_counted_sample_by_sample():
     assert counts[Flag.BAD_TIME] == 1
 
 
-LASTING = {
+LASTING: dict[str, dict[str, Any]] = {
     "voltage nan": {"voltage_V": NAN},
     "current nan": {"current_A": NAN},
     "everything nan": {"voltage_V": NAN, "current_A": NAN},

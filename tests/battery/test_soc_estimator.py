@@ -13,7 +13,7 @@ from ohmward.battery.coulomb import CoulombCounting
 from ohmward.battery.estimate import Flag
 from ohmward.battery.noise import Noise
 from ohmward.battery.rest_ocv import RestOcv
-from ohmward.battery.soc_estimator import SocEstimator, samples_of
+from ohmward.battery.soc_estimator import Estimator, SocEstimator, samples_of
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -23,7 +23,7 @@ NOISE = Noise()
 TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)
 COLUMNS = samples(TRUTH, 0.03, NOISE)
 LOG = Log("drive", TRUTH.time_s + 100.0, COLUMNS.current_A, COLUMNS.voltage_V)
-ESTIMATORS = {
+ESTIMATORS: dict[str, Estimator] = {
     "ekf": TheveninFilter(LFP, NOISE, rest_current_A=0.0),
     "ukf": TheveninFilter(LFP, NOISE, "ukf"),
     "aekf": TheveninFilter(LFP, NOISE, "ekf", matching=True),
