@@ -13,6 +13,7 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
 GAP_S = 120.0
 _GAP_INTERVALS = 20.0
+_USUAL_INTERVALS = 3.0
 _COUNTER_TOLERANCE = 0.05
 _BLOCKS = 200
 _BLOCK_INTERVALS = 100
@@ -99,11 +100,13 @@ def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | N
 
     moved_Ah: (T,) integral of the current over each interval [Ah]; gap: (T,) bool, where that means nothing.
     """
+    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
+    usable = ~gap & (dt_s <= _USUAL_INTERVALS * np.median(dt_s))
     for name, values_Ah in _candidates(log.extra).items():
         if not np.isfinite(values_Ah).all():
             continue
         step_Ah = _without_resets(values_Ah, moved_Ah, gap)
-        slope = _slope(step_Ah, moved_Ah, ~gap)
+        slope = _slope(step_Ah, moved_Ah, usable)
         if abs(abs(slope) - 1.0) < _COUNTER_TOLERANCE:
             return Counter(name, np.sign(slope) * step_Ah, _resolution(values_Ah))
     return None

@@ -37,7 +37,7 @@ def circuit_of(solution: Solution, problem: Problem, efficiency: float) -> Theve
 
 
 def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
-    """The first OCV curve with the correction of the fit, non-decreasing, and its hysteresis at the scale of the fit."""
+    """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
     first, layout = problem.ocv, solution.layout
     correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[layout.correction])
     scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
@@ -61,7 +61,7 @@ def start_of(solution: Solution, part: int) -> tuple[tuple[float, ...], float]:
 
 
 def slow_shape(ocv: OcvCurve, samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
-    """(21,) expected course of the slowest resistance along SoC: that of the low-rate gap, about 1 where there are data.
+    """(21,) expected course of the slowest resistance along SoC, about 1 with data: that of the low-rate gap.
 
     The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.
     Its ends hold more than that and are replaced. Flat without a gap.

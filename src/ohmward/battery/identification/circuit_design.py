@@ -21,10 +21,9 @@ from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import KELVIN
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
-OCV_KNOTS = np.concatenate([
-    [0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.arange(0.1, 0.905, 0.05), [0.92, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99],
-    [0.995, 1.0],
-])  # fmt: skip
+OCV_KNOTS = np.concatenate(
+    [[0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.linspace(0.1, 0.9, 17), [0.92, 0.94, 0.96, 0.97, 0.98, 0.99, 1.0]]
+)
 
 
 class Rates(NamedTuple):
@@ -42,7 +41,8 @@ class Layout(NamedTuple):
     """Where each group of unknowns stands in the vector x (K,).
 
     pairs: number n of RC pairs; records: number of records; hysteresis: whether the OCV curve has any.
-    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV correction
+    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV
+    correction
     on OCV_KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
     """
 

@@ -84,9 +84,9 @@ def _search(problem: Problem, pairs: int, start: np.ndarray, bounds: tuple[np.nd
 def _best_apart(starts: list[np.ndarray], tried: list[Solution]) -> list[np.ndarray]:
     """The best start, and the best of those whose slowest time constant differs by more than a factor of 2."""
     order = sorted(range(len(starts)), key=lambda k: tried[k].score)
-    first = tried[order[0]].rates.tau_s[-1:]
-    others = [k for k in order if any(abs(np.log(t / f)) > _APART for t, f in zip(tried[k].rates.tau_s[-1:], first))]
-    return [starts[k] for k in (order[0], *others[:1])]
+    slowest = [(s.rates.tau_s or (1.0,))[-1] for s in tried]
+    apart = [k for k in order if abs(np.log(slowest[k] / slowest[order[0]])) > _APART]
+    return [starts[k] for k in (order[0], *apart[:1])]
 
 
 def _starts(problem: Problem, pairs: int) -> list[Rates]:

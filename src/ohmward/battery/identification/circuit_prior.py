@@ -120,7 +120,7 @@ def resistance_prior(prior: Prior, layout: Layout, levels: np.ndarray, shapes: n
 
 
 def ocv_precision(prior: Prior, ocv: OcvCurve, volts: float) -> np.ndarray:
-    """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation along SoC, wider on a steep curve."""
+    """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation, wider where steep."""
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
     gap = np.asarray(ocv.half_gap_V(OCV_KNOTS))
     std = np.sqrt((volts * prior.ocv_V) ** 2 + (prior.ocv_soc * slope) ** 2 + (prior.ocv_gap * gap) ** 2)

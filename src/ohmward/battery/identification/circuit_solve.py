@@ -7,6 +7,8 @@ that do not fit count less (pseudo-Huber, by reweighting).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -52,33 +54,43 @@ class Problem(NamedTuple):
         return float(np.nanmean(np.concatenate([s.voltage_V for s in self.samples]))) / CELL_V
 
 
-class Solution(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Solution:
     """The linear unknowns for given rates.
 
-    x: (K,), cov: (K, K) posterior covariance; residual_V: for each record (N,), nan without a voltage.
+    x: (K,); precision, prior_precision: (K, K) with and without the data;
+    residual_V: for each record (N,), nan without a voltage.
     weighted: (M,) residuals and prior over their standard deviations, the sum of squares being the cost.
     robust: for each record (N,) weights of outlying samples, 1 for none.
-    occam: twice the logarithm of how much the data narrow the unknowns, what the evidence charges for flexibility.
     """
 
     layout: Layout
     rates: Rates
     x: np.ndarray
-    cov: np.ndarray
+    precision: np.ndarray
+    prior_precision: np.ndarray
     residual_V: tuple[np.ndarray, ...]
     weighted: np.ndarray
     robust: tuple[np.ndarray, ...]
-    occam: float
 
     @property
     def cost(self) -> float:
         """Sum of squares that the search minimises."""
         return float(self.weighted @ self.weighted)
 
+    @cached_property
+    def cov(self) -> np.ndarray:
+        """(K, K) posterior covariance of x."""
+        return np.linalg.inv(self.precision)
+
     @property
     def score(self) -> float:
-        """What the starts compete by, smaller is better: minus twice the log evidence."""
-        return self.cost + self.occam
+        """What the starts compete by, smaller is better: minus twice the log evidence.
+
+        Beside the cost it charges for flexibility, by how much the data had to narrow the unknowns.
+        """
+        narrowed = np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior_precision)[1]
+        return float(self.cost + narrowed)
 
 
 def solve(
@@ -112,8 +124,7 @@ def solve(
     weighted = np.concatenate(
         [*deviations, _prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
     )
-    occam = float(np.linalg.slogdet(H)[1] - np.linalg.slogdet(prior.precision)[1])
-    return Solution(layout, rates, x, np.linalg.inv(H), residual_V, weighted, kept, occam)
+    return Solution(layout, rates, x, H, prior.precision, residual_V, weighted, kept)
 
 
 def _target(problem: Problem, samples: Samples) -> np.ndarray:

@@ -11,9 +11,11 @@ from ohmward.battery.identification.circuit_solve import Problem, Solution, last
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.samples import COARSEST_S, Samples
 from ohmward.battery.noise import Noise
+from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Thevenin
 
 OFFSET_SHARE = 0.025
+SOC_AXIS_STD = 0.01
 _SMALLEST_STD_V = 0.002
 _PULSES_STD_V = 0.008
 _PULSES_SHARE = 0.15
@@ -41,9 +43,11 @@ def noise_from_fit(
     data_V = residual_std_V(solution, problem)
     known_V = np.maximum(posterior_std_V(solution, samples, p), volts * unseen_std_V(samples, p.capacity_Ah))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
-    model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), floor_V)
+    whole_V = np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V)
+    model_V = np.maximum(beyond_axis_V(whole_V, p.ocv), floor_V)
     share = overpotential_share(solution, problem, p)
     return Noise(
+        soc_axis_std=SOC_AXIS_STD,
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
@@ -53,6 +57,15 @@ def noise_from_fit(
         current_offset_walk_A=0.001 * p.capacity_Ah,
         capacity_std=_GAIN_STD,
     )
+
+
+def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
+    """(21,) what is left of the model's error [V] once the error of the SoC axis, which the filter adds itself, is off.
+
+    Without this a steep end of the curve counts twice, and any voltage would be possible there.
+    """
+    slope_V = np.gradient(np.asarray(ocv.mean_V(RESISTANCE_GRID, ocv.reference_degC)), RESISTANCE_GRID)
+    return np.sqrt(np.maximum(std_V**2 - (SOC_AXIS_STD * slope_V) ** 2, 0.0))
 
 
 def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
@@ -70,7 +83,7 @@ def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
 
 
 def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> float:
-    """Error of the overpotential as a share of itself: 5 %, or what the fit left in charging where that counts little."""
+    """Error of the overpotential as a share of itself: 5 %, or what the fit left in charges that count little."""
     if problem.prior.charging_factor == 1.0:
         return _OVERPOTENTIAL_SHARE
     charging = _charging(problem)

@@ -70,10 +70,11 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
 
     soc, voltage_V = _merged(points)
     if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:
+        span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
-            f"only {soc.size} rests of {SHORTEST_REST_S:g} s or more, over {np.ptp(soc) if soc.size else 0:.0%} of SoC: "
-            "the open-circuit voltage cannot be told from the voltage under load; add a log with a low-rate discharge "
-            "and charge, or one with rests at several states of charge"
+            f"only {soc.size} rests of {SHORTEST_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit voltage "
+            "cannot be told from the voltage under load; add a log with a low-rate discharge and charge, or one with "
+            "rests at several states of charge"
         )
     soc, voltage_V = _with_ends(soc, voltage_V, empty_V)
     grid = np.linspace(0.0, 1.0, _POINTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +53,8 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
     divides = [k for k in np.flatnonzero(record.charge.unknown) if not _rests_through(record, int(k))]
     if not divides:
         return (record,)
-    edges = [0, *divides, len(log)]
-    parts = [log.select(slice(a, b)) for a, b in zip(edges, edges[1:], strict=False) if b - a >= _FEWEST_SAMPLES]
+    edges = [0, *(int(k) for k in divides), len(log)]
+    parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= _FEWEST_SAMPLES]
     useful = [part for part in parts if np.any(np.nan_to_num(part.current_A)) and part.duration_s > 0]
     if not useful:
         raise InputError(f"log {log.name!r}: {counted(len(divides), 'gap')} of unknown charge leave no part to use")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Sequence
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -96,8 +97,8 @@ def _spread(time_s: np.ndarray) -> np.ndarray:
     return np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_SAMPLES) ** 2
 
 
-def _apart(taus: tuple[float, ...]) -> bool:
-    return all(b >= _SMALLEST_RATIO * a for a, b in zip(taus, taus[1:], strict=False))
+def _apart(taus: Sequence[float]) -> bool:
+    return all(b >= _SMALLEST_RATIO * a for a, b in pairwise(taus))
 
 
 def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[float, ...]]) -> ExponentialFit:

@@ -43,8 +43,9 @@ class Samples(NamedTuple):
 def thin(record: Record, soc: np.ndarray, otherwise_degC: float = 25.0) -> tuple[Samples, ...]:
     """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
 
-    A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up, so nothing of the current is lost. At a gap in the recording,
-    during which the course of the current is not known, one part ends and another starts.
+    A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up,
+    so nothing of the current is lost. At a gap in the recording, during which the course of the current is not known,
+    one part ends and another starts.
     soc: (T,) state of charge along the record.
     """
     kept = _kept(record)

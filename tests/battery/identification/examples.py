@@ -1,0 +1,99 @@
+"""Batteries, tests on a bench and measured data that the tests of the identification share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.logs import Log, read_log
+
+RESISTANCE_GRID = np.linspace(0, 1, 21)
+OCV_GRID = np.linspace(0, 1, 201)
+NMC_OCV = OcvCurve(tuple(3.4 + 0.75 * OCV_GRID - 0.35 * np.exp(-15 * OCV_GRID) + 0.04 * np.sin(6 * OCV_GRID)))
+LFP_OCV = OcvCurve(
+    tuple(3.2 + 0.1 * OCV_GRID - 0.6 * np.exp(-25 * OCV_GRID) + 0.15 * np.exp(-60 * (1 - OCV_GRID))), (0.015,) * 201
+)
+
+
+def cell(
+    ocv: OcvCurve = NMC_OCV, capacity_Ah: float = 2.0, tau_s: tuple[float, ...] = (20.0, 800.0), **other
+) -> Thevenin:
+    """A cell with constant resistances on the grid of the fit: r0 30 mohm, pairs 10 and 25 mohm."""
+
+    def flat(ohm: float) -> tuple[float, ...]:
+        return (ohm,) * RESISTANCE_GRID.size
+
+    pairs = tuple(flat(ohm) for ohm in (0.010, 0.025, 0.008)[: len(tau_s)])
+    return Thevenin(capacity_Ah, ocv, flat(0.030), flat(0.030), pairs, tau_s, **other)
+
+
+def play(
+    p: Thevenin,
+    time_s: np.ndarray,
+    current_A: np.ndarray,
+    soc: float,
+    *,
+    std_V: float = 0.0,
+    seed: int = 0,
+    name: str = "log",
+) -> Log:
+    """What a logger would see of the cell, sample by sample with the model's own step, from rest at `soc`.
+
+    time_s, current_A: (T,); between samples the current is linear, as everywhere in this project.
+    """
+    x = np.array([soc, *np.zeros(p.pairs), 0.0])
+    seen_V = []
+    for k in range(time_s.size):
+        if k:
+            mean_A = 0.5 * (current_A[k] + current_A[k - 1])
+            x = next_state(x, Input(mean_A, 25.0), p, time_s[k] - time_s[k - 1])
+        seen_V.append(float(voltage(x, Input(current_A[k], 25.0), p)[0]))
+    noise_V = np.random.default_rng(seed).normal(0.0, std_V, time_s.size) if std_V else 0.0
+    return Log(name, time_s, current_A, np.array(seen_V) + noise_V)
+
+
+def steps(phases: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Time (T,) and current (T,) of phases (duration [s], current [A], sampling interval [s]); steps take 0.1 s."""
+    times, currents, start = [], [], 0.0
+    for duration_s, current_A, dt_s in phases:
+        inner = np.append(np.arange(0.1, duration_s, dt_s), duration_s)
+        times.append(start + inner)
+        currents.append(np.full(inner.size, current_A))
+        start += duration_s
+    return np.concatenate([[0.0], *times]), np.concatenate([[phases[0][1]], *currents])
+
+
+def pulse_phases(capacity_Ah: float = 2.0, count: int = 10, rest_s: float = 3600.0) -> list[tuple[float, float, float]]:
+    """From full downwards: a 1 C discharge pulse, a pause, a 0.75 C charge pulse, a step of SoC at C/2, a rest."""
+    C = capacity_Ah
+    share = 0.97 / count - 22.5 / 3600
+    first = [(rest_s / 4, 0.0, 30.0)]
+    pulses = [(30.0, -C, 1.0), (60.0, 0.0, 2.0), (10.0, 0.75 * C, 1.0), (60.0, 0.0, 2.0)]
+    once = [*pulses, (share * 7200.0, -C / 2, 20.0), (rest_s, 0.0, 30.0)]
+    return first + once * count
+
+
+def pulse_log(p: Thevenin, *, std_V: float = 0.0, seed: int = 0, **how) -> Log:
+    return play(p, *steps(pulse_phases(p.capacity_Ah, **how)), soc=1.0, std_V=std_V, seed=seed, name="pulses")
+
+
+def low_rate_logs(p: Thevenin) -> tuple[Log, Log]:
+    """A discharge from full and a charge from empty at C/30."""
+    current_A, sweep_s = p.capacity_Ah / 30, 30 * 3600.0
+    down = play(p, *steps([(600.0, 0.0, 60.0), (sweep_s, -current_A, 60.0)]), soc=1.0, name="down")
+    up = play(p, *steps([(600.0, 0.0, 60.0), (sweep_s, current_A, 60.0)]), soc=0.0, name="up")
+    return down, up
+
+
+def measured(path: str, **how) -> Log:
+    """A measured log; the test is skipped where it is not at hand."""
+    repository = Path(__file__).parents[3]
+    root = Path(os.environ.get("OHMWARD_DATA", repository.parent / "shared" / "data"))
+    if not (root / path).exists():
+        pytest.skip(f"measured data not found: {root / path} (set OHMWARD_DATA to the folder that holds it)")
+    return read_log(root / path, **how)

@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
+from ohmward.battery.identification.anchor import anchor_soc, capacity_from_rests, full_charges
+from ohmward.battery.identification.record import make_records
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+
+def record_of(log, capacity_Ah=2.0):
+    (record,) = make_records(log, capacity_Ah)
+    return record
+
+
+def cc_cv(p, start, efficiency=1.0):
+    """Charge at C/2, then a current that dies away as at a constant voltage, a rest, a discharge of 1 Ah."""
+    taper = [(300.0, 1.0 * 0.7**k, 10.0) for k in range(12)]
+    stored = (1 - start) * 2.0 / efficiency
+    taper_Ah = sum(s * i / 3600 for s, i, _ in taper)
+    phases = [
+        (600, 0, 30),
+        ((stored - taper_Ah) * 3600, 1.0, 20),
+        *taper,
+        (3600, 0, 60),
+        (3600, -1.0, 10),
+        (600, 0, 30),
+    ]
+    log = play(p, *steps(phases), soc=start)
+    top_V = 4.2 - 0.0 * log.voltage_V
+    rising = (log.current_A > 0) & (log.time_s > 600 + (stored - taper_Ah) * 3600)
+    return Log("charge", log.time_s, log.current_A, np.where(rising, top_V, np.minimum(log.voltage_V, 4.2)))
+
+
+def test_given_soc_wins():
+    axis = anchor_soc(record_of(pulse_log(cell(), count=2, rest_s=600)), 2.0, NMC_OCV, initial_soc=0.99)
+    assert axis.soc[0] == 0.99 and axis.anchors[0].reason == "given"
+
+
+def test_end_of_a_full_charge_is_full():
+    record = record_of(cc_cv(cell(), 0.3))
+    assert len(full_charges(record, 2.0)) == 1
+    axis = anchor_soc(record, 2.0)
+    assert axis.soc[0] == pytest.approx(0.3, abs=0.02)
+    assert axis.soc.max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_charge_that_stops_early_is_not_full():
+    log = play(cell(), *steps([(600, 0, 30), (3600, 1.0, 10), (3600, 0, 30)]), soc=0.3)
+    assert full_charges(record_of(log), 2.0) == ()
+
+
+def test_rest_at_a_known_curve():
+    p = cell()
+    log = play(p, *steps([(1200, 0, 30), (1800, -1, 5), (3600, 0, 30)]), soc=0.62)
+    assert anchor_soc(record_of(log), 2.0, NMC_OCV).soc[0] == pytest.approx(0.62, abs=2e-3)
+
+
+def test_the_steepest_rest_is_believed():
+    p = cell(LFP_OCV)
+    log = play(p, *steps([(1200, 0, 30), (6500, -1, 20), (7200, 0, 60)]), soc=0.95)
+    (anchor,) = anchor_soc(record_of(log), 2.0, LFP_OCV).anchors
+    assert anchor.sample == len(log) - 1
+    assert anchor.soc == pytest.approx(0.95 - 6500 / 7200, abs=0.01)
+
+
+def test_a_full_sweep_starts_full():
+    axis = anchor_soc(record_of(pulse_log(cell(), count=3, rest_s=600)), 2.0)
+    assert axis.soc[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_nothing_known_is_refused():
+    log = play(cell(), *steps([(1200, 0, 30), (1800, -1, 5), (3600, 0, 30)]), soc=0.62)
+    with pytest.raises(InputError, match="nothing tells its state of charge"):
+        anchor_soc(record_of(log), 2.0)
+
+
+def test_capacity_far_too_small_is_refused_with_figures():
+    with pytest.raises(InputError, match=r"with a capacity of 1\.5 Ah .* would run from -0\..* it moves 1\.9"):
+        anchor_soc(record_of(pulse_log(cell(), count=3, rest_s=600), 1.5), 1.5)
+
+
+def test_capacity_a_little_wrong_is_reported_with_figures():
+    record = record_of(pulse_log(cell(), count=5, rest_s=3600), 2.12)
+    axis = anchor_soc(record, 2.12, NMC_OCV)
+    assert capacity_from_rests(record, axis, NMC_OCV, 2.12) == pytest.approx(2.0, rel=0.01)
+    (warning,) = [n for n in axis.notes if n.level == "warning"]
+    assert "agree for a capacity of" in warning.text and "not for the given 2.12 Ah" in warning.text
+    right = record_of(pulse_log(cell(), count=5, rest_s=3600))
+    assert not [n for n in anchor_soc(right, 2.0, NMC_OCV).notes if n.level == "warning"]
+
+
+def test_efficiency_from_two_full_charges():
+    once = cc_cv(cell(), 0.5, efficiency=0.9)
+    Ah = once.charge_Ah()
+    top = full_charges(record_of(once), 2.0)[0].sample
+    back = slice(0, top + 1)
+    time_s = np.concatenate([once.time_s, once.time_s[-1] + 1.0 + once.time_s[back]])
+    again = Log(
+        "twice",
+        time_s,
+        np.concatenate([once.current_A, once.current_A[back]]),
+        np.concatenate([once.voltage_V, once.voltage_V[back]]),
+    )
+    axis = anchor_soc(record_of(again), 2.0)
+    assert len(axis.anchors) == 2
+    assert axis.efficiency == pytest.approx((Ah[top] - Ah[-1]) / Ah[top], rel=0.01)
+    assert [axis.soc[a.sample] for a in axis.anchors] == pytest.approx([1.0, 1.0])
+
+
+def test_default_efficiency_where_the_log_does_not_tell():
+    axis = anchor_soc(record_of(cc_cv(cell(), 0.5, efficiency=0.9)), 2.0, efficiency=0.9)
+    assert axis.efficiency == 0.9 and axis.soc[0] == pytest.approx(0.5, abs=0.02)

@@ -1,0 +1,178 @@
+"""The fit of the circuit on simulated records: exact without noise, honest with it."""
+
+import numpy as np
+import pytest
+
+from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
+from ohmward.battery.identification.anchor import anchor_soc
+from ohmward.battery.identification.circuit import circuit_of
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, Layout, Rates, design, hat
+from ohmward.battery.identification.circuit_fit import fit_circuit
+from ohmward.battery.identification.circuit_prior import Prior, ocv_precision
+from ohmward.battery.identification.circuit_solve import Problem, last_direction, solve
+from ohmward.battery.identification.confidence import confidence_intervals, not_identified
+from ohmward.battery.identification.record import make_records
+from ohmward.battery.identification.samples import thin
+
+FLAT = np.ones(RESISTANCE_GRID.size)
+# The prior of the slowest pair is centred on the true one where a test is about exactness.
+PRIOR = Prior(slow_tau_s=800.0)
+
+
+def problem_of(*logs, ocv=NMC_OCV, capacity_Ah=2.0, prior=PRIOR, fit_activation=False, degC=()):
+    records = [r for log in logs for r in make_records(log, capacity_Ah)]
+    parts = [part for r in records for part in thin(r, anchor_soc(r, capacity_Ah, ocv).soc)]
+    for k, T in enumerate(degC):
+        parts[k] = parts[k]._replace(temperature_degC=np.full(parts[k].soc.size, T))
+    return Problem(tuple(parts), ocv, capacity_Ah, prior, FLAT, 25.0, fit_activation)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """A pulse test without noise, its SoC known, and the cell it came from."""
+    return problem_of(pulse_log(cell(), count=5, rest_s=1800.0)), cell()
+
+
+def test_design_times_truth_is_the_simulated_voltage(exact):
+    problem, p = exact
+    layout, rates = Layout(2, 1, False), Rates(p.tau_s, p.hysteresis_rate)
+    x = np.zeros(layout.size)
+    for j, ohm in enumerate((0.030, 0.030, 0.010, 0.025)):
+        x[layout.block(j)] = ohm
+    (s,) = problem.samples
+    voltage_V = NMC_OCV.mean_V(s.soc, 25.0) + design(s, 0, layout, rates, NMC_OCV, 2.0, 25.0) @ x
+    assert voltage_V == pytest.approx(s.voltage_V, abs=3e-4)
+
+
+def test_linear_unknowns_without_noise(exact):
+    problem, p = exact
+    s = solve(problem, Rates(p.tau_s, p.hysteresis_rate))
+    for j, ohm in enumerate((0.030, 0.030, 0.010, 0.025)):
+        assert s.x[s.layout.block(j)] == pytest.approx(ohm, rel=0.02)
+    assert np.abs(s.x[s.layout.correction]).max() < 1e-3
+    assert np.nanmax(np.abs(s.residual_V[0])) < 5e-4
+
+
+def test_time_constants_without_noise(exact):
+    problem, p = exact
+    found = fit_circuit(problem, 2).solution
+    assert found.rates.tau_s == pytest.approx(p.tau_s, rel=1e-4)
+
+
+@pytest.mark.parametrize("pairs, tau_s", [(0, ()), (1, (60.0,)), (3, (6.0, 60.0, 800.0))])
+def test_other_numbers_of_pairs(pairs, tau_s):
+    p = cell(tau_s=tau_s)
+    found = fit_circuit(problem_of(pulse_log(p, count=4, rest_s=1500.0)), pairs).solution
+    assert found.rates.tau_s == pytest.approx(tau_s, rel=0.1)
+    assert found.x[found.layout.block(0)][4:-1] == pytest.approx(0.030, rel=0.03)
+
+
+def test_resistance_along_soc_is_followed():
+    ohm = 0.03 + 0.04 * np.exp(-8 * RESISTANCE_GRID)
+    p = cell()
+    p = type(p)(2.0, NMC_OCV, tuple(ohm), tuple(ohm), p.r_ohm, p.tau_s)
+    s = solve(problem_of(pulse_log(p, count=10, rest_s=900.0)), Rates(p.tau_s, 20.0))
+    assert s.x[s.layout.block(0)][3:] == pytest.approx(ohm[3:], rel=0.06)
+
+
+def test_hysteresis_scale_and_rate():
+    p = cell(LFP_OCV, hysteresis_rate=40.0)
+    problem = problem_of(pulse_log(p, count=6, rest_s=1800.0), ocv=LFP_OCV, prior=PRIOR._replace(hysteresis=(1.0, 0.3)))
+    found = fit_circuit(problem, 2).solution
+    assert found.x[found.layout.scale] == pytest.approx(1.0, abs=0.1)
+    assert found.rates.hysteresis_rate == pytest.approx(40.0, rel=0.25)
+
+
+def test_a_wrong_first_ocv_curve_is_corrected():
+    error_V = 0.006 * np.sin(2 * np.pi * np.linspace(0, 1, 201))
+    wrong = type(NMC_OCV)(tuple(np.asarray(NMC_OCV.voltage_V) + error_V))
+    problem = problem_of(pulse_log(cell(), count=10, rest_s=3600.0), ocv=wrong)
+    fit = fit_circuit(problem, 2)
+    corrected = circuit_of(fit.solution, problem, 1.0).ocv
+    soc = np.linspace(0.1, 0.95, 50)
+    left_V = np.asarray(corrected.mean_V(soc, 25.0)) - np.asarray(NMC_OCV.mean_V(soc, 25.0))
+    assert np.sqrt(np.mean(left_V**2)) < 0.0015 < 0.004 < np.sqrt(np.mean(error_V**2))
+
+
+def test_an_outlier_hardly_counts():
+    log = pulse_log(cell(), count=4, rest_s=900.0)
+    voltage_V = log.voltage_V.copy()
+    voltage_V[200:210] += 2.0
+    spoiled = type(log)(log.name, log.time_s, log.current_A, voltage_V)
+    s = solve(problem_of(spoiled), Rates((20.0, 800.0), 20.0))
+    assert s.x[s.layout.block(0)][4:-2] == pytest.approx(0.030, rel=0.1)
+
+
+def test_voltages_not_measured_are_left_out():
+    log = pulse_log(cell(), count=4, rest_s=900.0)
+    voltage_V = log.voltage_V.copy()
+    voltage_V[300:400] = np.nan
+    s = solve(problem_of(type(log)(log.name, log.time_s, log.current_A, voltage_V)), Rates((20.0, 800.0), 20.0))
+    assert np.isfinite(s.x).all() and np.isnan(s.residual_V[0]).any()
+    assert s.x[s.layout.block(0)][4:-1] == pytest.approx(0.030, rel=0.03)
+
+
+def test_activation_from_two_temperatures():
+    warm, cold = cell(), cell()
+    factor = np.exp(2500.0 * (1 / 278.15 - 1 / 298.15))
+    cold = type(cold)(
+        2.0,
+        NMC_OCV,
+        tuple(factor * r for r in cold.r0_discharge_ohm),
+        tuple(factor * r for r in cold.r0_charge_ohm),
+        tuple(tuple(factor * r for r in row) for row in cold.r_ohm),
+        cold.tau_s,
+    )
+    logs = [pulse_log(p, count=3, rest_s=1200.0) for p in (warm, cold)]
+    found = fit_circuit(problem_of(*logs, degC=(25.0, 5.0), fit_activation=True), 2).solution
+    assert found.rates.activation_K == pytest.approx(2500.0, rel=0.03)
+    assert found.x[found.layout.block(0)][5:-1] == pytest.approx(0.030, rel=0.03)
+
+
+def test_intervals_cover_the_truth():
+    """95 % intervals over seeds; samples closer than 60 s count as one, so white noise is covered more often."""
+    truth = {
+        "r0_discharge_ohm": 0.030,
+        "r0_charge_ohm": 0.030,
+        "r1_ohm": 0.010,
+        "r2_ohm": 0.025,
+        "tau1_s": 20.0,
+        "tau2_s": 800.0,
+    }
+    inside = []
+    for seed in range(4):
+        fit = fit_circuit(problem_of(pulse_log(cell(), count=3, rest_s=1200.0, std_V=0.002, seed=seed)), 2)
+        for c in confidence_intervals(fit, False, False):
+            inside.append(c.low <= truth[c.name.split(" ")[0]] <= c.high)
+    assert np.mean(inside) > 0.9
+
+
+def test_intervals_grow_away_from_the_data():
+    time_s, current_A = steps([(900, 0, 30), (30, -2, 1), (600, 0, 10)] + [(1200, -1, 5), (900, 0, 10)] * 2)
+    problem = problem_of(play(cell(), time_s, current_A, soc=1.0))
+    fit = fit_circuit(problem, 1)
+    intervals = {c.name: c for c in confidence_intervals(fit, False, False)}
+    near, far = intervals["r0_discharge_ohm at soc 0.9"], intervals["r0_discharge_ohm at soc 0.1"]
+    assert far.high - far.low > 3 * (near.high - near.low)
+    said = not_identified(fit, problem.samples, 2.0, False, False)
+    assert any("resistances at SoC 0 to 0.6" in sentence and "no current flowed there" in sentence for sentence in said)
+    assert any("r0_charge_ohm: the logs hold no charge" in sentence for sentence in said)
+    assert any("hysteresis" in sentence for sentence in said)
+
+
+def test_hat_is_linear_interpolation():
+    x = np.linspace(-0.1, 1.1, 57)
+    values = np.sin(9 * OCV_KNOTS)
+    assert hat(x, OCV_KNOTS) @ values == pytest.approx(np.interp(x, OCV_KNOTS, values))
+
+
+def test_ocv_prior_has_the_stated_spread():
+    covariance = np.linalg.inv(ocv_precision(Prior(), NMC_OCV, 1.0))
+    k = int(np.argmin(np.abs(OCV_KNOTS - 0.5)))
+    slope = np.gradient(np.asarray(NMC_OCV.mean_V(OCV_KNOTS, 25.0)), OCV_KNOTS)[k]
+    assert np.sqrt(covariance[k, k]) == pytest.approx(np.hypot(0.004, 0.01 * slope), rel=1e-6)
+    assert covariance[k, k + 1] / np.sqrt(covariance[k, k] * covariance[k + 1, k + 1]) == pytest.approx(np.exp(-1))
+
+
+def test_last_direction_is_remembered_in_rest():
+    assert last_direction(np.array([0, 0, 2, 0, 0, -1, 0, 0.01])).tolist() == [0, 0, 1, 1, 1, -1, -1, -1]

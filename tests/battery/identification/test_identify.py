@@ -1,0 +1,193 @@
+"""The whole chain on simulated tests: what a user calls, what comes out, what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from battery.identification.examples import LFP_OCV, NMC_OCV, cell, low_rate_logs, play, pulse_log, steps
+from ohmward.battery.battery_file import dump_battery, parse_battery
+from ohmward.battery.identification import MODELS, identify, identify_in_detail
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+SOC = np.linspace(0.1, 0.95, 30)
+
+
+@pytest.fixture(scope="module")
+def pulses():
+    return pulse_log(cell(), count=10, std_V=0.0005)
+
+
+@pytest.fixture(scope="module")
+def found(pulses):
+    return identify_in_detail(pulses, capacity_Ah=2.0, name="cell A", chemistry="nmc")
+
+
+def test_pulse_test_alone(found):
+    p = found.battery.thevenin
+    assert np.array(p.r0_discharge_ohm)[3:-1] == pytest.approx(0.030, rel=0.15)
+    assert sum(np.array(p.r_ohm))[3:-1] == pytest.approx(0.035, rel=0.3)
+    assert p.ocv.mean_V(SOC, 25.0) == pytest.approx(np.asarray(NMC_OCV.mean_V(SOC, 25.0)), abs=0.01)
+
+
+def test_it_reproduces_another_load(found):
+    """The bar: a 1 C discharge that the identification did not see, within 10 mV above 10 % SoC."""
+    from ohmward.battery.identification.along import simulate
+    from ohmward.battery.identification.record import make_records
+    from ohmward.battery.identification.samples import thin
+
+    log = play(cell(), *steps([(600, 0, 30), (3300, -2.0, 10), (600, 0, 30)]), soc=1.0)
+    (record,) = make_records(log, 2.0)
+    (part,) = thin(record, 1.0 + log.charge_Ah() / 2.0)
+    error_V = (simulate(part, found.battery.thevenin) - part.voltage_V)[part.soc > 0.1]
+    assert np.sqrt(np.mean(error_V**2)) < 0.010
+
+
+def test_every_stage_can_be_looked_at(found):
+    (log,) = found.logs
+    assert len(log.pulses) == 20 and len(log.relaxations) >= 10 and len(log.edges) >= 40
+    assert log.axis.anchors and log.rests and log.record.test == "pulses"
+    assert [v.shape for v in log.simulated_V] == [s.voltage_V.shape for s in log.parts]
+    assert np.sqrt(np.mean(np.concatenate(log.residual_V) ** 2)) < 0.003
+    assert found.fit is not None and len(found.fit.starts) >= 3
+
+
+def test_provenance(found):
+    battery = found.battery
+    said = battery.identification
+    assert (battery.name, battery.chemistry, battery.n_series) == ("cell A", "nmc", 1)
+    assert said.capacity_given_Ah == 2.0
+    assert said.logs[0].log == "pulses" and said.logs[0].test == "pulses" and said.logs[0].residual_rms_V < 0.003
+    assert {"tau1_s", "tau2_s"} <= {c.name for c in said.confidence}
+    assert all(c.low <= c.value <= c.high for c in said.confidence)
+    assert any("SoC starts at 1.000" in note for note in said.notes)
+    assert any(sentence.startswith("hysteresis") for sentence in battery.not_identified)
+
+
+def test_the_noise_is_usable(found):
+    noise = found.battery.noise
+    assert 0.002 <= noise.voltage_std_V < 0.01
+    assert len(noise.model_std_V) == 21 and min(noise.model_std_V) >= 0.003
+    assert noise.current_offset_std_A == pytest.approx(0.05)
+    assert noise.overpotential_share >= 0.15
+
+
+def test_low_rate_and_drive():
+    p = cell(LFP_OCV, hysteresis_rate=50.0, tau_s=(20.0, 1500.0))
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, 4000.0, 4.0)
+    current_A = np.where(time_s < 600, 0.0, np.repeat(rng.choice([-4, -2, 0, 1.5], 180), 10)[: time_s.size])
+    drive = play(p, time_s, current_A, soc=1.0, std_V=0.001, name="drive")
+    battery = identify((*low_rate_logs(p), drive), capacity_Ah=2.0, chemistry="lfp")
+    assert battery.identification.capacity_measured_Ah == pytest.approx(2.0, rel=0.01)
+    assert any(battery.thevenin.ocv.hysteresis_V)
+    assert battery.thevenin.r0_discharge_ohm[-3] == pytest.approx(0.030, rel=0.1)
+    (unseen,) = [s for s in battery.not_identified if s.startswith("resistances at SoC 0 to")]
+    assert "taken from the shape of the low-rate branches" in unseen
+    std_V = battery.noise.model_std_V
+    assert std_V[4] > 2 * std_V[-3]
+
+
+def test_low_rate_alone_gives_the_curve_only():
+    down, up = low_rate_logs(cell())
+    battery = identify(up, capacity_Ah=2.0)
+    assert battery.thevenin.pairs == 0 and battery.thevenin.r0_discharge_ohm == (0.0, 0.0)
+    assert any("resistances and time constants: no pulses" in s for s in battery.not_identified)
+    assert any("hysteresis: one direction only" in s for s in battery.not_identified)
+    started = identify((down, up), capacity_Ah=2.0, chemistry="nmc")
+    assert started.thevenin.pairs == 2 and any("start values for nmc" in s for s in started.not_identified)
+
+
+def test_a_pack_is_so_many_cells(pulses, found):
+    pack = Log("pack", pulses.time_s, pulses.current_A, 4 * pulses.voltage_V)
+    battery = identify(pack, capacity_Ah=2.0, n_series=4, chemistry="nmc")
+    assert battery.thevenin.tau_s == pytest.approx(found.battery.thevenin.tau_s, rel=0.02)
+    ratio = np.array(battery.thevenin.r0_discharge_ohm) / np.array(found.battery.thevenin.r0_discharge_ohm)
+    assert ratio == pytest.approx(4.0, rel=0.02)
+    assert np.array(battery.noise.model_std_V) == pytest.approx(4 * np.array(found.battery.noise.model_std_V), rel=0.02)
+
+
+def test_the_file_of_what_was_identified_is_stable(found):
+    text = dump_battery(found.battery)
+    assert dump_battery(parse_battery(text)) == text
+
+
+def test_irregular_sampling(pulses, found):
+    rng = np.random.default_rng(2)
+    kept = np.sort(rng.choice(len(pulses), int(0.6 * len(pulses)), replace=False))
+    kept = np.unique(np.concatenate([[0], kept, [len(pulses) - 1]]))
+    battery = identify(pulses.select(kept), capacity_Ah=2.0, chemistry="nmc", model="thevenin-1rc")
+    assert np.median(battery.thevenin.r0_discharge_ohm) == pytest.approx(0.034, rel=0.2)
+
+
+def test_progress_is_told(pulses):
+    told = []
+    identify(pulses, capacity_Ah=2.0, model="thevenin-1rc", progress=lambda stage, share: told.append((stage, share)))
+    shares = [share for _, share in told]
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] == pytest.approx(1.0)
+    assert {stage for stage, _ in told} >= {"open-circuit voltage", "circuit"}
+
+
+def test_rc_model(pulses):
+    battery = identify(pulses, capacity_Ah=2.0, model="rc")
+    assert battery.rc is not None and battery.thevenin is None
+    assert battery.rc.capacity_Ah == 2.0 and battery.rc.r_terminal_ohm < 0.1
+    assert parse_battery(dump_battery(battery)).rc is not None
+
+
+@pytest.mark.parametrize("capacity_Ah", [1.0, 1.7])
+def test_wrong_capacity_is_refused_with_figures(pulses, capacity_Ah):
+    with pytest.raises(InputError, match=rf"with a capacity of {capacity_Ah:g} Ah .* moves"):
+        identify(pulses, capacity_Ah=capacity_Ah)
+
+
+def test_no_rest_in_a_pulse_test():
+    time_s, current_A = steps([(30, 0, 5)] + [(30, -2, 1), (20, 0, 1), (650, -1, 10)] * 10)
+    with pytest.raises(InputError, match=r"rests of 600 s or more, .* add a log with a low-rate"):
+        identify(play(cell(), time_s, current_A, soc=1.0), capacity_Ah=2.0)
+
+
+def test_gap_of_unknown_charge_without_a_curve():
+    first = play(cell(), *steps([(900, 0, 10), (1800, -1, 10), (900, 0, 10)]), soc=0.9)
+    later = play(cell(), *steps([(900, 0, 10), (1800, -1, 10), (900, 0, 10)]), soc=0.4)
+    both = Log(
+        "gap",
+        np.concatenate([first.time_s, 20000 + later.time_s]),
+        np.concatenate([first.current_A, later.current_A]),
+        np.concatenate([first.voltage_V, later.voltage_V]),
+    )
+    with pytest.raises(InputError, match="nothing tells its state of charge"):
+        identify(both, capacity_Ah=2.0)
+    battery = identify((*low_rate_logs(cell()), both), capacity_Ah=2.0, model="thevenin-1rc")
+    assert any("divided at 1 gap" in note for note in battery.identification.notes)
+    assert battery.thevenin.r0_discharge_ohm[8] == pytest.approx(0.033, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "how, message",
+    [
+        ({"capacity_Ah": 0.0}, "capacity_Ah must be > 0"),
+        ({"capacity_Ah": np.nan}, "capacity_Ah must be finite"),
+        ({"model": "thevenin-4rc"}, "model must be one of thevenin-0rc"),
+        ({"chemistry": "unobtainium"}, "chemistry must be one of"),
+        ({"initial_soc": {"other": 0.5}}, "initial_soc names 'other', but the logs are 'pulses'"),
+        ({"initial_soc": {"pulses": 80.0}}, r"between 0 and 1 \(0.8 is 80 %\)"),
+    ],
+)
+def test_bad_arguments(pulses, how, message):
+    with pytest.raises(InputError, match=message):
+        identify(pulses, **{"capacity_Ah": 2.0, **how})
+
+
+def test_bad_logs(pulses):
+    with pytest.raises(InputError, match="at least one log"):
+        identify((), capacity_Ah=2.0)
+    with pytest.raises(InputError, match="at least 5"):
+        identify(pulses.select(slice(35, 38)), capacity_Ah=2.0)
+    with pytest.raises(InputError, match="current is never other than zero"):
+        identify(replace(pulses, current_A=np.zeros(len(pulses))), capacity_Ah=2.0)
+
+
+def test_models_are_named():
+    assert MODELS[2] == "thevenin-2rc"
