@@ -10,6 +10,7 @@ from ohmward.cli import wording
 from ohmward.cli.estimating import Task, add_task_options, estimate, make_task
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import add_command, add_output_options
+from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.battery.soc_estimator import Run
@@ -88,7 +89,13 @@ def tables_of(task: Task, figures: Mapping[str, Any]) -> list[tuple[list[str], l
 def _names(task: Task, wanted: str | None) -> tuple[str, ...]:
     from ohmward.battery.estimators import available
 
-    return tuple(name.strip() for name in wanted.split(",")) if wanted else available(task.battery)
+    names = tuple(name.strip() for name in wanted.split(",")) if wanted else available(task.battery)
+    if not names:
+        raise InputError(
+            f"battery {task.battery.name!r}: no estimator works with the models in its file; "
+            "identify it with --model thevenin-2rc"
+        )
+    return names
 
 
 def _figures(task: Task, answer: Run) -> dict[str, Any]:
