@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from ohmward.battery import identification
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
 from ohmward.logs import Log, read_log
@@ -57,7 +60,7 @@ def play(
     return Log(name, time_s, current_A, np.array(seen_V) + noise_V)
 
 
-def steps(phases: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
+def steps(phases: Sequence[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
     """Time (T,) and current (T,) of phases (duration [s], current [A], sampling interval [s]); steps take 0.1 s."""
     times, currents, start = [], [], 0.0
     for duration_s, current_A, dt_s in phases:
@@ -97,3 +100,13 @@ def measured(path: str, **how) -> Log:
     if not (root / path).exists():
         pytest.skip(f"measured data not found: {root / path} (set OHMWARD_DATA to the folder that holds it)")
     return read_log(root / path, **how)
+
+
+def identify(*args: Any, **how: Any) -> Any:
+    """As the package's; the tests know which of the optional parts of the battery are there."""
+    return identification.identify(*args, **how)
+
+
+def identify_in_detail(*args: Any, **how: Any) -> Any:
+    """As the package's; the tests know which of the optional parts of the battery are there."""
+    return identification.identify_in_detail(*args, **how)

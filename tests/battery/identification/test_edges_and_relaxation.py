@@ -2,27 +2,38 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import cell, pulse_log
-from ohmward.battery.identification.edges import find_edges, ohmic_resistance
-from ohmward.battery.identification.record import make_records
+from ohmward.battery.identification.edges import Edge, OhmicResistance, find_edges, ohmic_resistance
+from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.relaxation import find_relaxations, fit_exponentials
 
 
-def record_of(p, **how):
+def record_of(p, **how) -> tuple[Record, np.ndarray]:
     (record,) = make_records(pulse_log(p, count=3, rest_s=1800.0, **how), p.capacity_Ah)
     return record, np.linspace(1, 0, len(record.log))
+
+
+def edges_of(p, **how) -> tuple[Edge, ...]:
+    record, soc = record_of(p, **how)
+    return find_edges(record, soc, p.capacity_Ah)
+
+
+def r0_of(edges, direction) -> OhmicResistance:
+    found = ohmic_resistance(edges, direction)
+    assert found is not None
+    return found
 
 
 def test_edges_give_r0_by_direction():
     p = cell()
     p = type(p)(2.0, p.ocv, (0.030,) * 2, (0.036,) * 2, (), ())
-    edges = find_edges(*record_of(p), 2.0)
+    edges = edges_of(p)
     assert len(edges) >= 6
-    assert ohmic_resistance(edges, -1).ohm == pytest.approx(0.030, rel=1e-3)
-    assert ohmic_resistance(edges, 1).ohm == pytest.approx(0.036, rel=1e-2)
+    assert r0_of(edges, -1).ohm == pytest.approx(0.030, rel=1e-3)
+    assert r0_of(edges, 1).ohm == pytest.approx(0.036, rel=1e-2)
 
 
 def test_edges_see_little_of_the_pairs_and_their_noise_is_stated():
-    found = ohmic_resistance(find_edges(*record_of(cell(), std_V=0.002), 2.0), -1)
+    found = r0_of(edges_of(cell(), std_V=0.002), -1)
     assert abs(found.ohm - 0.030) < 3 * found.std_ohm + 2e-4
     assert 1e-5 < found.std_ohm < 2e-3
 

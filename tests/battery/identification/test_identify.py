@@ -5,9 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.identification.examples import LFP_OCV, NMC_OCV, cell, low_rate_logs, play, pulse_log, steps
+from battery.identification.examples import (
+    LFP_OCV,
+    NMC_OCV,
+    cell,
+    identify,
+    identify_in_detail,
+    low_rate_logs,
+    play,
+    pulse_log,
+    steps,
+)
 from ohmward.battery.battery_file import dump_battery, parse_battery
-from ohmward.battery.identification import MODELS, identify, identify_in_detail
+from ohmward.battery.identification import MODELS
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -177,7 +187,7 @@ def test_gap_of_unknown_charge_without_a_curve():
 )
 def test_bad_arguments(pulses, how, message):
     with pytest.raises(InputError, match=message):
-        identify(pulses, **{"capacity_Ah": 2.0, **how})
+        identify(pulses, **({"capacity_Ah": 2.0} | how))
 
 
 def test_bad_logs(pulses):

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from battery.identification.examples import measured
-from ohmward.battery.identification import identify, identify_in_detail
+from battery.identification.examples import identify, identify_in_detail, measured
 from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import anchor_soc
 from ohmward.battery.identification.record import make_records
