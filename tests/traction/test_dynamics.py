@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, linearize
 from ohmward.traction import RLMA, ROBOTINO, Input, RollingResistance, SkidSteer, forces, hard_terrain, rates, scene
+from ohmward.traction.dynamics import weight_along_ground
 from ohmward.traction.laws import CoulombCreep, contact
 from ohmward.traction.motor import wheel_torque
 from ohmward.traction.robot import GRAVITY
@@ -135,6 +136,21 @@ def test_loads_follow_force_and_height():
 def test_on_a_slope_the_ground_carries_less():
     f = forces(np.zeros(4), Input(np.zeros(2), grade_rad=0.2, bank_rad=0.1), scene(RLMA, HARD))
     assert f.load_N.sum() == pytest.approx(42.0 * GRAVITY * np.cos(0.2) * np.cos(0.1))
+
+
+def test_the_parts_of_the_weight_are_the_weight():
+    u, robot = Input(np.zeros(4), grade_rad=0.3, bank_rad=0.2), SKID
+    along, across = weight_along_ground(u, robot)
+    carried = forces(np.zeros(7), u, scene(robot, HARD)).load_N.sum()
+    assert along**2 + across**2 + carried**2 == pytest.approx((42.0 * GRAVITY) ** 2)
+
+
+def test_friction_to_the_right_loads_the_left_wheels():
+    f = forces(np.array([0.0, 1.0, 0.0, *np.zeros(4)]), Input(np.zeros(4)), scene(SKID, HARD))
+    # moments about the x axis: sum y N = -h sum F_y, and F_y < 0 on a robot that slides to the left
+    assert f.scrub_N.sum() < -100.0
+    moment = f.load_N @ [p.y_m for p in SKID.places]
+    assert moment == pytest.approx(-SKID.height_m * f.scrub_N.sum(), rel=1e-2)
 
 
 def test_a_wheel_that_lifts_carries_nothing():

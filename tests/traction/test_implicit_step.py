@@ -110,10 +110,13 @@ def test_the_energy_balance_closes(robot, ground):
 
 
 @pytest.mark.parametrize("robot", ["front-driven", "front-driven, lossy, high", "omni"])
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 2**31), dt=st.sampled_from([1e-4, 1e-3, 1e-2]))
-def test_without_input_energy_only_falls(robot, seed, dt):
-    kernel = stepper(robot, "asphalt", "euler")
+@pytest.mark.parametrize(
+    "ground, longest_s", [("hard", 0.01), ("asphalt", 0.003)]
+)  # the falling branch limits the step
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**31), share=st.floats(0.01, 1.0))
+def test_without_input_energy_only_falls(robot, ground, longest_s, seed, share):
+    kernel, dt = stepper(robot, ground, "euler"), share * longest_s
     rng, p = np.random.default_rng(seed), ROBOTS[robot]
     x = rng.normal(0, 1, len(p.state_names)) * np.r_[np.ones(p.freedoms), np.full(p.driven, 5.0)]
     _, (result, kinetic) = kernel.scan(x, (np.zeros((20, p.driven)), 0.0, 0.0, np.full(20, dt)))

@@ -15,6 +15,15 @@ def test_a_hard_floor_has_the_peak_and_the_sliding_value_of_its_table(name):
     assert law.peak_slip_speed_m_s == pytest.approx(0.1)
 
 
+def test_table_4_1():
+    assert dict(ADHESION) == {
+        "dry asphalt": ((0.8, 0.9), (0.75, 0.75)),
+        "wet asphalt": ((0.5, 0.7), (0.45, 0.6)),
+        "gravel": ((0.6, 0.6), (0.55, 0.55)),
+        "ice": ((0.1, 0.1), (0.07, 0.07)),
+    }
+
+
 @pytest.mark.parametrize("name", ROADS)
 def test_a_road_is_burckhardts(name):
     assert hard_terrain(name).traction is ROADS[name]

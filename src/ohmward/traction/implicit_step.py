@@ -12,6 +12,9 @@ chord steps: the force is taken as proportional to the slip, with the factor of 
 slip, so these steps cannot overshoot (they minimise a bound of the stage's energy), only be slow; Newton then finishes.
 The number of steps is fixed, so that the whole step is a straight line of operations; `Step.defect_m_s` says what they
 left.
+
+A law that falls beyond its peak makes a wheel bistable: with h r^2 N |dF/ds| / J_w > 1 a stage has more than one
+solution, and none is better. Then the step must be shorter (for a peak at 0.1 m/s: 3 ms EULER, 10 ms ALEXANDER).
 """
 
 from __future__ import annotations
