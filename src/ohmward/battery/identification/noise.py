@@ -41,10 +41,10 @@ def noise_from_fit(
     """
     samples, volts = problem.samples, problem.volts
     data_V = residual_std_V(solution, problem)
-    known_V = np.maximum(posterior_std_V(solution, samples, p), volts * unseen_std_V(samples, p.capacity_Ah))
+    known_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv)
+    known_V = np.maximum(known_V, volts * unseen_std_V(samples, p.capacity_Ah))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
-    whole_V = np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V)
-    model_V = np.maximum(beyond_axis_V(whole_V, p.ocv), floor_V)
+    model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), floor_V)
     share = overpotential_share(solution, problem, p)
     return Noise(
         soc_axis_std=SOC_AXIS_STD,
@@ -64,7 +64,8 @@ def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
 
     Without this a steep end of the curve counts twice, and any voltage would be possible there.
     """
-    slope_V = np.gradient(np.asarray(ocv.mean_V(RESISTANCE_GRID, ocv.reference_degC)), RESISTANCE_GRID)
+    fine = np.linspace(0.0, 1.0, len(ocv.voltage_V))
+    slope_V = np.interp(RESISTANCE_GRID, fine, np.gradient(np.asarray(ocv.voltage_V), fine))
     return np.sqrt(np.maximum(std_V**2 - (SOC_AXIS_STD * slope_V) ** 2, 0.0))
 
 
