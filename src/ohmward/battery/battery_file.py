@@ -119,7 +119,7 @@ def _advice(key: str, names: list[str]) -> str:
 
 
 def _located(message: str) -> str:
-    """msgspec's message with the place first: "`$.thevenin.tau_s[0]`" becomes "thevenin.tau_s[0]"."""
+    """Msgspec's message with the place first: "`$.thevenin.tau_s[0]`" becomes "thevenin.tau_s[0]"."""
     what, _, where = message.partition(" - at `$.")
     return f"{where.rstrip('`')}: {what[:1].lower()}{what[1:]}" if where else message
 
@@ -151,7 +151,7 @@ def _array(values: tuple) -> str:
     import tomli_w
 
     items = [_array(v) if isinstance(v, tuple) else tomli_w.dumps({"v": _short(v)})[4:].strip() for v in values]
-    if not items or isinstance(values[0], float | int) and len(items) <= _NUMBERS_PER_LINE:
+    if not items or (isinstance(values[0], float | int) and len(items) <= _NUMBERS_PER_LINE):
         return f"[{', '.join(items)}]"
     per_line = _NUMBERS_PER_LINE if isinstance(values[0], float | int) else 1
     lines = [", ".join(items[i : i + per_line]) for i in range(0, len(items), per_line)]
