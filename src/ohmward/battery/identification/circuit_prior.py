@@ -66,7 +66,7 @@ def prior_for(chemistry: str, ocv_from_low_rate: bool) -> Prior:
     if chemistry == "lead-acid":
         # Charging is another reaction than discharging and makes gas near full; no two discharges are quite alike.
         prior = Prior(
-            ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.02
+            ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.01
         )
     slow = SLOW.get(chemistry, Slow(prior.slow_tau_s, prior.slow_tau_log_std))
     return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std)

@@ -10,9 +10,9 @@ from ohmward.battery.battery import Confidence
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
 from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
 from ohmward.battery.identification.circuit_solve import Solution
+from ohmward.battery.identification.edges import Z_95
 from ohmward.battery.identification.samples import Samples
 
-Z_95 = 1.96
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 _COVERED_A_SHARE = 0.02
 _VAGUE_LOG = 0.7

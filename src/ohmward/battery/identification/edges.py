@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.record import Record
+from ohmward.logs.log import Note
 
 SLOWEST_S = 2.0
+Z_95 = 1.96
 _SMALLEST_RATE = 1 / 10
 _FEWEST = 3
 
@@ -67,3 +69,13 @@ def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance |
     weight = step_A**2 / np.sum(step_A**2)
     mean = float(weight @ ohm)
     return OhmicResistance(mean, float(np.sqrt(np.sum(weight**2 * (ohm - mean) ** 2))), len(mine))
+
+
+def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
+    """R_0 of each direction as its edges show it, to compare with the fit."""
+    found = {word: ohmic_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
+    return tuple(
+        Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} +- {1e3 * Z_95 * r.std_ohm:.2g} mohm in {word}")
+        for word, r in found.items()
+        if r
+    )

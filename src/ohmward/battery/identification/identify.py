@@ -19,7 +19,7 @@ from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_prior import prior_for
 from ohmward.battery.identification.circuit_solve import Problem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
-from ohmward.battery.identification.edges import Edge, find_edges
+from ohmward.battery.identification.edges import Edge, edge_notes, find_edges
 from ohmward.battery.identification.noise import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import Branch, branch_notes, find_branches, ocv_from_branches
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
@@ -242,7 +242,7 @@ def _thevenin(
         _measured_capacity_Ah(stage.branches),
         (*(_quality(d) for d in details), *(_curve_fit(b) for b in stage.branches)),
         confidence_intervals(fit, hysteresis, problem.fit_activation),
-        tuple(str(note) for note in stage.notes),
+        tuple(str(note) for note in (*stage.notes, *edge_notes([e for d in details for e in d.edges]))),
     )
     pulses_only = all(r.test == "pulses" for r in stage.records)
     noise = noise_from_fit(fit.solution, problem, p, current_noise_A(stage.records[0].current_A), pulses_only)
