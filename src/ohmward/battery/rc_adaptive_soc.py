@@ -11,9 +11,9 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.rc_joint import JointState, Nominal, RcJoint
 from ohmward.battery.rc_linear import LinearState
 from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
-from ohmward.battery.rc_soc import RcSoc
+from ohmward.battery.rc_soc import Parameters, RcSoc
 from ohmward.filters.gating import choose
-from ohmward.trace import where
+from ohmward.trace import maximum, where
 
 _LEAST_START_STD = 0.1
 
@@ -44,10 +44,11 @@ class RcAdaptiveSoc:
 
     def step(self, state: SchemeState, sample: Sample) -> tuple[SchemeState, Estimate]:
         """The state after a sample, and what is known then."""
-        joint, parameters = self.joint.step(state.joint, sample)
-        lost = parameters.flags >= float(Flag.NOT_POSITIVE_DEFINITE)
-        circuit = choose(lost, self.soc.model.circuit, parameters.circuit)
-        soc, estimate = self.soc.step(state.soc, sample, circuit)
+        joint, found = self.joint.step(state.joint, sample)
+        lost = found.flags >= float(Flag.NOT_POSITIVE_DEFINITE)
+        circuit = choose(lost, self.soc.model.circuit, found.circuit)
+        doubts = where(lost, 1.0, found.c_bulk_std), where(lost, 1.0, maximum(found.r_std, found.r_terminal_std))
+        soc, estimate = self.soc.step(state.soc, sample, Parameters(circuit, *doubts))
         restarted = where(lost, float(Flag.NOT_POSITIVE_DEFINITE), 0.0)
         shares = self.shares(circuit)
         estimate = estimate._replace(

@@ -1,10 +1,11 @@
 """State of charge by a linear Kalman filter on the RC model, through the inverse OCV curve ([P] section 3).
 
-    x = [V_cb, V_cs, model_error, offset, resistance]    soc = OCV^-1(V_cb)
+    x = [V_cb, V_cs, model_error, offset, resistance]    soc = OCV^-1((C_b V_cb + C_s V_cs) / (C_b + C_s))
 
-[P] has the first two. The others make the sigma honest, see `rc_linear`. The capacitance is one number, so charge moves
-V_cb along a straight line while the curve has bends: the difference of the slopes is process noise of V_cb, which then
-follows the voltage rather than the charge where the curve is not straight.
+[P] has the first two, and takes V_cb alone for the open-circuit voltage; that leaves out the charge of the surface.
+The others make the sigma honest, see `rc_linear`. The capacitance is one number, so charge moves the voltages along a
+straight line while the curve has bends: the difference of the slopes is process noise of both, which then follow the
+voltage rather than the charge where the curve is not straight.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ohmward.battery import rc, rc_linear
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import BULK, OFFSET, RESISTANCE, LinearState, Outcome, on_soc_grid
+from ohmward.battery.rc_linear import OFFSET, RESISTANCE, LinearState, Outcome, on_soc_grid
 from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
 from ohmward.battery.thevenin import Input
 from ohmward.filters import kalman
@@ -68,7 +69,7 @@ class RcKalman:
         prior = self.predicted(unpack(state.belief), reading)
         outcome = self.corrected(prior, state, reading, sample.voltage_V)
         low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
-        posterior, limited = rc_linear.limited(outcome.belief, BULK, low, high)
+        posterior, limited = rc_linear.limited(outcome.belief, self.open_circuit, low, high)
         after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s)
         flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
@@ -85,14 +86,14 @@ class RcKalman:
         """Q (5, 5) of a step in which SoC moves by `moved`."""
         noise = self.noise
         charge = rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
-        bend_V = on_soc_grid(self.slope_V, self.soc(belief.mean[BULK])) - self.straight_slope_V
+        bend_V = on_soc_grid(self.slope_V, self.soc(self.open_circuit @ belief.mean)) - self.straight_slope_V
         voltages = self.straight_slope_V**2 * charge + bend_V**2 * moved * 2 * noise.model_soc_length
         return rc_linear.process_noise(np.full((2, 2), voltages), kept, reading.dt_s, noise)
 
     def corrected(self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any) -> Outcome:
         """What becomes of the voltage of this step."""
         p, noise, current_A = self.model, self.noise, reading.now.current_A
-        soc = self.soc(prior.mean[BULK])
+        soc = self.soc(self.open_circuit @ prior.mean)
         over_V = rc_linear.overpotential(prior.mean, current_A, p)
         H = rc_linear.output(p, on_soc_grid(noise.model_std_V, soc), over_V)
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
@@ -102,32 +103,39 @@ class RcKalman:
 
     def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
         """What is known after the sample."""
-        bulk_V, std_V = belief.mean[BULK], np.sqrt(maximum(belief.cov[BULK, BULK], 0.0))
-        half_width = 0.5 * (self.soc_beyond(bulk_V + std_V) - self.soc_beyond(bulk_V - std_V))
+        ocv_V = self.open_circuit @ belief.mean
+        std_V = np.sqrt(maximum(self.open_circuit @ belief.cov @ self.open_circuit, 0.0))
+        half_width = 0.5 * (self.soc_beyond(ocv_V + std_V) - self.soc_beyond(ocv_V - std_V))
         return Estimate(
-            soc=self.soc(bulk_V),
+            soc=self.soc(ocv_V),
             soc_std=np.sqrt(half_width**2 + self.noise.soc_axis_std**2),
             voltage_V=outcome.voltage_V,
             voltage_std_V=outcome.voltage_std_V,
             innovation_V=outcome.innovation_V,
             current_offset_A=belief.mean[OFFSET],
-            capacity_share=math.nan * bulk_V,
+            capacity_share=math.nan * ocv_V,
             resistance_share=1.0 + belief.mean[RESISTANCE],
             flags=flags,
         )
 
-    def soc(self, bulk_V: Any) -> Any:
-        """State of charge in [0, 1] at which the OCV curve passes `bulk_V`."""
-        return clip(self.soc_beyond(bulk_V), 0.0, 1.0)
+    def soc(self, ocv_V: Any) -> Any:
+        """State of charge in [0, 1] at which the OCV curve passes `ocv_V`."""
+        return clip(self.soc_beyond(ocv_V), 0.0, 1.0)
 
-    def soc_beyond(self, bulk_V: Any) -> Any:
+    def soc_beyond(self, ocv_V: Any) -> Any:
         """The same without limits: the inverse curve goes on as a straight line."""
         low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
-        return table(self.inverse_curve, low, (high - low) / (_CURVE_POINTS - 1), bulk_V)
+        return table(self.inverse_curve, low, (high - low) / (_CURVE_POINTS - 1), ocv_V)
 
     def ocv_V(self, soc: float) -> float:
         """Open-circuit voltage [V] at the curve's reference temperature."""
         return float(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC))
+
+    @cached_property
+    def open_circuit(self) -> np.ndarray:
+        """What makes the open-circuit voltage of the state, (5,): the mean of both capacitors by charge."""
+        total_F = self.model.c_bulk_F + self.model.c_surface_F
+        return np.array([self.model.c_bulk_F, self.model.c_surface_F, 0.0, 0.0, 0.0]) / total_F
 
     @cached_property
     def inverse_curve(self) -> tuple[float, ...]:

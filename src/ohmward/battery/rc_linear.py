@@ -119,13 +119,16 @@ def charge_variance(reading: Reading, moved: Any, noise: Noise, capacity_Ah: flo
     return clip(charge_As2 / (3600.0 * capacity_Ah) ** 2 + noise.capacity_std**2 * moved, 0.0, 0.25)
 
 
-def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise: Noise) -> Any:
+def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise: Noise, share: Any = 0.0) -> Any:
     """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
 
     overpotential_V: voltage beyond the open circuit's.  slope_V: rise of the open-circuit voltage per unit of SoC.
+    share: further error of the overpotential, as a share.
     """
-    shares = (noise.overpotential_share * overpotential_V) ** 2 + (noise.soc_axis_std * slope_V) ** 2
-    return (noise.voltage_std_V**2 + shares) * maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))
+    over = (noise.overpotential_share**2 + share**2) * overpotential_V**2
+    axis = (noise.soc_axis_std * slope_V) ** 2
+    lasting = maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3))
+    return (noise.voltage_std_V**2 + over + axis) * lasting
 
 
 def correct(
@@ -155,11 +158,12 @@ def correct(
     )
 
 
-def limited(belief: Belief, k: int, low: Any, high: Any) -> tuple[Belief, Any]:
-    """The belief with element k projected into [low, high] along its covariance, and 1.0 where it had to be."""
+def limited(belief: Belief, direction: np.ndarray, low: Any, high: Any) -> tuple[Belief, Any]:
+    """The belief with direction' x projected into [low, high] along its covariance, and 1.0 where it had to be."""
     mean, P = belief
-    excess = mean[k] - clip(mean[k], low, high)
-    projected = mean - P[:, k] * (excess / maximum(P[k, k], 1e-30))
+    value, common = direction @ mean, P @ direction
+    excess = value - clip(value, low, high)
+    projected = mean - common * (excess / maximum(direction @ common, 1e-30))
     return Belief(projected, P), where(abs(excess) > 0.0, 1.0, 0.0)
 
 

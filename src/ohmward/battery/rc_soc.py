@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,17 @@ from ohmward.trace import maximum
 
 SOC = 5
 """Place of SoC in the state."""
+
+
+class Parameters(NamedTuple):
+    """Parameters that come from somewhere else, sample by sample, and how far they may be off, as shares.
+
+    capacitance_std: adds up over a full charge.  resistance_std: of the overpotential.
+    """
+
+    circuit: rc.Circuit
+    capacitance_std: Any = 0.0
+    resistance_std: Any = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,29 +76,34 @@ class RcSoc:
         cov = np.block([[circuit.cov, common], [common.T, np.array([[at.std**2]])]])
         return LinearState(pack(Belief(np.array([*circuit.mean, at.soc]), cov)), u.current_A, 0.0)
 
-    def step(self, state: LinearState, sample: Sample, p: rc.Circuit | None = None) -> tuple[LinearState, Estimate]:
-        """The state after a sample, and what is known then; p replaces the model's circuit where one is given."""
-        circuit = self.model.circuit if p is None else p
+    def step(
+        self, state: LinearState, sample: Sample, parameters: Parameters | None = None
+    ) -> tuple[LinearState, Estimate]:
+        """The state after a sample, and what is known then; `parameters` replace the model's where they are given."""
+        parameters = parameters or Parameters(self.model.circuit)
         reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
-        prior = self.predicted(unpack(state.belief), reading, circuit)
-        outcome = self.corrected(prior, state, reading, sample.voltage_V, circuit)
-        posterior, limited = rc_linear.limited(outcome.belief, SOC, 0.0, 1.0)
+        prior = self.predicted(unpack(state.belief), reading, parameters)
+        outcome = self.corrected(prior, state, reading, sample.voltage_V, parameters)
+        posterior, limited = rc_linear.limited(outcome.belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
         after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s)
         flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
 
-    def predicted(self, belief: Belief, reading: Reading, p: rc.Circuit) -> Belief:
+    def predicted(self, belief: Belief, reading: Reading, parameters: Parameters) -> Belief:
         """The belief after the step, before its voltage."""
-        noise, current_A, dt_s = self.noise, reading.mean.current_A, reading.dt_s
+        p, noise = parameters.circuit, self.noise
+        current_A, dt_s = reading.mean.current_A, reading.dt_s
         moved = abs(current_A) * dt_s / self.model.capacity_As
         kept = rc_linear.error_kept(moved, noise)
         F5, B5 = rc_linear.transition(p, kept, dt_s)
         per_A = dt_s / self.model.capacity_As
         F = rc_linear.block_diagonal(F5, np.eye(1))
         F[SOC, OFFSET] = -per_A
-        Q = rc_linear.process_noise(np.zeros((2, 2)), kept, dt_s, noise)
-        common = self.charge_direction(p) * rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
-        Q = rc_linear.block_diagonal(Q, np.zeros((1, 1))) + np.outer(common, self.charge_direction(p))
+        direction = self.charge_direction(p)
+        doubt_V2 = (direction[BULK] * parameters.capacitance_std) ** 2 * moved
+        Q = rc_linear.process_noise(np.full((2, 2), doubt_V2), kept, dt_s, noise)
+        common = direction * rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
+        Q = rc_linear.block_diagonal(Q, np.zeros((1, 1))) + np.outer(common, direction)
         return kalman.predict(belief, F, Q, np.array([*B5, per_A]) * current_A)
 
     def charge_direction(self, p: rc.Circuit) -> np.ndarray:
@@ -95,14 +111,16 @@ class RcSoc:
         slope_V = self.model.capacity_As / (p.c_bulk_F + p.c_surface_F)
         return np.array([slope_V, slope_V, 0.0, 0.0, 0.0, 1.0])
 
-    def corrected(self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any, p: rc.Circuit) -> Outcome:
+    def corrected(
+        self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any, parameters: Parameters
+    ) -> Outcome:
         """What becomes of the voltage of this step."""
-        current_A = reading.now.current_A
+        p, current_A = parameters.circuit, reading.now.current_A
         over_V = rc_linear.overpotential(prior.mean, current_A, p)
         H5 = rc_linear.output(p, on_soc_grid(self.model_std_V, prior.mean[SOC]), over_V)
         H = np.hstack([H5, np.zeros((1, 1))])
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
-        R = rc_linear.voltage_variance(reading, over_V, self.line[1], self.noise)
+        R = rc_linear.voltage_variance(reading, over_V, self.line[1], self.noise, parameters.resistance_std)
         gate = self.gate, self.patience_s
         return rc_linear.correct(prior, H, R, y_hat, voltage_V, state.rejected_s, reading.dt_s, gate)
 

@@ -138,7 +138,7 @@ def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any, health: Health =
 
 def voltage(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
-    return np.array([open_circuit(x, u, p) + overpotential(x, u, p, health)])
+    return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
 
 def open_circuit(x: np.ndarray, u: Input, p: Thevenin) -> Any:
@@ -147,10 +147,10 @@ def open_circuit(x: np.ndarray, u: Input, p: Thevenin) -> Any:
     return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
 
 
-def overpotential(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> Any:
-    """Voltage [V] that the current of this instant and of the past adds."""
+def overpotentials(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> list[Any]:
+    """What the current of the past and of this instant adds [V]: v_1 ... v_n, then the ohmic drop."""
     soc, *v, _ = x
-    return sum(v) + ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)
+    return [*v, ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)]
 
 
 def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:

@@ -40,7 +40,7 @@ from ohmward.battery.thevenin import (
     next_state,
     ohmic_resistance,
     open_circuit,
-    overpotential,
+    overpotentials,
     pair_decays,
     pair_resistances,
     voltage,
@@ -258,8 +258,10 @@ class TheveninFilter:
         inside = np.array([clip(circuit[0], 0.01, 0.99)])  # beyond the ends the curve is straight and hides its bend
         slope, bend = linearize(lambda s: self.ocv_slope(s, circuit, u), inside)
         curvature_V = bend[0, 0] * prior.cov[0, 0]
-        over = overpotential(circuit, u, self.model, health)
-        doubtful = (noise.soc_axis_std * slope[0]) ** 2 + (noise.overpotential_share * over) ** 2
+        over = sum(
+            v * v for v in overpotentials(circuit, u, self.model, health)
+        )  # they may cancel, their errors do not
+        doubtful = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share**2 * over
         resistance = ohmic_resistance(circuit[0], u, self.model) + sum(pair_resistances(circuit[0], u, self.model))
         unmeasured_V = where(reading.measured > 0.5, 0.0, resistance * (MOMENTARY_C * self.model.capacity_Ah))
         return VoltageError(
