@@ -20,6 +20,10 @@ from ohmward.battery.thevenin import Input, Thevenin, ohmic_resistance, pair_res
 #: Share of the prior that says: the value given is wrong, and nothing is known.
 DOUBT = 0.02
 
+#: How far the grid goes beyond empty and full. A value at an end is a claim about the end, not about the middle: cut
+#: off there, "full" would come out as full minus 0.8 sigma.
+MARGIN = 0.2
+
 #: Share by which a first voltage may lie beyond the curve before it is taken for a fault of its sensor.
 BEYOND = 0.25
 
@@ -41,21 +45,22 @@ def initial_soc(
     soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
     soc_std: standard deviation of that value.
     """
-    grid = np.linspace(0.0, 1.0, 401)
+    grid = np.linspace(-MARGIN, 1.0 + MARGIN, 561)
     density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
     density /= density.sum()
     mean = float(density @ grid)
-    return InitialSoc(mean, max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
+    return InitialSoc(min(max(mean, 0.0), 1.0), max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
 
 
 def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
     """Density on the grid, up to a factor: around the value, with some doubt; flat without a value."""
+    possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
     if soc is None:
-        return np.ones_like(grid)
+        return possible
     require_between("initial_soc", soc, 0.0, 1.0)
     require_positive("initial_soc_std", soc_std)
     peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
-    return (1 - DOUBT) * peak / peak.sum() + DOUBT / len(grid)
+    return (1 - DOUBT) * peak / peak.sum() + DOUBT * possible
 
 
 def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
@@ -67,7 +72,7 @@ def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise
         return np.ones_like(grid)
     u = Input(finite_or(u.current_A, 0.0), u.temperature_degC)
     expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_resistance(grid, u, p) * u.current_A
-    lowest_V, highest_V = expected.min(), expected.max()
+    lowest_V, highest_V = np.interp((0.0, 1.0), grid, expected)
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
         return np.ones_like(grid)
     voltage_V = np.clip(voltage_V, lowest_V, highest_V)

@@ -21,10 +21,11 @@ _PULSES_STD_V = 0.008
 _PULSES_SHARE = 0.15
 _WINDOW = 0.05
 _UNSEEN_STD_V = 0.02
-_OVERPOTENTIAL_SHARE = 0.05
+_OVERPOTENTIAL_SHARE = 0.1
 _LARGEST_SHARE = 0.5
 _MAD = 1.4826
-_CORRELATION_S = (20.0, 1000.0)
+_CORRELATION_S = (60.0, 1000.0)
+_PULSES_CORRELATION_S = 300.0
 _GAIN_STD = 0.01
 _HYSTERESIS_STD = 0.3
 
@@ -51,7 +52,7 @@ def noise_from_fit(
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
-        correlation_s=correlation_s(solution, samples),
+        correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
         current_std_A=max(current_noise_A, 0.002 * p.capacity_Ah),
         current_offset_std_A=OFFSET_SHARE * p.capacity_Ah,
         current_offset_walk_A=0.001 * p.capacity_Ah,
@@ -84,7 +85,7 @@ def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
 
 
 def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> float:
-    """Error of the overpotential as a share of itself: 5 %, or what the fit left in charges that count little."""
+    """Error of the overpotential as a share of itself: 10 %, or what the fit left in charges that count little."""
     if problem.prior.charging_factor == 1.0:
         return _OVERPOTENTIAL_SHARE
     charging = _charging(problem)
