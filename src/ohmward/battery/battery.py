@@ -77,7 +77,7 @@ class Battery:
         idle_current_A: what the battery delivers at rest (<= 0; 0 in a laboratory), where the user has declared it:
             then every rest tells the offset of the current sensor. None when nobody said.
         thevenin, rc: the models that were identified; at least one.
-        noise: what an estimator must assume.
+        noise, rc_noise: what an estimator must assume with the Thevenin and with the RC model.
         identification: where the numbers come from, or None for numbers from a data sheet.
         not_identified: what could not be identified, and why.
     """
@@ -92,6 +92,7 @@ class Battery:
     thevenin: Thevenin | None = None
     rc: RcModel | None = None
     noise: Noise = field(default_factory=Noise)
+    rc_noise: Noise = field(default_factory=Noise)
     identification: Identification | None = None
     not_identified: tuple[str, ...] = ()
 

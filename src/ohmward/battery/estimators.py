@@ -6,6 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from ohmward.battery.coulomb import CoulombCounting
+from ohmward.battery.hybrid import Hybrid
+from ohmward.battery.rc_adaptive_soc import adaptive_soc_of
+from ohmward.battery.rc_kalman import RcKalman
+from ohmward.battery.rc_soc import RcSoc
 from ohmward.battery.rest_ocv import RestOcv
 from ohmward.battery.soc_estimator import Estimator
 from ohmward.battery.thevenin import Thevenin
@@ -14,6 +18,7 @@ from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery
+    from ohmward.battery.rc import RcModel
 
 #: What a user gets who does not choose.
 DEFAULT = "ekf"
@@ -71,8 +76,17 @@ def _thevenin(battery: Battery) -> Thevenin:
     return battery.thevenin
 
 
-def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Estimator]:
-    def make(battery: Battery, settings: Settings) -> Estimator:
+def _rc(battery: Battery) -> RcModel:
+    if battery.rc is None:
+        raise InputError(
+            f"{battery.name}: the battery file has no [rc] model, which this filter needs; "
+            "identify one with `ohmward identify ... --model rc`"
+        )
+    return battery.rc
+
+
+def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], TheveninFilter]:
+    def make(battery: Battery, settings: Settings) -> TheveninFilter:
         return TheveninFilter(
             _thevenin(battery),
             battery.noise,
@@ -93,11 +107,31 @@ def _rest_ocv(battery: Battery, settings: Settings) -> Estimator:
     return RestOcv(_thevenin(battery), battery.noise, settings.gap_s)
 
 
+def _rc_kalman(battery: Battery, settings: Settings) -> RcKalman:
+    return RcKalman(_rc(battery), battery.rc_noise, settings.gap_s)
+
+
+def _rc_soc(battery: Battery, settings: Settings) -> Estimator:
+    return RcSoc(_rc(battery), battery.rc_noise, settings.gap_s)
+
+
+def _rc_adaptive(battery: Battery, settings: Settings) -> Estimator:
+    return adaptive_soc_of(_rc(battery), battery.rc_noise)
+
+
+def _hybrid(battery: Battery, settings: Settings) -> Estimator:
+    return Hybrid(_filter("ekf", matching=False)(battery, settings), _rc_kalman(battery, settings))
+
+
 ESTIMATORS: dict[str, Choice] = {
     "coulomb": Choice("coulomb counting", _coulomb),
     "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
+    "rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", _rc_kalman),
+    "rc-soc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", _rc_soc),
+    "rc-aukf": Choice("RC model, joint adaptive unscented filter of its parameters feeding rc-soc", _rc_adaptive),
     "ekf": Choice("Thevenin model, extended Kalman filter", _filter("ekf", matching=False)),
     "aekf": Choice("Thevenin model, adaptive extended Kalman filter", _filter("ekf", matching=True)),
     "ukf": Choice("Thevenin model, unscented Kalman filter", _filter("ukf", matching=False)),
     "aukf": Choice("Thevenin model, adaptive unscented Kalman filter", _filter("ukf", matching=True)),
+    "hybrid": Choice("Thevenin model, initialised and corrected at rests by the RC model", _hybrid),
 }

@@ -72,13 +72,16 @@ def adaptive_soc_of(model: rc.RcModel, noise: Noise | None = None) -> RcAdaptive
     """The scheme for a model; the joint filter starts at its circuit."""
     noise = noise or Noise()
     std = max(noise.resistance_std, _LEAST_START_STD)
+    soc = RcSoc(model, noise)
     joint = RcJoint(
         even(model),
         start_std=(std, std, std, std),
         voltage_std_V=noise.voltage_std_V,
         current_std_A=noise.current_std_A,
+        current_limit_A=soc.current_limit_A,
+        highest_ocv_V=model.ocv.voltage_V[-1],
     )
-    return RcAdaptiveSoc(joint, RcSoc(model, noise))
+    return RcAdaptiveSoc(joint, soc)
 
 
 def even(model: rc.RcModel) -> Nominal:

@@ -27,7 +27,7 @@ import numpy as np
 from ohmward.battery import rc
 from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.estimate import Flag, Sample
-from ohmward.battery.reading import ROOM_DEGC, Reading, read
+from ohmward.battery.reading import ROOM_DEGC, Reading, is_voltage, read
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, is_healthy, nis, pack, unpack
@@ -117,6 +117,8 @@ class RcJoint:
         patience_s: after so much time outside the gate the voltage is used: it is the filter that is wrong.
         gap_s: a longer step says nothing about the current in between.
         unknown_A: standard deviation of a current that was not measured.
+        current_limit_A: a larger current is a fault of its sensor.
+        highest_ocv_V: of the battery [V]; voltages that no such battery can show are none.
         scaling: of the sigma points.
     """
 
@@ -134,6 +136,8 @@ class RcJoint:
     patience_s: float = 60.0
     gap_s: float = 600.0
     unknown_A: float = 1.0
+    current_limit_A: float = math.inf
+    highest_ocv_V: float = math.inf
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)
 
     def __post_init__(self) -> None:
@@ -178,9 +182,10 @@ class RcJoint:
 
     def step(self, state: JointState, sample: Sample) -> tuple[JointState, JointEstimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
-        before, healthy = self.revived(unpack(state.belief), sample.voltage_V)
-        y = where(isfinite(sample.voltage_V), sample.voltage_V, 0.0)
+        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A)
+        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
+        y = where(measured, sample.voltage_V, state.belief.mean[-1])
+        before, healthy = self.revived(unpack(state.belief), y)
         prior, correction = unscented.correct_reusing_points(
             before,
             lambda x: self.next_state(x, reading),
@@ -190,7 +195,7 @@ class RcJoint:
             self.measurement_noise(state, before, reading),
             self.scaling,
         )
-        used, outside = self.verdict(state, reading, sample.voltage_V, correction.innovation)
+        used, outside = self.verdict(state, reading, measured, correction.innovation)
         K = where(used, correction.gain, 0.0)
         posterior = _corrected(prior, correction.innovation, K)
         residual = np.array([y]) - self.voltage(posterior.mean, reading)
@@ -204,21 +209,21 @@ class RcJoint:
         )
         flags = (
             reading.flags
-            + where(isfinite(sample.voltage_V), 0.0, float(Flag.NO_VOLTAGE))
+            + where(measured, 0.0, float(Flag.NO_VOLTAGE))
             + where(outside & logical_not(used), float(Flag.VOLTAGE_REJECTED), 0.0)
             + where(healthy, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
         )
-        innovation_V = where(isfinite(sample.voltage_V), correction.innovation.value[0], math.nan)
+        innovation_V = where(measured, correction.innovation.value[0], math.nan)
         return after, self.estimate(posterior, y, correction.innovation, innovation_V, flags)
 
-    def verdict(self, state: JointState, reading: Reading, voltage_V: Any, innovation: Innovation) -> tuple[Any, Any]:
+    def verdict(self, state: JointState, reading: Reading, measured: Any, innovation: Innovation) -> tuple[Any, Any]:
         """Whether the voltage is used, and whether it is outside the gate; a repeated sample (dt = 0) is neither.
 
         Once patience is at its end every voltage is used, until one is inside again.
         """
         first = state.noise.samples < 0.5
         distance = nis(innovation)
-        measured = isfinite(voltage_V) & isfinite(distance) & ((reading.dt_s > 0) | first)
+        measured = measured & isfinite(distance) & ((reading.dt_s > 0) | first)
         outside = measured & (distance > self.gate)
         return measured & ((distance <= self.gate) | (state.rejected_s > self.patience_s)), outside
 
@@ -227,7 +232,7 @@ class RcJoint:
         healthy = is_healthy(belief) > 0.5
         for logarithm in belief.mean[:PARAMETERS]:
             healthy = healthy & (abs(logarithm) < LOST)
-        level_V = where(isfinite(voltage_V), voltage_V, where(isfinite(belief.mean[-1]), belief.mean[-1], 0.0))
+        level_V = where(isfinite(voltage_V), voltage_V, 0.0)
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:

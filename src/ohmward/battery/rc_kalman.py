@@ -21,9 +21,9 @@ from ohmward.battery import rc, rc_linear
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import OFFSET, RESISTANCE, LinearState, Outcome, on_soc_grid
-from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
-from ohmward.battery.thevenin import Input
+from ohmward.battery.rc_linear import OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
+from ohmward.battery.reading import ROOM_DEGC, Reading, first_input, read
+from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.trace import clip, maximum, table
@@ -41,6 +41,7 @@ class RcKalman:
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
         patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
     model: rc.RcModel
@@ -48,6 +49,10 @@ class RcKalman:
     gap_s: float = 600.0
     gate: float = 25.0
     patience_s: float = 60.0
+    current_limit_C: float = 20.0
+
+    def __post_init__(self) -> None:
+        rc_linear.require_settings(self.gap_s, self.gate, self.patience_s, self.current_limit_C)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -56,21 +61,21 @@ class RcKalman:
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
-        u = Input(finite_or(first.current_A, 0.0), ROOM_DEGC)
-        start = initial_soc(first.voltage_V, u, rc.equivalent_thevenin(self.model), self.noise, soc, soc_std)
+        u = first_input(first, self.current_limit_A)
+        start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
         ocv_V, slope_V = self.ocv_V(start.soc), float(on_soc_grid(self.slope_V, start.soc))
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.noise.current_offset_std_A
         belief = rc_linear.start(ocv_V, (slope_V * start.std) ** 2, past_V, self.noise)
-        return LinearState(pack(belief), u.current_A, 0.0)
+        return LinearState(pack(belief), u.current_A, 0.0, 0.0)
 
     def step(self, state: LinearState, sample: Sample) -> tuple[LinearState, Estimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
+        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
         prior = self.predicted(unpack(state.belief), reading)
         outcome = self.corrected(prior, state, reading, sample.voltage_V)
         low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
         posterior, limited = rc_linear.limited(outcome.belief, self.open_circuit, low, high)
-        after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s)
+        after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s, reading.unknown_s)
         flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
 
@@ -85,7 +90,7 @@ class RcKalman:
     def process_noise(self, belief: Belief, reading: Reading, moved: Any, kept: Any) -> np.ndarray:
         """Q (5, 5) of a step in which SoC moves by `moved`."""
         noise = self.noise
-        charge = rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
+        charge = rc_linear.charge_variance(reading, moved, noise, self.thevenin)
         bend_V = on_soc_grid(self.slope_V, self.soc(self.open_circuit @ belief.mean)) - self.straight_slope_V
         voltages = self.straight_slope_V**2 * charge + bend_V**2 * moved * 2 * noise.model_soc_length
         return rc_linear.process_noise(np.full((2, 2), voltages), kept, reading.dt_s, noise)
@@ -98,8 +103,8 @@ class RcKalman:
         H = rc_linear.output(p, on_soc_grid(noise.model_std_V, soc), over_V)
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         R = rc_linear.voltage_variance(reading, over_V, on_soc_grid(self.slope_V, soc), noise)
-        gate = self.gate, self.patience_s
-        return rc_linear.correct(prior, H, R, y_hat, voltage_V, state.rejected_s, reading.dt_s, gate)
+        gate = Gate(self.gate, self.patience_s, self.model.ocv.voltage_V[-1], state.rejected_s)
+        return rc_linear.correct(prior, H, R, y_hat, voltage_V, gate, reading)
 
     def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
         """What is known after the sample."""
@@ -130,6 +135,16 @@ class RcKalman:
     def ocv_V(self, soc: float) -> float:
         """Open-circuit voltage [V] at the curve's reference temperature."""
         return float(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC))
+
+    @property
+    def current_limit_A(self) -> float:
+        """Largest current [A] that is believed."""
+        return self.current_limit_C * self.model.capacity_Ah
+
+    @cached_property
+    def thevenin(self) -> Thevenin:
+        """The equivalent Thevenin circuit: what the start and the charge's variance are written for."""
+        return rc.equivalent_thevenin(self.model)
 
     @cached_property
     def open_circuit(self) -> np.ndarray:

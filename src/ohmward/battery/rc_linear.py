@@ -11,18 +11,21 @@ be sure and wrong.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery import rc
+from ohmward.battery import coulomb, rc
+from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.estimate import Flag
 from ohmward.battery.noise import Noise
-from ohmward.battery.reading import Reading
+from ohmward.battery.reading import Reading, is_voltage
+from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, nis
 from ohmward.filters.gating import choose
-from ohmward.trace import clip, isfinite, logical_not, maximum, table, where
+from ohmward.trace import clip, logical_not, maximum, table, where
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE = range(5)
 
@@ -34,12 +37,29 @@ class LinearState(NamedTuple):
 
     belief: mean (n,) and lower triangle of the covariance.
     current_A: of the sample before.
-    rejected_s: how long the voltage has been outside its gate.
+    rejected_s: how long the voltage has been outside its gate [s].
+    unknown_s: how long the current has not been known [s].
     """
 
     belief: PackedBelief
     current_A: float
     rejected_s: float
+    unknown_s: float
+
+
+class Gate(NamedTuple):
+    """Which voltages are used.
+
+    largest: NIS of a voltage that is used.
+    patience_s: after so much time outside it is the filter that is wrong, and every voltage is used until one fits.
+    highest_ocv_V: of the battery [V]; voltages that no such battery can show are none.
+    rejected_s: how long the voltage has been outside so far [s].
+    """
+
+    largest: float
+    patience_s: float
+    highest_ocv_V: float
+    rejected_s: Any
 
 
 class Outcome(NamedTuple):
@@ -102,21 +122,25 @@ def output(p: rc.Circuit | rc.RcModel, model_std_V: Any, overpotential_V: Any) -
     return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p), overpotential_V]])
 
 
+def require_settings(gap_s: float, gate: float, patience_s: float, current_limit_C: float) -> None:
+    """The settings that every linear filter on the RC model has are what they can be."""
+    require_positive("gap_s", gap_s)
+    require_positive("gate", gate)
+    require_between("patience_s", patience_s, 0.0, math.inf)
+    require_positive("current_limit_C", current_limit_C)
+
+
 def error_kept(moved: Any, noise: Noise) -> Any:
     """Share of the model error that is left after SoC has moved by so much."""
     return np.exp(-moved / noise.model_soc_length)
 
 
-def charge_variance(reading: Reading, moved: Any, noise: Noise, capacity_Ah: float) -> Any:
-    """Variance of the change of SoC in a step: sensor noise, the path between two samples, gain, a gap.
+def charge_variance(reading: Reading, moved: Any, noise: Noise, model: Thevenin) -> Any:
+    """Variance of the change of SoC in a step, a gain error included, which adds up over a full charge.
 
-    The path: 0.15 of the change of current is how far its mean may be from the straight line. The gain error adds up to
-    `capacity_std` over a full charge. A gap: nothing is known but that 0.3 C is a usual current.
+    moved: SoC that flows in the step, without sign.  model: gives the capacity.
     """
-    dt_s = reading.dt_s
-    unknown = where(reading.known > 0.5, 0.0, (0.3 * capacity_Ah * dt_s) ** 2)
-    charge_As2 = noise.current_std_A**2 * dt_s + (0.15 * reading.change_A * dt_s) ** 2 + unknown
-    return clip(charge_As2 / (3600.0 * capacity_Ah) ** 2 + noise.capacity_std**2 * moved, 0.0, 0.25)
+    return coulomb.charge_variance(reading, noise, model) + noise.capacity_std**2 * moved
 
 
 def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise: Noise, share: Any = 0.0) -> Any:
@@ -131,30 +155,24 @@ def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise
     return (noise.voltage_std_V**2 + over + axis) * lasting
 
 
-def correct(
-    prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, rejected_s: Any, dt_s: Any, gate: tuple
-) -> Outcome:
+def correct(prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, gate: Gate, reading: Reading) -> Outcome:
     """The belief after a voltage, or the prior where there is none or it is outside its gate.
 
     H: (1, n).  R: [V^2].  y_hat: voltage expected [V].
-    rejected_s: how long the voltage has been outside its gate so far.
-    gate: largest NIS of a voltage that is used, and the patience [s] after which any voltage is used.
     """
-    y = np.array([voltage_V])
+    measured = is_voltage(voltage_V, gate.highest_ocv_V)
+    y = np.array([where(measured, voltage_V, y_hat)])
     posterior, innovation = kalman.update(prior, y, H, np.array([[R]]), np.array([y_hat]))
-    measured = isfinite(voltage_V)
-    largest, patience_s = gate
-    outside = measured & (nis(innovation) > largest)
-    rejected = outside & (rejected_s <= patience_s)
+    outside = measured & (nis(innovation) > gate.largest)
+    rejected = outside & (gate.rejected_s <= gate.patience_s)
     used = measured & logical_not(rejected)
-    flags = where(measured, 0.0, float(Flag.NO_VOLTAGE)) + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0)
     return Outcome(
         choose(used, posterior, prior),
         y_hat,
         np.sqrt(innovation.cov[0, 0]),
-        innovation.value[0],
-        flags,
-        where(outside, rejected_s + dt_s, 0.0),
+        where(measured, innovation.value[0], math.nan),
+        where(measured, 0.0, float(Flag.NO_VOLTAGE)) + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0),
+        where(outside, gate.rejected_s + reading.dt_s, 0.0),
     )
 
 

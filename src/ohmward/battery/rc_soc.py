@@ -20,9 +20,9 @@ from ohmward.battery import rc, rc_linear
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import BULK, OFFSET, RESISTANCE, LinearState, Outcome, on_soc_grid
-from ohmward.battery.reading import ROOM_DEGC, Reading, finite_or, read
-from ohmward.battery.thevenin import Input
+from ohmward.battery.rc_linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
+from ohmward.battery.reading import ROOM_DEGC, Reading, first_input, read
+from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.trace import maximum
@@ -52,6 +52,7 @@ class RcSoc:
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
         patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
     model: rc.RcModel
@@ -59,6 +60,10 @@ class RcSoc:
     gap_s: float = 600.0
     gate: float = 25.0
     patience_s: float = 60.0
+    current_limit_C: float = 20.0
+
+    def __post_init__(self) -> None:
+        rc_linear.require_settings(self.gap_s, self.gate, self.patience_s, self.current_limit_C)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -67,25 +72,25 @@ class RcSoc:
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
-        u = Input(finite_or(first.current_A, 0.0), ROOM_DEGC)
-        at = initial_soc(first.voltage_V, u, rc.equivalent_thevenin(self.model), self.noise, soc, soc_std)
+        u = first_input(first, self.current_limit_A)
+        at = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
         empty_V, slope_V = self.line
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.noise.current_offset_std_A
         circuit = rc_linear.start(empty_V + slope_V * at.soc, (slope_V * at.std) ** 2, past_V, self.noise)
         common = np.array([slope_V, slope_V, 0.0, 0.0, 0.0])[:, None] * at.std**2
         cov = np.block([[circuit.cov, common], [common.T, np.array([[at.std**2]])]])
-        return LinearState(pack(Belief(np.array([*circuit.mean, at.soc]), cov)), u.current_A, 0.0)
+        return LinearState(pack(Belief(np.array([*circuit.mean, at.soc]), cov)), u.current_A, 0.0, 0.0)
 
     def step(
         self, state: LinearState, sample: Sample, parameters: Parameters | None = None
     ) -> tuple[LinearState, Estimate]:
         """The state after a sample, and what is known then; `parameters` replace the model's where they are given."""
         parameters = parameters or Parameters(self.model.circuit)
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s)
+        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
         prior = self.predicted(unpack(state.belief), reading, parameters)
         outcome = self.corrected(prior, state, reading, sample.voltage_V, parameters)
         posterior, limited = rc_linear.limited(outcome.belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
-        after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s)
+        after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s, reading.unknown_s)
         flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
 
@@ -102,7 +107,7 @@ class RcSoc:
         direction = self.charge_direction(p)
         doubt_V2 = (direction[BULK] * parameters.capacitance_std) ** 2 * moved
         Q = rc_linear.process_noise(np.full((2, 2), doubt_V2), kept, dt_s, noise)
-        common = direction * rc_linear.charge_variance(reading, moved, noise, self.model.capacity_Ah)
+        common = direction * rc_linear.charge_variance(reading, moved, noise, self.thevenin)
         Q = rc_linear.block_diagonal(Q, np.zeros((1, 1))) + np.outer(common, direction)
         return kalman.predict(belief, F, Q, np.array([*B5, per_A]) * current_A)
 
@@ -121,8 +126,8 @@ class RcSoc:
         H = np.hstack([H5, np.zeros((1, 1))])
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         R = rc_linear.voltage_variance(reading, over_V, self.line[1], self.noise, parameters.resistance_std)
-        gate = self.gate, self.patience_s
-        return rc_linear.correct(prior, H, R, y_hat, voltage_V, state.rejected_s, reading.dt_s, gate)
+        gate = Gate(self.gate, self.patience_s, self.model.ocv.voltage_V[-1], state.rejected_s)
+        return rc_linear.correct(prior, H, R, y_hat, voltage_V, gate, reading)
 
     def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
         """What is known after the sample."""
@@ -138,6 +143,16 @@ class RcSoc:
             resistance_share=1.0 + belief.mean[RESISTANCE],
             flags=flags,
         )
+
+    @property
+    def current_limit_A(self) -> float:
+        """Largest current [A] that is believed."""
+        return self.current_limit_C * self.model.capacity_Ah
+
+    @cached_property
+    def thevenin(self) -> Thevenin:
+        """The equivalent Thevenin circuit: what the start and the charge's variance are written for."""
+        return rc.equivalent_thevenin(self.model)
 
     @cached_property
     def line(self) -> tuple[float, float]:

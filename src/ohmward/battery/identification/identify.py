@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from ohmward.battery.identification.segments import Phase, find_pulses
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
-from ohmward.battery.rc_identification import identify_rc
+from ohmward.battery.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.thevenin import Thevenin
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
@@ -248,19 +249,35 @@ def _thevenin(
     noise = noise_from_fit(fit.solution, problem, p, current_noise_A(stage.records[0].current_A), pulses_only)
     missing = not_identified(fit, samples, Q, hysteresis, hysteresis)
     battery = _battery(settings, records, p, None, noise, provenance, missing)
+    battery = _with_rc(battery, stage, settings, p.ocv)
     return Identified(battery, stage.branches, stage.ocv, details, fit)
 
 
-def _rc(stage: Stage, records: Sequence[Record], settings: Settings) -> Identified:
-    """The RC model from the log that moves most charge."""
+def _with_rc(battery: Battery, stage: Stage, settings: Settings, ocv: OcvCurve) -> Battery:
+    """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
+    try:
+        found, *_ = _find_rc(stage, settings, ocv)
+    except InputError as refusal:
+        return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}"))
+    return replace(battery, rc=found.model, rc_noise=found.noise)
+
+
+def _find_rc(stage: Stage, settings: Settings, ocv: OcvCurve) -> tuple[RcIdentification, Record, SocAxis]:
+    """The RC model from the log that moves most charge, and that log."""
     moved = [float(np.abs(r.charge.moved_Ah).sum()) for r in stage.records]
     record, axis = stage.records[int(np.argmax(moved))], stage.axes[int(np.argmax(moved))]
-    ocv = None if settings.chemistry == "lead-acid" else stage.ocv
-    found = identify_rc(record.log, ocv, settings.capacity_Ah, float(axis.soc[0]))
+    curve = None if settings.chemistry == "lead-acid" else ocv
+    return identify_rc(record.log, curve, settings.capacity_Ah, float(axis.soc[0])), record, axis
+
+
+def _rc(stage: Stage, records: Sequence[Record], settings: Settings) -> Identified:
+    """The RC model alone."""
+    found, record, axis = _find_rc(stage, settings, stage.ocv)
     notes = (*(str(note) for note in stage.notes), *found.notes)
     quality = Fit(record.log.name, record.test, float(axis.soc.min()), float(axis.soc.max()))
     provenance = Provenance(settings.capacity_Ah, _measured_capacity_Ah(stage.branches), (quality,), (), notes)
     battery = _battery(settings, records, None, found.model, found.noise, provenance, found.not_identified)
+    battery = replace(battery, rc_noise=found.noise)
     return Identified(battery, stage.branches, stage.ocv, (), None)
 
 
