@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from ohmward.battery.rc_kalman import RcKalman
 from ohmward.battery.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
 from ohmward.battery.rc_soc import SOC, RcSoc
 from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
@@ -35,7 +37,7 @@ SENSORS = Noise(
     capacity_std=0.0,
     resistance_std=0.001,
 )
-ESTIMATORS = {
+ESTIMATORS: dict[str, Any] = {
     "kalman": RcKalman(MODEL, SENSORS),
     "soc": RcSoc(MODEL, SENSORS),
     "scheme": adaptive_soc_of(MODEL, SENSORS),
@@ -188,7 +190,10 @@ FAULTS = {
     "no time": ({"dt_s": NAN}, Flag.BAD_TIME),
     "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
     "gap": ({"dt_s": 1200.0, "voltage_V": NAN}, Flag.GAP | Flag.NO_VOLTAGE),
-    "voltage spike": ({"voltage_V": 40.0}, Flag.VOLTAGE_REJECTED),
+    "voltage spike": ({"voltage_V": 20.0}, Flag.VOLTAGE_REJECTED),
+    "voltage wire off": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
+    "voltage of no such battery": ({"voltage_V": 40.0}, Flag.NO_VOLTAGE),
+    "current of no such battery": ({"current_A": -1e4}, Flag.NO_CURRENT),
     "nothing": ({"dt_s": NAN, "current_A": NAN, "voltage_V": NAN}, Flag.BAD_TIME | Flag.NO_CURRENT | Flag.NO_VOLTAGE),
     "repeated": ({"dt_s": 0.0}, Flag(0)),
 }
@@ -232,6 +237,13 @@ def test_traced_step_is_the_step(name):
         np.testing.assert_allclose(traced, np.array(floats, dtype=float), rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", [RcKalman, RcSoc])
+@pytest.mark.parametrize("name", ["gap_s", "gate", "current_limit_C"])
+def test_bad_settings_are_refused(kind, name):
+    with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):
+        kind(MODEL, SENSORS, **{name: 0.0})
+
+
 def test_names_belong_to_the_state():
     first = Sample(0.0, 0.0, 12.5, NAN)
     for estimator in (ESTIMATORS["kalman"], ESTIMATORS["soc"]):
@@ -263,7 +275,8 @@ def lead_acid():
 
 
 def make(kind, found):
-    return {"kalman": RcKalman, "soc": RcSoc, "scheme": adaptive_soc_of}[kind](found.model, found.noise)
+    makers: dict[str, Any] = {"kalman": RcKalman, "soc": RcSoc, "scheme": adaptive_soc_of}
+    return makers[kind](found.model, found.noise)
 
 
 @pytest.mark.parametrize("first_h", [9.5, 33.5], ids=["from one discharge", "from the first day"])

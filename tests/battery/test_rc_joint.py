@@ -188,7 +188,7 @@ FAULTS = {
     "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
     "gap": ({"dt_s": 4000.0, "voltage_V": NAN}, Flag.GAP | Flag.NO_VOLTAGE),
     "voltage spike": ({"voltage_V": 40.0}, Flag.VOLTAGE_REJECTED),
-    "voltage zero": ({"voltage_V": 0.0}, Flag.VOLTAGE_REJECTED),
+    "voltage wire off": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
     "nothing": ({"dt_s": NAN, "current_A": NAN, "voltage_V": NAN}, Flag.BAD_TIME | Flag.NO_CURRENT | Flag.NO_VOLTAGE),
     "repeated": ({"dt_s": 0.0}, Flag(0)),
 }
