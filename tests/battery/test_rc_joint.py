@@ -51,9 +51,9 @@ def found(runs):
 def true_state(nominal, run):
     """The six elements of the state at the end of a run that a simulation knows."""
     circuit = [
-        math.log(nominal.c_bulk_F / TRUE.c_bulk_F),
-        math.log(nominal.c_surface_F / TRUE.c_surface_F),
-        math.log(nominal.r_ohm / TRUE.r_ohm),
+        math.log(TRUE.c_bulk_F / nominal.c_bulk_F),
+        math.log(TRUE.c_surface_F / nominal.c_surface_F),
+        math.log(TRUE.r_ohm / nominal.r_ohm),
         math.log(TRUE.r_terminal_ohm / nominal.r_terminal_ohm),
     ]
     return np.array([*circuit, *run.states[-1]])
@@ -98,8 +98,8 @@ def test_sigma_is_exact_when_the_noise_is_known_and_the_start_is_near():
     values = []
     for seed in range(40):
         logs = spread * rng.standard_normal(4)
-        r_ohm, r_terminal_ohm = TRUE.r_ohm * np.exp(-logs[2]), TRUE.r_terminal_ohm * np.exp(logs[3])
-        drawn = TRUE.c_bulk_F * np.exp(-logs[0]), TRUE.c_surface_F * np.exp(-logs[1]), r_ohm, r_ohm, r_terminal_ohm
+        r_ohm, r_terminal_ohm = TRUE.r_ohm * np.exp(logs[2]), TRUE.r_terminal_ohm * np.exp(logs[3])
+        drawn = TRUE.c_bulk_F * np.exp(logs[0]), TRUE.c_surface_F * np.exp(logs[1]), r_ohm, r_ohm, r_terminal_ohm
         run = simulate(rc.Circuit(*drawn), 400, seed, voltage_std_V=0.002)
         level_V = float(run.states[0, 0] + spread * rng.standard_normal())
         end, _ = kernel_of(joint).scan(joint.init(row(run.samples, 0), bulk_V=level_V, bulk_std_V=spread), run.samples)
@@ -153,7 +153,7 @@ def test_follows_a_battery_that_warms_up_and_would_not_without_floors():
     def error_and_std(joint):
         end, _ = scanned(joint, run.samples)
         mean, cov = unpack(end.belief)
-        return mean[2] - math.log(1.5), math.sqrt(cov[2, 2])
+        return mean[2] - math.log(2 / 3), math.sqrt(cov[2, 2])
 
     error, std = error_and_std(walking)
     assert abs(error) < min(0.1, 3 * std)

@@ -1,10 +1,10 @@
 """States and parameters of the RC model together, by an adaptive unscented Kalman filter ([T] 3.3).
 
-    x = [ln 1/C_b, ln 1/C_s, ln 1/R_e, ln R_t, V_cb, V_cs, V]    y = V    R_b = R_s = R_e
+    x = [ln C_b, ln C_s, ln R_e, ln R_t, V_cb, V_cs, V]    y = V    R_b = R_s = R_e
 
-the logarithms being relative to nominal values, so that parameters are of order one. [T] has the parameters themselves,
-at the end: at the front they cost less, because the Cholesky factor is triangular, so that the sigma points along the
-voltages all share the parameters of the mean.
+the logarithms being relative to nominal values, so that parameters are of order one. [T] has 1/C_b, 1/C_s, 1/R_e and
+R_t themselves, at the end: at the front they cost less, because the Cholesky factor is triangular, so that the sigma
+points along the voltages all share the parameters of the mean.
 Logarithms instead of a projection onto positive values, because then no sigma point can be negative however wide the
 belief, a start wrong by a factor is an ordinary Gaussian error, a random walk is a share per time for every parameter,
 and nothing is clipped. Their price is an exponential for each parameter that differs between sigma points.
@@ -30,19 +30,19 @@ from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.reading import ROOM_DEGC, Reading, is_voltage, read
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
-from ohmward.filters.belief import Belief, Innovation, PackedBelief, is_healthy, nis, pack, unpack
+from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack
 from ohmward.filters.gating import choose
-from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
 
 LOST = 7.0
-"""A parameter further than a factor of e^7 from its nominal value is lost, and the filter starts again."""
+"""Parameters further than a factor of e^7 from their nominal values are lost, and the filter starts again."""
 
 BULK_STD_V = 0.5
 """How far the open-circuit voltage may be from the first voltage [V], unless said otherwise."""
 
 PARAMETERS = 4
-"""ln 1/C_b, ln 1/C_s, ln 1/R_e, ln R_t: the first elements of the state."""
+"""ln C_b, ln C_s, ln R_e, ln R_t: the first elements of the state."""
 
 
 class Nominal(NamedTuple):
@@ -104,7 +104,7 @@ class RcJoint:
 
     Attributes:
         nominal: start of the parameters.
-        start_std: (4,) how wrong that start may be, of the logarithms of 1/C_b, 1/C_s, 1/R_e, R_t; 0.5 is a factor 1.6.
+        start_std: (4,) how wrong that start may be, of the logarithms of C_b, C_s, R_e, R_t; 0.5 is a factor 1.6.
         voltage_as: "state" is [T]'s seven states, "output" the six.
         voltage_std_V: white noise of the voltage sensor; floor of R.
         current_std_A: white noise of the current sensor; moves both capacitors.
@@ -155,7 +155,7 @@ class RcJoint:
     def state_names(self) -> tuple[str, ...]:
         """Names of the belief's mean, in order."""
         circuit = rc.STATE_NAMES_WITH_VOLTAGE if self.voltage_as == "state" else rc.STATE_NAMES
-        return ("ln_per_c_bulk", "ln_per_c_surface", "ln_per_r", "ln_r_terminal", *circuit)
+        return ("ln_c_bulk", "ln_c_surface", "ln_r", "ln_r_terminal", *circuit)
 
     def init(self, first: Sample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
         """State before the first sample: at rest, at `bulk_V`, or at the first voltage where that is None.
@@ -229,23 +229,16 @@ class RcJoint:
 
     def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
         """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
-        healthy = is_healthy(belief) > 0.5
-        for logarithm in belief.mean[:PARAMETERS]:
-            healthy = healthy & (abs(logarithm) < LOST)
+        logarithms, voltages = belief.mean[:PARAMETERS], belief.mean[PARAMETERS:]
+        _, positive = cholesky(belief.cov)
+        healthy = (positive > 0.5) & (logarithms @ logarithms < LOST**2) & isfinite(sum(voltages))
         level_V = where(isfinite(voltage_V), voltage_V, 0.0)
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:
         """The parameters in state x."""
-        per_bulk, per_surface, per_r, r_terminal = x[:PARAMETERS]
-        r = self.nominal.r_ohm * np.exp(-per_r)
-        return rc.Circuit(
-            self.nominal.c_bulk_F * np.exp(-per_bulk),
-            self.nominal.c_surface_F * np.exp(-per_surface),
-            r,
-            r,
-            self.nominal.r_terminal_ohm * np.exp(r_terminal),
-        )
+        c_bulk, c_surface, r, r_terminal = np.array(self.nominal) * np.exp(x[:PARAMETERS])
+        return rc.Circuit(c_bulk, c_surface, r, r, r_terminal)
 
     def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
         """State after the step, (n,); the parameters stay."""
