@@ -24,7 +24,9 @@ PROVENANCE = Identification(
     (Confidence("tau1_s", 10.0, 8.0, 12.0),),
     ("info: something", 'warning: "quoted", back\\slash, µ'),
 )
-FULL = Battery("cell A", 2.0, "lfp", 4, 8.0, 14.6, -0.12, THEVENIN, RC, Noise(), PROVENANCE, ("hysteresis: none seen",))
+FULL = Battery(
+    "cell A", 2.0, "lfp", 4, 8.0, 14.6, -0.12, THEVENIN, RC, Noise(), Noise(), PROVENANCE, ("hysteresis: none seen",)
+)
 PLAIN = Battery("plain", 2.0, thevenin=THEVENIN)
 
 

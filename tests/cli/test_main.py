@@ -71,7 +71,7 @@ def test_abbreviated_options_are_refused(here, refused):
 
 
 def test_help_names_what_there_is(capsys):
-    assert set(re.findall(r"\b[a-z]+\b", help_of("soc", capsys))) >= set(ESTIMATORS)
+    assert set(re.findall(r"\b[a-z-]+\b", help_of("soc", capsys))) >= set(ESTIMATORS)
     text = help_of("identify", capsys)
     assert all(name in text for name in ("thevenin-0rc", "thevenin-3rc", "rc"))
     assert MODELS[0] == "thevenin-0rc" and MODELS[-2:] == ("thevenin-3rc", "rc")

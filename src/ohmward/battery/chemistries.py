@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.checks import require_positive
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
@@ -119,6 +120,30 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
         activation_K=c.activation_K,
     )
     return cell.in_series(n_series)
+
+
+def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str = "") -> Battery:
+    """A battery of this chemistry and capacity that nobody has tested, with what that means for the estimate.
+
+    label: what to call it; by default "generic" and the chemistry.
+    """
+    c, model = chemistry(name), start_model(name, capacity_Ah, n_series)
+    curve_V = model.ocv.voltage_V
+    return Battery(
+        name=label or f"generic {name}",
+        capacity_Ah=capacity_Ah,
+        chemistry=name,
+        n_series=n_series,
+        voltage_min_V=0.9 * curve_V[0],
+        voltage_max_V=(1.2 if name == "lead-acid" else 1.05) * curve_V[-1],
+        thevenin=model,
+        noise=start_noise(capacity_Ah, n_series),
+        not_identified=(
+            f"everything: these are start values that cells of {c.title} have in common",
+            "capacity: as given, taken as right within 5 %",
+            "resistances: taken as right within 50 %; the filter carries them as a state",
+        ),
+    )
 
 
 def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) -> Noise:

@@ -112,19 +112,20 @@ def next_state(x: np.ndarray, current_A: Any, p: Circuit | RcModel, dt_s: Any) -
     """State after `dt_s` of constant current, exact for the coupled pair.
 
     With the bulk's share of a common elastance, s = (1/C_b) / (1/C_b + 1/C_s), the charge raises the weighted mean
-    (1 - s) V_cb + s V_cs by i dt / (C_b + C_s), and the difference V_cs - V_cb relaxes at `relaxation_rate` towards
-    ((1 - s) R_b - s R_s) i.
+    (1 - s) V_cb + s V_cs by i dt / (C_b + C_s), and the difference d = V_cs - V_cb relaxes at `relaxation_rate` towards
+    (R_b - s D) i.
 
     x: (2,) [V_cb, V_cs] in V.  current_A: mean over the step.  dt_s: >= 0.
     Returns: (2,), the same at the end of the step.
     """
     bulk, surface = x
+    d = surface - bulk
     per_bulk, per_surface = 1 / p.c_bulk_F, 1 / p.c_surface_F
     s = per_bulk / (per_bulk + per_surface)
-    decay = np.exp(-relaxation_rate(p) * dt_s)
-    change = (1 - decay) * (((1 - s) * p.r_bulk_ohm - s * p.r_surface_ohm) * current_A - (surface - bulk))
-    rise = s * per_surface * dt_s * current_A
-    return np.array([bulk + rise - s * change, surface + rise + (1 - s) * change])
+    decay = np.exp(relaxation_rate(p) * -dt_s)
+    change = (1 - decay) * ((p.r_bulk_ohm - s * (p.r_bulk_ohm + p.r_surface_ohm)) * current_A - d)
+    bulk_next = bulk + s * per_surface * (current_A * dt_s) - s * change
+    return np.array([bulk_next, bulk_next + (d + change)])
 
 
 def voltage(x: np.ndarray, current_A: Any, p: Circuit | RcModel) -> np.ndarray:

@@ -267,8 +267,8 @@ class RcJoint:
         Q = np.diag(np.array([*walk, *(charge_As2 * g**2 for g in per_V), *disturbance]))
         if not self.match_Q:
             return Q
-        K = state.gain[:, None] * where(dt_s > 0, 1.0, 0.0)
-        return mirror_lower(Q + K @ state.noise.innovation @ K.T)
+        K, C = state.gain[:, None], where(dt_s > 0, state.noise.innovation, 0.0)
+        return mirror_lower(Q + K @ C @ K.T)
 
     def measurement_noise(self, state: JointState, before: Belief, reading: Reading) -> np.ndarray:
         """R (1, 1) of this step: the floor, and what the residuals of the last steps say."""

@@ -292,14 +292,14 @@ class TheveninFilter:
     def rest(self, state: FilterState, prior: Belief, reading: Reading) -> tuple[Any, Any]:
         """How long the current has looked like rest, and whether it counts as one.
 
-        It looks like rest where the current is the declared one, as far as the offset is known: |z| < 2. A wider gate
-        would take another steady current for the declared one, and learn the difference as an offset.
+        It looks like rest where the current is the declared one within three sigma of its noise and two of the offset.
+        A wider gate would take another steady current for the declared one, and learn the difference as an offset.
         """
         if self.rest_current_A is None:
             return 0.0 * reading.dt_s, reading.dt_s < 0.0
         excess = reading.now.current_A - self.rest_current_A - prior.mean[-4]
-        variance = prior.cov[-4, -4] + self.noise.current_std_A**2
-        looks = (excess * excess < 4.0 * variance) & (reading.known > 0.5)
+        reach = 2.0 * np.sqrt(maximum(prior.cov[-4, -4], 0.0)) + 3.0 * self.noise.current_std_A
+        looks = (abs(excess) < reach) & (reading.known > 0.5)
         rest_s = where(looks, state.rest_s + reading.dt_s, 0.0)
         return rest_s, rest_s > self.rest_hold_s
 

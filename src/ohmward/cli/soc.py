@@ -27,7 +27,10 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = add_command(commands, "soc", "state of charge along a log, with its uncertainty", _EXAMPLES)
     add_task_options(parser)
     parser.add_argument(
-        "--filter", default="ekf", metavar="NAME", help="coulomb, ocv, ekf, aekf, ukf or aukf (default %(default)s)"
+        "--filter",
+        default="ekf",
+        metavar="NAME",
+        help="coulomb, ocv, rc-kf, rc-soc, rc-aukf, ekf, aekf, ukf, aukf or hybrid (default %(default)s)",
     )
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")

@@ -1,0 +1,48 @@
+"""`ohmward generic`: a battery file for a battery that nobody has tested, to start with."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.parser import add_command, count, positive
+
+_EXAMPLES = """\
+  ohmward generic --chemistry lfp --capacity-ah 12 --n-series 4 -o battery.toml
+  ohmward generic --chemistry nmc --capacity-ah 2.0 --name cell -o cell.toml --json
+"""
+
+
+def add_parser(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = add_command(
+        commands, "generic", "a battery file from chemistry and capacity alone, to start with", _EXAMPLES
+    )
+    parser.add_argument("--chemistry", required=True, metavar="NAME", help="lfp, nmc, nca, lipo or lead-acid")
+    parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
+    parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
+    parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE.toml", help="write the battery file")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Write the battery file."""
+    check_output("--output", args.output, (".toml",))
+    from ohmward.battery.battery_file import save_battery
+    from ohmward.battery.chemistries import generic_battery
+
+    battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    save_battery(battery, args.output)
+    summary = {
+        "command": "generic",
+        "name": battery.name,
+        "chemistry": battery.chemistry,
+        "capacity_Ah": battery.capacity_Ah,
+        "n_series": battery.n_series,
+        "not_identified": list(battery.not_identified),
+        "output": args.output,
+    }
+    text = f"battery file: {args.output}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
+    return Outcome(summary, text)
