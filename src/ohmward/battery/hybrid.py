@@ -38,7 +38,7 @@ class Hybrid:
     Attributes:
         thevenin: what estimates.
         rc: what initialises and corrects.
-        quiet_share: current below this share of 1 C counts as rest.
+        quiet_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
         settle_s: length of a rest before its voltage is taken for the open-circuit voltage.
     """
 
@@ -58,7 +58,8 @@ class Hybrid:
         """The state after a sample, and what is known then; `Flag.REST` marks a correction."""
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
         rc, second = self.rc.step(state.rc, sample)
-        quiet = abs(thevenin.current_A) < self.quiet_share * self.thevenin.model.capacity_Ah
+        model, noise = self.thevenin.model, self.thevenin.noise
+        quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.quiet_share)
         dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
         quiet_s = where(quiet, state.quiet_s + dt_s, 0.0)
         due = (quiet_s > self.settle_s) & (state.used < 0.5)

@@ -42,6 +42,10 @@ class Noise:
     resistance_std: float = 0.05
     resistance_walk: float = 0.05
 
+    def quiet_A(self, capacity_Ah: float, share: float) -> float:
+        """Largest current [A] of a rest as a noisy sensor shows it: `share` of 1 C and three sigma."""
+        return share * capacity_Ah + 3.0 * self.current_std_A
+
     def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)

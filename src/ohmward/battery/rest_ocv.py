@@ -34,7 +34,7 @@ class RestOcv:
 
     Attributes:
         model, noise, gap_s, current_limit_C: as for coulomb counting.
-        rest_share: current below this share of 1 C counts as rest.
+        rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
         settle_s: length of a rest before its voltage is used.
     """
 
@@ -62,7 +62,7 @@ class RestOcv:
     def step(self, state: RestOcvState, sample: Sample) -> tuple[RestOcvState, Estimate]:
         """The state after a sample, and what is known then."""
         counting, counted = self.counting.step(state.counting, sample)
-        quiet = is_current(sample.current_A, self.rest_share * self.model.capacity_Ah)
+        quiet = is_current(sample.current_A, self.noise.quiet_A(self.model.capacity_Ah, self.rest_share))
         rest_s = where(quiet, state.rest_s + counting.elapsed_s - state.counting.elapsed_s, 0.0)
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         usable = measured & (rest_s > self.settle_s) & (state.used < 0.5)

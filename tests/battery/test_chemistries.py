@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from ohmward.battery.battery_file import dump_battery, parse_battery
+from ohmward.battery.chemistries import CHEMISTRIES, generic_battery, start_model, start_noise
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.errors import InputError
+
+
+@pytest.mark.parametrize("name", CHEMISTRIES)
+def test_every_chemistry_makes_a_battery_that_survives_its_file(name):
+    battery = generic_battery(name, 12.0, 4)
+    again = parse_battery(dump_battery(battery))
+    assert again.thevenin is not None and again.thevenin.capacity_Ah == 12.0
+    assert (
+        again.voltage_min_V < again.thevenin.ocv.voltage_V[0] < again.thevenin.ocv.voltage_V[-1] < again.voltage_max_V
+    )
+
+
+@pytest.mark.parametrize("name", CHEMISTRIES)
+def test_resistance_falls_with_capacity_and_grows_with_cells(name):
+    small, large = start_model(name, 2.0), start_model(name, 20.0, 3)
+    assert np.array(large.r_ohm) == pytest.approx(3 / 10 * np.array(small.r_ohm))
+    assert large.ocv.voltage_V[-1] == pytest.approx(3 * small.ocv.voltage_V[-1])
+
+
+@pytest.mark.parametrize("name", CHEMISTRIES)
+def test_the_first_voltage_is_read_back(name):
+    """At rest in the middle of the curve the filter starts where the curve says, within its own sigma."""
+    model, noise = start_model(name, 2.0), start_noise(2.0)
+    estimate = SocEstimator(TheveninFilter(model, noise)).update(0.0, 0.0, float(model.ocv.mean_V(0.5, 25.0)))
+    assert abs(estimate.soc - 0.5) < 2 * estimate.soc_std
+
+
+def test_a_known_curve_takes_the_place_of_the_chemistrys():
+    ocv = OcvCurve((3.1, 4.1))
+    assert start_model("nmc", 2.0, 2, ocv).ocv.voltage_V == (6.2, 8.2)
+    assert start_noise(2.0, ocv_known=True).model_std_V[0] < start_noise(2.0).model_std_V[0]
+
+
+def test_refusals():
+    with pytest.raises(InputError, match="chemistry must be one of nmc, nca, lipo, lfp, lead-acid, got 'nimh'"):
+        start_model("nimh", 2.0)
+    with pytest.raises(InputError, match="capacity_Ah must be > 0, got 0"):
+        generic_battery("lfp", 0.0)
