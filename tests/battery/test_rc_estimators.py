@@ -18,6 +18,7 @@ from ohmward.battery.rc_identification import identify_rc
 from ohmward.battery.rc_kalman import RcKalman
 from ohmward.battery.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
 from ohmward.battery.rc_soc import SOC, RcSoc
+from ohmward.battery.reading import read
 from ohmward.battery.soc_estimator import SocEstimator
 from ohmward.errors import InputError
 from ohmward.filters import kalman
@@ -213,6 +214,40 @@ def test_fault_is_flagged_and_survived(name, fault):
     assert np.isfinite(found.soc).all()
     assert np.isfinite(found.voltage_V).all()
     assert np.abs(found.soc - run.soc)[800:].max() < (0.05 if fault == "gap" else 0.02)
+
+
+@pytest.mark.parametrize("name", ["kalman", "soc"])
+def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
+    """The voltage of another battery in the middle of a log: rejected for a minute, then the filter doubts itself."""
+    run = simulated(soc=0.6)
+    samples = run.samples._replace(voltage_V=run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700))
+    found = estimated(name, samples)
+    rejected = (found.flags.astype(int) & Flag.VOLTAGE_REJECTED) > 0
+    assert rejected[700:760].all()
+    assert not rejected[770:].any()
+    assert np.count_nonzero(found.flags.astype(int) & Flag.LOST) <= 3
+    assert found.soc[-1] - run.soc[-1] > 0.1
+
+
+def test_scheme_survives_a_joint_filter_that_is_lost():
+    """Until the joint filter knows something again the model's own circuit serves."""
+    scheme, run = ESTIMATORS["scheme"], simulated(soc=0.6)
+    state = scheme.init(row(run.samples, 0))
+    lost = state.joint.belief._replace(mean=np.full(7, NAN), lower=np.full(28, NAN))
+    state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
+    assert estimate.flags == Flag.NOT_POSITIVE_DEFINITE
+    assert (estimate.capacity_share, estimate.resistance_share) == (1.0, 1.0)
+    _, found = kernel_of("scheme").scan(state, Sample(*(c[1:] for c in run.samples)))
+    assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
+
+
+def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
+    noise = replace(SENSORS, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
+    reading = read(Sample(10.0, 1.0, 12.0, NAN), 1.0, 25.0, 600.0)
+    once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
+    assert rc_linear.voltage_variance(reading, 0.5, 1.2, noise, 0.1) == pytest.approx(20 * once)
+    rarely = reading._replace(dt_s=300.0)
+    assert rc_linear.voltage_variance(rarely, 0.5, 1.2, noise, 0.1) == pytest.approx(once)
 
 
 @ALL

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
 from ohmward.battery import rc
 from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc_fit import VoltageFit, circuit_of, fit_voltage
+from ohmward.battery.rc_fit import VoltageFit, circuit_of, filtered, fit_voltage
 from ohmward.battery.rc_identification import identify_rc
 from ohmward.battery.rc_rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
 from ohmward.battery.rc_samples import samples_of
@@ -143,6 +143,21 @@ def test_long_charges_are_left_out():
     found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
     np.testing.assert_allclose(four_numbers(found.model), four_numbers(EVEN), rtol=0.02)
     assert any("left out: long charges" in note for note in found.notes)
+
+
+def test_each_part_starts_from_rest():
+    samples = samples_of(log_of(simulate(EVEN, 100).samples), CAPACITY_AH)
+    parts = samples._replace(part=np.repeat([0, 1], 50), mean_A=np.ones(100))
+    alone = samples._replace(mean_A=np.ones(100))
+    np.testing.assert_allclose(filtered(parts, 10.0)[50:], filtered(alone, 10.0)[:50], atol=1e-12)
+
+
+def test_start_that_is_given_counts_more_than_the_first_voltage():
+    run = simulate(EVEN, 3000)
+    voltage_V = run.samples.voltage_V.copy()
+    voltage_V[0] -= 0.5
+    found = identify_rc(log_of(run.samples._replace(voltage_V=voltage_V)), LINE, CAPACITY_AH, start_soc=1.0)
+    assert np.median(found.noise.model_std_V) < 0.05
 
 
 def test_braking_is_no_long_charge():

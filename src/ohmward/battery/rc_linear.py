@@ -23,7 +23,7 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.reading import Reading, is_voltage
 from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman
-from ohmward.filters.belief import Belief, PackedBelief, nis
+from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.gating import choose
 from ohmward.trace import clip, logical_not, maximum, table, where
 
@@ -51,7 +51,7 @@ class Gate(NamedTuple):
     """Which voltages are used.
 
     largest: NIS of a voltage that is used.
-    patience_s: after so much time outside it is the filter that is wrong, and every voltage is used until one fits.
+    patience_s: after so much time outside it is the filter that is wrong; see `correct`.
     highest_ocv_V: of the battery [V]; voltages that no such battery can show are none.
     rejected_s: how long the voltage has been outside so far [s].
     """
@@ -158,20 +158,29 @@ def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise
 def correct(prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, gate: Gate, reading: Reading) -> Outcome:
     """The belief after a voltage, or the prior where there is none or it is outside its gate.
 
+    Once patience is at its end, every voltage is used until one fits, and the prior's covariance is widened until the
+    voltage stands at the edge of its gate: who was sure and wrong must doubt all that he was sure of.
+
     H: (1, n).  R: [V^2].  y_hat: voltage expected [V].
     """
     measured = is_voltage(voltage_V, gate.highest_ocv_V)
-    y = np.array([where(measured, voltage_V, y_hat)])
-    posterior, innovation = kalman.update(prior, y, H, np.array([[R]]), np.array([y_hat]))
-    outside = measured & (nis(innovation) > gate.largest)
-    rejected = outside & (gate.rejected_s <= gate.patience_s)
-    used = measured & logical_not(rejected)
+    y = where(measured, voltage_V, y_hat)
+    spread = (H @ prior.cov @ H.T)[0, 0]
+    distance = (y - y_hat) ** 2 / gate.largest
+    outside = measured & (distance > spread + R)
+    lost = outside & (gate.rejected_s > gate.patience_s)
+    wider = where(lost, maximum((distance - R) / maximum(spread, 1e-30), 1.0), 1.0)
+    posterior, innovation = kalman.update(
+        prior._replace(cov=wider * prior.cov), np.array([y]), H, np.array([[R]]), np.array([y_hat])
+    )
     return Outcome(
-        choose(used, posterior, prior),
+        choose(measured & (logical_not(outside) | lost), posterior, prior),
         y_hat,
         np.sqrt(innovation.cov[0, 0]),
         where(measured, innovation.value[0], math.nan),
-        where(measured, 0.0, float(Flag.NO_VOLTAGE)) + where(rejected, float(Flag.VOLTAGE_REJECTED), 0.0),
+        where(measured, 0.0, float(Flag.NO_VOLTAGE))
+        + where(outside & logical_not(lost), float(Flag.VOLTAGE_REJECTED), 0.0)
+        + where(lost, float(Flag.LOST), 0.0),
         where(outside, gate.rejected_s + reading.dt_s, 0.0),
     )
 

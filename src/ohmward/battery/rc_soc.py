@@ -51,7 +51,7 @@ class RcSoc:
         noise: what to assume about sensors and model.
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
-        patience_s: after so much time outside the gate it is the filter that is wrong, and the voltage is used.
+        patience_s: after so much time outside the gate it is the filter that is wrong, and it doubts itself.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
