@@ -17,7 +17,7 @@ from ohmward.battery.rc_adaptive_soc import adaptive_soc_of, even, lasting_resis
 from ohmward.battery.rc_identification import identify_rc
 from ohmward.battery.rc_kalman import RcKalman
 from ohmward.battery.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
-from ohmward.battery.rc_soc import SOC, RcSoc
+from ohmward.battery.rc_soc import SOC, Parameters, RcSoc
 from ohmward.battery.reading import read
 from ohmward.battery.soc_estimator import SocEstimator
 from ohmward.errors import InputError
@@ -239,6 +239,15 @@ def test_scheme_survives_a_joint_filter_that_is_lost():
     assert (estimate.capacity_share, estimate.resistance_share) == (1.0, 1.0)
     _, found = kernel_of("scheme").scan(state, Sample(*(c[1:] for c in run.samples)))
     assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
+
+
+@pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
+def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
+    estimator = RcSoc(MODEL, SENSORS)
+    state, sample = estimator.init(Sample(0.0, -5.0, 12.6, NAN)), Sample(10.0, -5.0, 12.6, NAN)
+    _, sure = estimator.step(state, sample, Parameters(EVEN))
+    _, unsure = estimator.step(state, sample, Parameters(EVEN, **{doubt: 0.5}))
+    assert unsure.voltage_std_V > 1.1 * sure.voltage_std_V
 
 
 def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
