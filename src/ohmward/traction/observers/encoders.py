@@ -1,0 +1,118 @@
+"""Encoders of the driven wheels, and what to make of a wheel that does what the model excludes.
+
+Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
+surprise added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the body.
+An encoder that goes on to surprise is at fault; it is used again once it agrees.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.filters.belief import Belief
+from ohmward.filters.gating import choose
+from ohmward.trace import maximum, sqrt, where
+from ohmward.traction.observers.estimate import Flag
+from ohmward.traction.observers.fusion import Fused, observe, widened
+from ohmward.traction.observers.model import Model
+from ohmward.traction.observers.reading import Reading, some
+
+#: The push of a wheel whose encoder is not believed may be wrong by this [m/s^2] at least.
+DOUBT_M_S2 = 0.1
+
+
+class Matched(NamedTuple):
+    """What R of the encoders is matched to ([T] 3.50), each (driven,).
+
+    square: mean of the squared residuals and the variances P_yy after the update [rad^2/s^2].
+    samples: how many are in it, at most the window.
+    """
+
+    square: np.ndarray
+    samples: np.ndarray
+
+
+class WheelUpdate(NamedTuple):
+    """One wheel's encoder used.
+
+    belief: after it.
+    square: squared residual and variance after it.
+    agrees: whether the encoder is measured, believed and no surprise.
+    surprising: whether it is a surprise.
+    """
+
+    belief: Belief
+    square: Any
+    agrees: Any
+    surprising: Any
+
+
+def use_encoders(
+    prior: Belief,
+    lag: np.ndarray,
+    reading: Reading,
+    matched: Matched,
+    doubtful_s: np.ndarray,
+    model: Model,
+    surprise: float,
+    patience_s: float,
+) -> tuple[Fused, list[WheelUpdate]]:
+    """The prior corrected with the speeds of the driven wheels, and each wheel's update.
+
+    lag: (driven,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
+    doubtful_s: (driven,) how long each encoder has been surprising.
+    """
+    belief, updates = prior, []
+    for k in range(model.driven):
+        R = encoder_variance(matched, k, model)
+        believed = reading.measured[k] & (doubtful_s[k] <= patience_s)
+        update = _use_encoder(belief, k, reading.wheel_speed_rad_s[k] + lag[k], R, believed, model, surprise)
+        update = update._replace(surprising=update.surprising & reading.measured[k])
+        belief = choose(believed, update.belief, force_doubted(belief, k, reading.moving_s, model))
+        updates.append(update)
+    changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
+    doubted = some([t > patience_s for t in doubtful_s])
+    flags = where(changed, float(Flag.GROUND_CHANGED), 0.0) + where(doubted, float(Flag.ENCODER_DOUBTED), 0.0)
+    return Fused(belief, 0.0, flags), updates
+
+
+def _use_encoder(belief: Belief, k: int, y: Any, R: Any, believed: Any, model: Model, surprise: float) -> WheelUpdate:
+    i = model.layout.wheel(k)
+    nu = y - belief.mean[i]
+    surprising = nu * nu > surprise * (belief.cov[i, i] + R)
+    after = observe(choose(surprising, ground_unknown(belief, k, nu, model), belief), i, y, R).belief
+    square = (y - after.mean[i]) ** 2 + after.cov[i, i]
+    return WheelUpdate(after, square, believed & (nu * nu <= surprise * (belief.cov[i, i] + R)), surprising)
+
+
+def encoder_variance(matched: Matched, k: int, model: Model) -> Any:
+    """R of an encoder: its floor, or what the residuals say where that is more."""
+    return maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
+
+
+def match(matched: Matched, updates: list[WheelUpdate], window: float) -> Matched:
+    """With the residuals of the encoders that agreed."""
+    samples = [where(u.agrees & (n < window), n + 1.0, n) for u, n in zip(updates, matched.samples, strict=True)]
+    square = [
+        where(u.agrees, m + (u.square - m) / maximum(n, 1.0), m)
+        for u, m, n in zip(updates, matched.square, samples, strict=True)
+    ]
+    return Matched(np.array(square), np.array(samples))
+
+
+def ground_unknown(belief: Belief, k: int, jump_rad_s: Any, model: Model) -> Belief:
+    """The belief with the wheel free to have jumped so, and its friction as unknown as at first."""
+    belief = widened(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
+    if model.states.friction == "known":
+        return belief
+    i = model.layout.friction(k)
+    return widened(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+
+
+def force_doubted(belief: Belief, k: int, dt_s: Any, model: Model) -> Belief:
+    """The belief after `dt_s` in which the traction of a wheel without encoder may have been another."""
+    force_N = abs(model.traction_N(belief.mean)[k])
+    growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
+    return widened(belief, 0, growth * (growth + 2 * sqrt(maximum(belief.cov[0, 0], 0.0))))

@@ -1,0 +1,94 @@
+"""What goes into an observer and what comes out: plain numbers, one sample at a time."""
+
+from __future__ import annotations
+
+import math
+from enum import IntFlag
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Sample(NamedTuple):
+    """One sample of whatever has arrived; nan where there is nothing new.
+
+    dt_s: time since the sample before [s]; 0 for the first.
+    wheel_speed_rad_s: (wheels,) from encoders, driven wheels first; nan for a wheel without one.
+    current_A: (driven,) of the motors over the step that ends now, > 0 drives forward.
+    yaw_rate_rad_s: from a gyro, > 0 to the left.
+    acceleration_m_s2: from an accelerometer along x, gravity included: at rest g sin(pitch).
+    pitch_rad: from an attitude filter, > 0 with the nose up.
+    speed_m_s: forward, from GNSS, visual or lidar odometry, optical flow.
+    speed_std_m_s: its standard deviation where the source gives one.
+    speed_age_s: how long ago that speed was true.
+    """
+
+    dt_s: Any
+    wheel_speed_rad_s: np.ndarray
+    current_A: np.ndarray
+    yaw_rate_rad_s: Any = math.nan
+    acceleration_m_s2: Any = math.nan
+    pitch_rad: Any = math.nan
+    speed_m_s: Any = math.nan
+    speed_std_m_s: Any = math.nan
+    speed_age_s: Any = 0.0
+
+
+class Estimate(NamedTuple):
+    """What an observer knows after a sample. A quantity that is no state has the value that is assumed, and std 0.
+
+    speed_m_s, speed_std_m_s: of the body, forward.
+    yaw_rate_rad_s, yaw_rate_std_rad_s: > 0 to the left.
+    wheel_speed_rad_s: (driven,).
+    slip_speed_m_s, slip_speed_std_m_s: (driven,) r omega - v of the wheel's centre.
+    slip_ratio: (driven,) nan below a floor of speed.
+    traction_N: (driven,) force of the ground.
+    friction_share, friction_std: (driven,) of what the ground gives at most, over the terrain's; the std is relative.
+    grade_rad, grade_std_rad: > 0 uphill.
+    radius_share, radius_std: effective radius over the robot's.
+    grip: (driven,) slope of traction over slip, one sigma of slip beyond the estimate, over the slope without slip:
+        1 grips, 0 spins. The wheels show the speed of the body as far as they grip.
+    unobserved_s: how long nothing has shown the speed of the body: no wheel gripped, no passive wheel turned, no speed
+        came from outside. Then it is dead reckoning from the forces, and `speed_std_m_s` grows with it.
+    slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipTest`, else 0.
+    immobilised: 1 where the wheels turn and the robot does not, else 0.
+    flags: sum of `Flag` values; 0 is a sample without incident.
+    """
+
+    speed_m_s: Any
+    speed_std_m_s: Any
+    yaw_rate_rad_s: Any
+    yaw_rate_std_rad_s: Any
+    wheel_speed_rad_s: np.ndarray
+    slip_speed_m_s: np.ndarray
+    slip_speed_std_m_s: np.ndarray
+    slip_ratio: np.ndarray
+    traction_N: np.ndarray
+    friction_share: np.ndarray
+    friction_std: np.ndarray
+    grade_rad: Any
+    grade_std_rad: Any
+    radius_share: Any
+    radius_std: Any
+    grip: np.ndarray
+    unobserved_s: Any
+    slipping: np.ndarray
+    immobilised: Any
+    flags: Any
+
+
+class Flag(IntFlag):
+    """What happened at a sample. None of it stops an observer."""
+
+    BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
+    GAP = 2  # longer than the last current is believed: the speed may be anything near
+    NO_CURRENT = 4  # of at least one motor; the last one was held, and what it may be is doubted
+    NO_ENCODER = 8  # of at least one driven wheel: no number, or one that no wheel has
+    GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
+    ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
+    GYRO_REJECTED = 64  # outside its gate
+    SPEED_REJECTED = 128  # outside its gate
+    SPEED_TAKEN_ANEW = 256  # it has contradicted the estimate for too long: the estimate was opened for it
+    STANDSTILL = 512  # wheels and motors at rest: speed is zero
+    SPEED_UNOBSERVED = 1024  # nothing shows the speed: dead reckoning
+    NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired

@@ -1,0 +1,172 @@
+"""The robot as a filter sees it: how its state moves in a step, how far that may be wrong, and what it starts from.
+
+Ground, grade and offsets are Ornstein-Uhlenbeck processes: they wander by their walk and return to what is usual, so a
+quantity that nothing shows for hours is as unknown as before the first sample, and never more:
+
+    x+ = e^(-dt/T) x + w,   Var w = sigma^2 (1 - e^(-2 dt/T)),   T = 2 sigma^2 / walk^2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ohmward.filters.belief import Belief
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.trace import exp, linearize, minimum, sin, where
+from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
+from ohmward.traction.observers.noise import Noise
+from ohmward.traction.observers.reading import Reading
+from ohmward.traction.observers.slip_step import grip, slip_step, traction
+from ohmward.traction.observers.states import Layout, States
+from ohmward.traction.robot import GRAVITY, motion_from_wheels
+
+#: What the speed may change by in a second of which nothing is known [m/s^2], and at most [m/s].
+UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
+
+#: A steeper pitch [rad] is a sensor's fault.
+STEEPEST_RAD = 1.5
+
+
+@dataclass(frozen=True)
+class Model:
+    """Robot, ground, states and noise.
+
+    Attributes:
+        scene: robot, and the terrain that it is believed to drive on.
+        states: what is estimated besides the robot's own state.
+        noise: how wrong sensors and model may be.
+    """
+
+    scene: Scene
+    states: States
+    noise: Noise
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Which element of the state is what."""
+        return Layout(self.scene.robot, self.states)
+
+    @property
+    def driven(self) -> int:
+        """Number of driven wheels."""
+        return self.scene.robot.driven
+
+    def first_belief(self, wheel_speed_rad_s: np.ndarray) -> Belief:
+        """A body that moves as the driven wheels (driven,) say."""
+        robot, names = self.scene.robot, self.layout.names
+        own = np.concatenate([motion_from_wheels(robot, wheel_speed_rad_s), wheel_speed_rad_s])
+        mean = np.array([*own, *(1.0 if name == "radius_share" else 0.0 for name in names[len(own) :])])
+        return Belief(mean, np.diag([self.initial_std(name) ** 2 for name in names]))
+
+    def initial_std(self, name: str) -> float:
+        """Standard deviation of a state before the first sample."""
+        noise = self.noise
+        known = {
+            "yaw_rate_rad_s": noise.initial_yaw_rate_std_rad_s,
+            "v_m_s": noise.initial_speed_std_m_s,
+            "v_left_m_s": noise.initial_speed_std_m_s,
+        }
+        wheel = noise.initial_speed_std_m_s / self.scene.robot.wheel.radius_m + noise.encoder_std_rad_s
+        return known.get(name) or self.lasting(name)[0] or wheel
+
+    def lasting(self, name: str) -> tuple[float, float]:
+        """Standard deviation and walk of a state that the robot's motion does not change; 0 for one that it does."""
+        noise = self.noise
+        if name.startswith("log_friction"):
+            return noise.friction_std, noise.friction_walk
+        return {
+            "log_stiffness": (noise.stiffness_std, noise.stiffness_walk),
+            "grade_rad": (noise.grade_std_rad, noise.grade_walk),
+            "radius_share": (noise.radius_std, 0.0),
+            "accelerometer_offset_m_s2": (noise.accelerometer_offset_std_m_s2, 0.0),
+        }.get(name, (0.0, 0.0))
+
+    def kept(self, name: str, dt_s: Any) -> Any:
+        """Share of a lasting state that is left after `dt_s`."""
+        std, walk = self.lasting(name)
+        return exp(-dt_s * (walk**2 / (2 * std**2))) if walk else 1.0
+
+    def walked(self, name: str, dt_s: Any) -> Any:
+        """Variance that a lasting state gains in `dt_s`."""
+        kept = self.kept(name, dt_s)
+        return self.lasting(name)[0] ** 2 * (1.0 - kept * kept)
+
+    def next_state(self, x: np.ndarray, reading: Reading, excess_Nm: np.ndarray | None = None) -> np.ndarray:
+        """Mean of the state after the step, (n,); excess_Nm: (driven,) torque besides that of the currents."""
+        moved = slip_step(self.layout.split(x), self.input(x, reading, excess_Nm), self.scene, reading.moving_s)
+        own = [*moved.motion, *moved.omega]
+        names = self.layout.names
+        return np.array([*own, *(self.kept(names[i], reading.dt_s) * x[i] for i in range(len(own), len(names)))])
+
+    def input(self, x: np.ndarray, reading: Reading, excess_Nm: np.ndarray | None = None) -> Input:
+        """What acts on the robot; the grade is the state's, else the measured one, else level."""
+        current_A = reading.current_A
+        if excess_Nm is not None:
+            current_A = current_A + excess_Nm / self.scene.robot.motor.wheel_constant_Nm_per_A
+        grade = self.layout.split(x).grade_rad
+        if grade is None:
+            grade = 0.0
+            if self.noise.pitch_std_rad is not None:
+                grade = where(abs(reading.pitch_rad) <= STEEPEST_RAD, reading.pitch_rad, 0.0)
+        return Input(current_A, grade)
+
+    def process_noise(self, mean: np.ndarray, reading: Reading) -> np.ndarray:
+        """Q (n, n) of a step; unknown torque goes through the model, where a wheel that grips damps it."""
+        robot, noise = self.scene.robot, self.noise
+        _, B = linearize(lambda e: self.next_state(mean, reading, e), np.zeros(self.driven))
+        load_N = normal_loads(Input(reading.current_A), robot, np.zeros(2))[: self.driven]
+        std_Nm = noise.torque_std_Nm + reading.guessed * (robot.wheel.radius_m * load_N)
+        B = B * std_Nm
+        unknown = minimum(UNKNOWN_M_S2 * reading.unknown_s, UNKNOWN_M_S) ** 2
+        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
+        diagonal = [
+            noise.yaw_rate_walk**2 * reading.moving_s + unknown / arm_m**2
+            if name == "yaw_rate_rad_s"
+            else noise.speed_walk**2 * reading.moving_s + unknown
+            for name in self.layout.names[: robot.freedoms]
+        ]
+        diagonal += [unknown / robot.wheel.radius_m**2] * self.driven
+        diagonal += [self.walked(name, reading.dt_s) for name in self.layout.names[len(diagonal) :]]
+        return mirror_lower(B @ B.T + np.diag(np.array(diagonal)))
+
+    def slip(self, x: np.ndarray) -> np.ndarray:
+        """Slip speed (driven,) [m/s] in state x (n,)."""
+        parts, robot = self.layout.split(x), self.scene.robot
+        return robot.wheel.radius_m * parts.radius_share * parts.omega - robot.rolling[: self.driven] @ parts.motion
+
+    def traction_N(self, x: np.ndarray) -> np.ndarray:
+        """Force (driven,) [N] of the ground on the driven wheels in state x (n,)."""
+        return traction(self.slip(x), self.layout.split(x), self.static_load_N, self.scene)
+
+    def grip(self, x: np.ndarray, slip_m_s: np.ndarray) -> np.ndarray:
+        """(driven,) in [0, 1], of wheels that slip so."""
+        return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
+
+    def specific_force(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+        """What an accelerometer along x shows in state x, (1,) [m/s^2]."""
+        parts, robot, n = self.layout.split(x), self.scene.robot, self.driven
+        u = self.input(x, reading)
+        own = x[: robot.freedoms + n]
+        rolling = momentum_rates(own, u, self.scene, forces_at(own, u, self.scene, self.static_load_N, np.zeros(n)))
+        push = rolling[0] + robot.rolling[:n, 0] @ self.traction_N(x)
+        return np.array([push / robot.inertia[0] + GRAVITY * sin(u.grade_rad) + parts.accelerometer_offset])
+
+    def passive_speed(self, k: int) -> Callable[[np.ndarray], np.ndarray]:
+        """Speed (1,) [rad/s] of wheel k, which is not driven, as a function of the state."""
+        robot = self.scene.robot
+
+        def speed(x: np.ndarray) -> np.ndarray:
+            parts = self.layout.split(x)
+            return np.array([robot.rolling[k] @ parts.motion / (robot.wheel.radius_m * parts.radius_share)])
+
+        return speed
+
+    @cached_property
+    def static_load_N(self) -> np.ndarray:
+        """(wheels,) on level ground."""
+        return normal_loads(Input(0.0), self.scene.robot, np.zeros(2))

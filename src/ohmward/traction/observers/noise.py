@@ -1,0 +1,80 @@
+"""How wrong sensors and model may be. What the observer claims rests on these numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from ohmward.battery.checks import require_between, require_positive
+
+_OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_rad", "accelerometer_std_m_s2")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of sensors, walks of states, and what is believed before the first sample.
+
+    A sensor with None does not exist: nothing is compiled for it.
+
+    Attributes:
+        encoder_std_rad_s: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone. With matching
+            it is the floor.
+        encoder_lag_share: encoder speeds are those of so long ago, in steps: 0.5 for counts over the step, 0 for an
+            instantaneous speed.
+        torque_std_Nm: of the torque at a wheel: current sensor, ripple, friction of the gear.
+        gyro_std_rad_s, passive_std_rad_s, speed_std_m_s, pitch_std_rad, accelerometer_std_m_s2: of a gyro (offset
+            included), of encoders on wheels that are not driven, of an external speed without a std of its own, of a
+            measured pitch, of an accelerometer.
+        speed_walk, yaw_rate_walk: of accelerations that the model does not know [m/s, rad/s, over the root of a second].
+        friction_walk, stiffness_walk: relative, over the root of a second.
+        grade_walk: [rad] over the root of a second.
+        initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about what the encoders say at first.
+        friction_std, stiffness_std: relative, of the terrain's values.
+        grade_std_rad: about level; 1 degree counts as 0.17 m/s^2 of unknown push, of whatever origin.
+        radius_std: relative, of the effective radius.
+        accelerometer_offset_std_m_s2: of the state of that name.
+    """
+
+    encoder_std_rad_s: float = 0.07
+    encoder_lag_share: float = 0.5
+    torque_std_Nm: float = 0.1
+    gyro_std_rad_s: float | None = None
+    passive_std_rad_s: float | None = None
+    speed_std_m_s: float | None = None
+    pitch_std_rad: float | None = None
+    accelerometer_std_m_s2: float | None = None
+    speed_walk: float = 0.01
+    yaw_rate_walk: float = 0.3
+    friction_walk: float = 0.3
+    stiffness_walk: float = 0.05
+    grade_walk: float = 0.003
+    initial_speed_std_m_s: float = 0.05
+    initial_yaw_rate_std_rad_s: float = 0.3
+    friction_std: float = 0.7
+    stiffness_std: float = 0.7
+    grade_std_rad: float = math.radians(1.0)
+    radius_std: float = 0.005
+    accelerometer_offset_std_m_s2: float = 0.1
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in _OPTIONAL:
+                if value is not None:
+                    require_positive(f"noise.{field.name}", value)
+            elif field.name == "encoder_lag_share":
+                require_between("noise.encoder_lag_share", value, 0.0, 1.0)
+            elif field.name.endswith("_walk"):
+                require_between(f"noise.{field.name}", value, 0.0, math.inf)
+            else:
+                require_positive(f"noise.{field.name}", value)
+
+
+def quantisation_std_rad_s(counts_per_turn: int, dt_s: float) -> float:
+    """Standard deviation [rad/s] of a speed from the difference of two counts, `dt_s` apart.
+
+    Each count is even over one step of 2 pi / counts_per_turn: variance step^2/12 twice.
+    """
+    require_positive("counts_per_turn", counts_per_turn)
+    require_positive("dt_s", dt_s)
+    return 2 * math.pi / counts_per_turn / dt_s / math.sqrt(6)

@@ -1,0 +1,78 @@
+"""Drives of the MuJoCo robot, seen by its sensors, as samples for an observer."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from ohmward.simulate.robot_sensors import RobotSensors, record
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, RollingResistance, Terrain, scene
+from ohmward.traction.laws import WardIagnemma
+from ohmward.traction.observers import Sample, wheel_speeds
+
+DT_S = 0.01
+SENSORS = RobotSensors(interval_s=DT_S)
+#: What the observer believes of the ground: rubber on a hard floor. The plant creeps 2.2 times as much.
+FLOOR = Terrain("rubber on a hard floor", WardIagnemma(0.7, 20.0), RollingResistance(a3_s_per_m=0.0), "tests")
+
+
+def believed(rng, radius_std=0.005, terrain=FLOOR):
+    """The robot that the observer believes in: its radius is off as radii are."""
+    wheel = replace(RLMA.wheel, radius_m=RLMA.wheel.radius_m * (1 + radius_std * rng.standard_normal()))
+    return scene(replace(RLMA, wheel=wheel), terrain)
+
+
+def cruising(rng):
+    """Between 0.1 and 0.5 m/s, the speeds of [T], at up to 0.4 m/s^2: on a floor of 0.8 the wheels grip."""
+    phase = rng.uniform(0.0, 2 * np.pi)
+
+    def torque_Nm(truth):
+        target = 0.3 + 0.2 * np.sin(1.5 * truth.time_s + phase)
+        return np.clip(12.0 * (min(target, 0.5 * truth.time_s) - truth.speed_m_s), -3.0, 3.0)
+
+    return torque_Nm
+
+
+def spinning(rng):
+    """More than a floor of 0.2 can take, from the start on."""
+    return lambda truth: 3.0
+
+
+def drive_on(friction, grade_rad, torque, duration_s):
+    """The truth of a drive, (T, ...)."""
+    return drive(RlmaPlant(RlmaParameters(), uniform(friction, grade_rad)), torque, duration_s, DT_S)
+
+
+def samples_of(truth, rng, passive=False, speed_every=0, speed_std=0.05, age_steps=0):
+    """What the sensors say, (T - 1, ...), without the first reading; every so many steps a speed from outside."""
+    readings = record(truth, SENSORS, rng)
+    time_s = np.array([r.time_s for r in readings])
+    counts = np.array([r.encoder_count for r in readings])
+    speeds = wheel_speeds(counts, time_s, SENSORS.counts_per_turn)[1:]
+    if not passive:
+        speeds[:, 2:] = np.nan
+    external = np.full(len(speeds), np.nan)
+    if speed_every:
+        true = truth.speed_m_s[1:]
+        noisy = true + speed_std * rng.standard_normal(len(true))
+        external[age_steps::speed_every] = noisy[: len(true) - age_steps : speed_every]
+    nothing = np.full(len(speeds), np.nan)
+    return Sample(
+        np.diff(time_s),
+        speeds,
+        np.array([r.motor_current_A for r in readings[1:]]),
+        np.array([r.gyro_rad_s[2] for r in readings[1:]]),
+        np.array([r.specific_force_m_s2[0] for r in readings[1:]]),
+        nothing,
+        external,
+        nothing,
+        np.full(len(speeds), age_steps * DT_S),
+    )
+
+
+def observed(observer, samples):
+    """Estimates (T, ...)."""
+    at_rest = observer.no_sample()._replace(wheel_speed_rad_s=np.zeros(4), current_A=np.zeros(2))
+    state = observer.init(at_rest)
+    return Kernel(observer.step, state, at_rest).scan(state, samples)[1]
