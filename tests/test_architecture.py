@@ -13,23 +13,24 @@ import ohmward
 SOURCE = Path(ohmward.__file__).parent
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
+GROUND = {"errors", "checks", "atomic"}
 BELOW: dict[str, set[str]] = {
     "errors": set(),
-    "trace": {"errors"},
-    "filters": {"trace", "errors"},
-    "logs": {"errors"},
-    "report": {"errors"},
-    "battery": {"trace", "filters", "logs.log", "errors"},
-    "traction": {"trace", "filters", "logs.log", "errors", "battery.checks"},
-    "simulate": {"battery", "traction", "trace", "filters", "logs", "errors"},
-    "cli": {"battery", "traction", "simulate", "logs", "report", "errors"},
+    "checks": {"errors"},
+    "atomic": {"errors"},
+    "trace": GROUND,
+    "filters": {"trace"} | GROUND,
+    "logs": GROUND,
+    "report": GROUND,
+    "battery": {"trace", "filters", "logs.log"} | GROUND,
+    "traction": {"trace", "filters", "logs.log"} | GROUND,
+    "simulate": {"battery", "traction", "trace", "filters", "logs"} | GROUND,
+    "cli": {"battery", "traction", "simulate", "logs", "report"} | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.
 EDGES: dict[str, set[str]] = {
     "battery.pictures": {"report"},
-    "battery.battery_file": {"logs.atomic"},
-    "traction.robot_file": {"logs.atomic"},
 }
 
 #: What runs on a robot.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.noise import Noise
 from ohmward.battery.rc import RcModel
 from ohmward.battery.thevenin import Thevenin
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 
 

@@ -30,7 +30,7 @@ def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
     Raises:
         OhmwardError: the file cannot be written.
     """
-    from ohmward.logs.atomic import replacing
+    from ohmward.atomic import replacing
 
     with replacing(Path(path)) as temporary:
         temporary.write_text(dump_battery(battery), encoding="utf-8")

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.checks import require_positive
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Thevenin
+from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
 #: Points of the uniform SoC grid of an OCV curve made here.

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_positive
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
 from ohmward.battery.reading import Reading, first_input, is_voltage, read
 from ohmward.battery.thevenin import Thevenin, charge
+from ohmward.checks import require_positive
 from ohmward.trace import clip, minimum, where
 
 #: A usual current, in multiples of the capacity per hour: what an unknown one is taken to be.

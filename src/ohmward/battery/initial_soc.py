@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.noise import Noise
 from ohmward.battery.reading import finite_or
 from ohmward.battery.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.checks import require_between, require_positive
 
 #: Share of the prior that says: the value given is wrong, and nothing is known.
 DOUBT = 0.02

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_finite, require_length
+from ohmward.checks import require_between, require_finite, require_length
 from ohmward.errors import InputError
 from ohmward.trace import table
 

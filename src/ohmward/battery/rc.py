@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_positive
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Thevenin
+from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 

@@ -25,9 +25,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery import rc
-from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.reading import ROOM_DEGC, Reading, is_voltage, read
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack

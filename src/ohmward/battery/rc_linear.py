@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery import coulomb, rc
-from ohmward.battery.checks import require_between, require_positive
 from ohmward.battery.estimate import Flag
 from ohmward.battery.noise import Noise
 from ohmward.battery.reading import Reading, is_voltage
 from ohmward.battery.thevenin import Thevenin
+from ohmward.checks import require_between, require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.gating import choose

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_positive
 from ohmward.battery.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.reading import is_current, is_voltage
 from ohmward.battery.thevenin import Input, Thevenin, pair_resistances
+from ohmward.checks import require_positive
 from ohmward.trace import clip, linearize, where
 
 

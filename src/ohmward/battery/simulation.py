@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between
 from ohmward.battery.estimate import Sample
 from ohmward.battery.reading import ROOM_DEGC, finite_or, read
 from ohmward.battery.soc_estimator import samples_of
 from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.checks import require_between
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 

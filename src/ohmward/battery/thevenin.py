@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_length, require_positive
 from ohmward.battery.ocv import OcvCurve
+from ohmward.checks import require_between, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import sign, table, where
 

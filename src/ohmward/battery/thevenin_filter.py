@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_finite, require_positive
 from ohmward.battery.coulomb import SPREAD, USUAL_C, charge_variance, grown
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
@@ -45,6 +44,7 @@ from ohmward.battery.thevenin import (
     pair_resistances,
     voltage,
 )
+from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, nis, pack, unpack

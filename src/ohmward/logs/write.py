@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ohmward.atomic import replacing
 from ohmward.errors import InputError
 from ohmward.logs import bdf
-from ohmward.logs.atomic import replacing
 from ohmward.logs.log import Log
 from ohmward.logs.parquet_file import write_parquet
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.simulate.profile import Profile, join
 
 _GRAVITY_M_S2 = 9.81

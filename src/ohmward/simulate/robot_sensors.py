@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.simulate.sensors import Sensor

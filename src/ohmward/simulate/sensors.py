@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 
 
 @dataclass(frozen=True)

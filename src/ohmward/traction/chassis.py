@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.battery.checks import require_positive
+from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
 #: The motion of a body in the plane: forward and leftward speed [m/s], yaw rate [rad/s].

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import tanh
 from ohmward.traction.odd import direction_and_size

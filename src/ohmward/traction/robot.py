@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.chassis import (
     Differential,

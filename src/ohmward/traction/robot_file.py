@@ -33,7 +33,7 @@ def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
     Raises:
         OhmwardError: the file cannot be written.
     """
-    from ohmward.logs.atomic import replacing
+    from ohmward.atomic import replacing
 
     with replacing(Path(path)) as temporary:
         temporary.write_text(dump_robot(robot), encoding="utf-8")

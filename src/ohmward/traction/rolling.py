@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.traction.laws.soft_ground import SoftGround
 from ohmward.traction.odd import direction_and_size
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.laws import TractionLaw, contact
 

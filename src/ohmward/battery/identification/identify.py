@@ -11,7 +11,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, Fit
 from ohmward.battery.battery import Identification as Provenance
-from ohmward.battery.checks import require_positive
 from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
 from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import SocAxis, anchor_soc, find_anchors
@@ -33,6 +32,7 @@ from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
 from ohmward.battery.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.thevenin import Thevenin
+from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
 

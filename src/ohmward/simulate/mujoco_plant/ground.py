@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ohmward.battery.checks import require_between, require_finite
+from ohmward.checks import require_between, require_finite
 from ohmward.errors import InputError
 
 STEEPEST_RAD = 0.7

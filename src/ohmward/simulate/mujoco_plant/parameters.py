@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.chassis import Differential
 from ohmward.traction.robot import GRAVITY, RLMA

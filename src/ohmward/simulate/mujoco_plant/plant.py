@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_finite, require_positive
+from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s

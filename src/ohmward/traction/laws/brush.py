@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.trace import maximum, where
 from ohmward.traction.laws.law import SPEED_FLOOR, Contact, creepage
 from ohmward.traction.odd import direction_and_size

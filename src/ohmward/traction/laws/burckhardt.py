@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.traction.laws.law import SPEED_FLOOR, Contact, bounded_slip_ratio

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.battery.checks import require_positive
+from ohmward.checks import require_positive
 from ohmward.trace import clip
 from ohmward.traction.laws.law import Contact
 

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, maximum, minimum, where
 from ohmward.traction.laws.law import SPEED_FLOOR, Contact, creepage

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_finite, require_positive
+from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import maximum, where
 from ohmward.traction.laws.law import Contact

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.battery.checks import require_positive
+from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
 

@@ -72,9 +72,7 @@ def use_accelerometer(fused: Fused, sample: Sample, reading: Reading, model: Mod
     std = model.noise.accelerometer_std_m_s2
     if std is None:
         return fused
-    _, belief = gated(
-        fused.belief, sample.acceleration_m_s2, lambda x: model.specific_force(x, reading), std**2, gate
-    )
+    _, belief = gated(fused.belief, sample.acceleration_m_s2, lambda x: model.specific_force(x, reading), std**2, gate)
     return fused._replace(belief=belief)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 
 _OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_rad", "accelerometer_std_m_s2")
 

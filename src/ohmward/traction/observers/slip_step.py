@@ -57,7 +57,7 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
 
 
 def balanced_slip(free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
-    """s (driven,) [m/s] of s + A F(s) = free_slip; A in m/s per newton."""
+    """S (driven,) [m/s] of s + A F(s) = free_slip; A in m/s per newton."""
     stiffness = np.diag(A)
     slip = np.zeros(len(free_slip))
     for _ in range(NEWTON_STEPS):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import where
 

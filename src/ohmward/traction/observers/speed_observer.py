@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.checks import require_between, require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
@@ -129,7 +129,9 @@ class SpeedObserver:
         require_between("window", self.window, 1.0, math.inf)
         require_between("late_steps", self.late_steps, 0, 1000)
         if self.states.accelerometer_offset and self.noise.accelerometer_std_m_s2 is None:
-            raise InputError("states.accelerometer_offset needs noise.accelerometer_std_m_s2; give it or drop the state")
+            raise InputError(
+                "states.accelerometer_offset needs noise.accelerometer_std_m_s2; give it or drop the state"
+            )
 
     @cached_property
     def model(self) -> Model:
@@ -170,7 +172,9 @@ class SpeedObserver:
         fused = use_standstill(fused, resting, self.model)
 
         agrees = np.array([w.agrees for w in wheels])
-        estimate, known = conclude(fused, agrees, Known(state.unobserved_s, state.stuck_s), reading, self.model, self.test)
+        estimate, known = conclude(
+            fused, agrees, Known(state.unobserved_s, state.stuck_s), reading, self.model, self.test
+        )
         healthy = where(is_healthy(before) > 0.5, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
         matched = match(state.matched, wheels, self.window) if self.matching else state.matched
         after = ObserverState(
