@@ -1,0 +1,39 @@
+"""What a controller knows of its wheel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from ohmward.checks import require_positive
+from ohmward.traction.robot import GRAVITY, Robot
+
+
+@dataclass(frozen=True)
+class DrivenWheel:
+    """A wheel, its motor's rotor and its share of the robot.
+
+    Attributes:
+        radius_m: effective rolling radius, > 0.
+        inertia_kg_m2: about the axle, with the rotor as felt at the wheel, > 0.
+        load_N: normal load, > 0.
+        mass_kg: the part of the robot's mass that this wheel has to accelerate, > 0.
+    """
+
+    radius_m: float
+    inertia_kg_m2: float
+    load_N: float
+    mass_kg: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            require_positive(f"driven_wheel.{field.name}", getattr(self, field.name))
+
+
+def driven_wheel(robot: Robot) -> DrivenWheel:
+    """A driven wheel of the robot on level ground: mean load, equal shares of the mass."""
+    n = robot.driven
+    load_N = sum(robot.loads[:n, 0]) / n * robot.mass_kg * GRAVITY
+    along = float(math.fsum(robot.inertia[: robot.freedoms - 1])) / (robot.freedoms - 1)
+    inertia = robot.wheel.inertia_kg_m2 + robot.motor.inertia_at_wheel_kg_m2
+    return DrivenWheel(robot.wheel.radius_m, inertia, float(load_N), along / n)

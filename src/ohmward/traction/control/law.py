@@ -1,0 +1,49 @@
+"""The one interface of the slip laws: torque from motion, and what to remember of it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+from ohmward.traction.control.driven_wheel import DrivenWheel
+
+
+class Motion(NamedTuple):
+    """A wheel and the slip that it should have, along the direction that is commanded: a law knows no reverse.
+
+    rim_m_s, travel_m_s: speeds of rim and of the wheel's centre.
+    acceleration_m_s2:   of the wheel's centre, as believed.
+    force_N:             of the ground on the wheel, as believed.
+    slip_target:         slip ratio in (-1, 1).
+    target_rate_per_s:   its rate of change.
+    floor_m_s:           v_0 of the surface, below which a slip speed is held instead of a slip ratio.
+    dt_s:                for how long the torque will be held.
+    """
+
+    rim_m_s: Any
+    travel_m_s: Any
+    acceleration_m_s2: Any
+    force_N: Any
+    slip_target: Any
+    target_rate_per_s: Any
+    floor_m_s: Any
+    dt_s: Any
+
+
+class SlipLaw(Protocol):
+    """A law that holds a slip. Implementations are frozen dataclasses; the memory is a NamedTuple of numbers."""
+
+    def init(self, zero: Any) -> Any:
+        """Memory before the first step; `zero` has the shape of the wheels."""
+        ...
+
+    def torque_Nm(self, memory: Any, motion: Motion, wheel: DrivenWheel) -> Any:
+        """Torque at the wheel without limits."""
+        ...
+
+    def remember(self, memory: Any, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> Any:
+        """Memory after a step in which `torque_Nm` was given where the law wished for `wished_Nm`."""
+        ...
+
+
+class Nothing(NamedTuple):
+    """The memory of a law without one."""

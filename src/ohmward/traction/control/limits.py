@@ -1,0 +1,46 @@
+"""What a drive can do: torque, and how fast it may change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ohmward.checks import require_positive
+from ohmward.trace import clip
+from ohmward.traction.motor import Motor
+
+#: A torque [N m] that differs by less from the one asked for is that torque.
+SAME_TORQUE = 1e-9
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of the torque at the wheel.
+
+    Attributes:
+        torque_Nm: largest size, > 0.
+        rate_Nm_per_s: largest change, > 0.
+    """
+
+    torque_Nm: float
+    rate_Nm_per_s: float = 5000.0
+
+    def __post_init__(self) -> None:
+        require_positive("limits.torque_Nm", self.torque_Nm)
+        require_positive("limits.rate_Nm_per_s", self.rate_Nm_per_s)
+
+    @classmethod
+    def of_current(cls, motor: Motor, current_A: float, rate_A_per_s: float) -> Limits:
+        """The limits of a drive that limits current and its change."""
+        constant = motor.wheel_constant_Nm_per_A
+        return cls(constant * current_A, constant * rate_A_per_s)
+
+    def apply(self, wished_Nm: Any, before_Nm: Any, dt_s: Any) -> Any:
+        """The torque nearest to the wished one that may follow on `before_Nm`, which is within the limits."""
+        change = self.rate_Nm_per_s * dt_s
+        return clip(clip(wished_Nm, before_Nm - change, before_Nm + change), -self.torque_Nm, self.torque_Nm)
+
+
+def limited(wished_Nm: Any, torque_Nm: Any) -> Any:
+    """Whether the torque is another one than was asked for."""
+    return abs(wished_Nm - torque_Nm) > SAME_TORQUE

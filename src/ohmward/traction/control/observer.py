@@ -1,0 +1,90 @@
+"""Force of the ground and acceleration of the body, from what every drive knows.
+
+F_hat = (tau - J domega/dt) / r,   a_hat = dv/dt,   each through a lag of the first order.
+
+The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative, dt cancels, and
+dt = 0 is as good as any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ohmward.checks import require_positive
+from ohmward.trace import isfinite, where
+from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.signals import Measurement
+
+
+class Observed(NamedTuple):
+    """What is believed of a wheel: the last usable speeds, and what follows from their change.
+
+    wheel_speed_rad_s, travel_speed_m_s: last usable ones, the latter brought up to now.
+    force_N:          of the ground along x.
+    acceleration_m_s2: of the wheel's centre.
+    known:            1 where the last measurement was usable, else 0.
+    """
+
+    wheel_speed_rad_s: Any
+    travel_speed_m_s: Any
+    force_N: Any
+    acceleration_m_s2: Any
+    known: Any
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Lags and limits of belief.
+
+    Attributes:
+        force_lag_s: of the force, > 0; a few steps of the controller.
+        acceleration_lag_s: of the acceleration, > 0.
+        oldest_s: an older travel speed is stale.
+        largest_std_m_s: a travel speed with a larger standard deviation is as good as none.
+    """
+
+    force_lag_s: float = 0.005
+    acceleration_lag_s: float = 0.05
+    oldest_s: float = 0.1
+    largest_std_m_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("force_lag_s", "acceleration_lag_s", "oldest_s", "largest_std_m_s"):
+            require_positive(f"observer.{name}", getattr(self, name))
+
+    def init(self, first: Measurement) -> Observed:
+        """Before the first step: no force and no acceleration; a wheel that is not measured counts as at rest."""
+        usable = self.usable(first)
+        zero = where(usable, 0.0, 0.0)
+        return Observed(
+            where(usable, first.wheel_speed_rad_s, 0.0),
+            where(usable, first.travel_speed_m_s, 0.0),
+            zero,
+            zero,
+            where(usable, 1.0, 0.0),
+        )
+
+    def usable(self, m: Measurement) -> Any:
+        """Whether a controller may act on a measurement."""
+        numbers = isfinite(m.wheel_speed_rad_s) & isfinite(m.travel_speed_m_s)
+        return (
+            numbers & (m.age_s >= 0.0) & (m.age_s <= self.oldest_s) & (m.travel_speed_std_m_s <= self.largest_std_m_s)
+        )
+
+    def observe(self, before: Observed, torque_Nm: Any, m: Measurement, wheel: DrivenWheel, dt_s: Any) -> Observed:
+        """What is believed after a step under `torque_Nm`; nothing is learned across a gap in the measurements."""
+        usable = self.usable(m)
+        omega = where(usable, m.wheel_speed_rad_s, before.wheel_speed_rad_s)
+        v = where(usable, m.travel_speed_m_s + before.acceleration_m_s2 * m.age_s, before.travel_speed_m_s)
+        impulse = torque_Nm * dt_s - wheel.inertia_kg_m2 * (omega - before.wheel_speed_rad_s)
+        force = (impulse / wheel.radius_m - before.force_N * dt_s) / (self.force_lag_s + dt_s)
+        change = v - before.travel_speed_m_s - before.acceleration_m_s2 * dt_s
+        learn = usable & (before.known > 0.5)
+        return Observed(
+            omega,
+            v,
+            before.force_N + where(learn, force, 0.0),
+            before.acceleration_m_s2 + where(learn, change / (self.acceleration_lag_s + dt_s), 0.0),
+            where(usable, 1.0, 0.0),
+        )

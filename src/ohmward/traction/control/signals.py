@@ -1,0 +1,74 @@
+"""What goes into the controllers and what comes out of them.
+
+Every field is a number, or (n,) for n driven wheels: the controllers work element by element. x points forward.
+"""
+
+from enum import IntFlag
+from typing import Any, NamedTuple
+
+
+class Flag(IntFlag):
+    """What a controller has to say about its step; `Report.flags` is their sum."""
+
+    STALE = 1  #: the measurement is too old, too uncertain or no number: torque goes to zero
+    STOPPED = 2  #: too slow for slip to mean anything: a slip controller gives no torque, the speed controller holds
+    TORQUE_LIMITED = 4  #: the torque asked for is above its limit, or changes faster than its limit
+    SLIP_BOUND = 8  #: the speed controller gives less torque than the speed asks for, to stay within the slip bound
+    UNREACHABLE = 16  #: the slip asked for does not come about although the torque has been at its limit for a while
+    BAD_COMMAND = 32  #: the command is no number or out of its range: torque goes to zero
+
+
+class Measurement(NamedTuple):
+    """What is known of a driven wheel.
+
+    wheel_speed_rad_s:    of the wheel, > 0 forward.
+    travel_speed_m_s:     of the wheel's centre along the wheel, measured or estimated.
+    age_s:                of the travel speed, >= 0.
+    travel_speed_std_m_s: its standard deviation.
+    """
+
+    wheel_speed_rad_s: Any
+    travel_speed_m_s: Any
+    age_s: Any = 0.0
+    travel_speed_std_m_s: Any = 0.0
+
+
+class SlipCommand(NamedTuple):
+    """A slip to hold.
+
+    slip_ratio: in (-1, 1), > 0 drives and < 0 brakes, whichever way the robot goes.
+    direction:  >= 0 forward, < 0 reverse.
+    """
+
+    slip_ratio: Any
+    direction: Any = 1.0
+
+
+class SpeedCommand(NamedTuple):
+    """A speed to hold, within bounds of slip.
+
+    speed_m_s:  of the wheel's centre, < 0 in reverse.
+    slip_bound: largest slip ratio in size, driving and braking, in (0, 1).
+    """
+
+    speed_m_s: Any
+    slip_bound: Any = 0.12
+
+
+class Report(NamedTuple):
+    """What a controller saw and did.
+
+    slip_ratio:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`.
+    slip_target: slip ratio that is held now, or the bound.
+    surface_m_s: distance from it as a slip speed, > 0 where slip is too large; see `surface`.
+    force_N:     of the ground on the wheel, along x, as observed.
+    wished_Nm:   torque without limits.
+    flags:       sum of `Flag`.
+    """
+
+    slip_ratio: Any
+    slip_target: Any
+    surface_m_s: Any
+    force_N: Any
+    wished_Nm: Any
+    flags: Any

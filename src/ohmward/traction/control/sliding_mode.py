@@ -1,0 +1,120 @@
+"""Sliding mode on the slip speed, [T] 5.3 freed of its singularities.
+
+tau = r F_hat + J_hat / (gain r) [ drift a_hat + V_f dlambda_d/dt - k sat((sigma + k_i I) / Phi) ],   I = int sigma dt
+
+with the surface sigma of `surface`. The ground's force enters where the torque does, so the inertia does not scale it,
+and the condition sigma dsigma/dt <= -eta |sigma| outside the layer needs
+
+k >= gain r^2 dF / J_hat + (beta - 1) |drift a_hat + V_f dlambda_d/dt| + beta (drift da + eta)
+
+for |F - F_hat| <= dF, |dv/dt - a_hat| <= da, J_hat / beta <= J <= beta J_hat. The layer is as wide as the loop needs:
+Phi = k max(T, 5 dt), so that inside it sigma decays with the time constant T, or five steps where those are longer
+(Slotine and Li). A bias that this leaves is removed by the observed force; k_i > 0 removes it where F_hat is a guess.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ohmward.checks import require_between, require_positive
+from ohmward.trace import clip, maximum, where
+from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.law import Motion
+from ohmward.traction.control.limits import limited
+from ohmward.traction.control.surface import Surface, surface
+
+#: Steps in the shortest time constant of a sampled loop (Slotine and Li).
+STEPS_PER_TIME_CONSTANT = 5.0
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Bounds of what a law does not know.
+
+    Attributes:
+        force_N: dF, of the ground's force, >= 0.
+        acceleration_m_s2: da, of the wheel's centre, >= 0.
+        inertia_factor: beta, the true inertia is within J/beta and J beta, >= 1.
+    """
+
+    force_N: float
+    acceleration_m_s2: float = 1.0
+    inertia_factor: float = 1.2
+
+    def __post_init__(self) -> None:
+        require_between("uncertainty.force_N", self.force_N, 0.0, math.inf)
+        require_between("uncertainty.acceleration_m_s2", self.acceleration_m_s2, 0.0, math.inf)
+        require_between("uncertainty.inertia_factor", self.inertia_factor, 1.0, math.inf)
+
+
+class SlidingMemory(NamedTuple):
+    """Integral of sigma [m]; 0 without integral action."""
+
+    integral_m: Any
+
+
+@dataclass(frozen=True)
+class SlidingMode:
+    """Settings of the law.
+
+    Attributes:
+        uncertainty: what the gain has to outweigh.
+        reaching_m_s2: eta, at least so fast sigma comes down outside the layer, > 0.
+        time_constant_s: T, of sigma inside the layer, > 0.
+        integral_per_s: k_i, >= 0.
+    """
+
+    uncertainty: Uncertainty
+    reaching_m_s2: float = 1.0
+    time_constant_s: float = 0.005
+    integral_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("reaching_m_s2", "time_constant_s"):
+            require_positive(f"sliding_mode.{name}", getattr(self, name))
+        require_between("sliding_mode.integral_per_s", self.integral_per_s, 0.0, math.inf)
+
+    def init(self, zero: Any) -> SlidingMemory:
+        """No integral yet."""
+        return SlidingMemory(zero)
+
+    def torque_Nm(self, memory: SlidingMemory, motion: Motion, wheel: DrivenWheel) -> Any:
+        """Torque [N m] at the wheel without limits."""
+        here = self.surface(motion)
+        k = self.gain_m_s2(here, motion, wheel)
+        return self.torque_with(k, self.layer_m_s(k, motion.dt_s), memory, motion, wheel)
+
+    def torque_with(self, k: Any, layer_m_s: Any, memory: SlidingMemory, motion: Motion, wheel: DrivenWheel) -> Any:
+        """Torque [N m] of the law with another gain k [m/s^2] and layer."""
+        here = self.surface(motion)
+        reached = clip((here.sigma + self.integral_per_s * memory.integral_m) / layer_m_s, -1.0, 1.0)
+        rate = wanted_rate(here, motion) - k * reached
+        return wheel.radius_m * motion.force_N + wheel.inertia_kg_m2 / (here.gain * wheel.radius_m) * rate
+
+    def remember(self, memory: SlidingMemory, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> SlidingMemory:
+        """The integral goes on unless the torque is limited and sigma would push it further."""
+        sigma = self.surface(motion).sigma
+        pushing = limited(wished_Nm, torque_Nm) & ((torque_Nm - wished_Nm) * sigma > 0.0)
+        return SlidingMemory(memory.integral_m + where(pushing, 0.0, sigma * motion.dt_s))
+
+    def surface(self, motion: Motion) -> Surface:
+        """The surface of the slip that is wanted."""
+        return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s)
+
+    def gain_m_s2(self, here: Surface, motion: Motion, wheel: DrivenWheel) -> Any:
+        """The least k that keeps the sliding condition."""
+        unsure, beta = self.uncertainty, self.uncertainty.inertia_factor
+        by_force = here.gain * wheel.radius_m**2 * unsure.force_N / wheel.inertia_kg_m2
+        by_inertia = (beta - 1) * abs(wanted_rate(here, motion))
+        return by_force + by_inertia + beta * (here.drift * unsure.acceleration_m_s2 + self.reaching_m_s2)
+
+    def layer_m_s(self, k: Any, dt_s: Any) -> Any:
+        """Phi for the gain k."""
+        return k * maximum(self.time_constant_s, STEPS_PER_TIME_CONSTANT * dt_s)
+
+
+def wanted_rate(here: Surface, motion: Motion) -> Any:
+    """What gain r domega/dt has to be for sigma to stay as it is [m/s^2]."""
+    return here.drift * motion.acceleration_m_s2 + here.reference_speed * motion.target_rate_per_s

@@ -1,0 +1,178 @@
+"""Holds a speed within bounds of slip: the mode in which a robot drives.
+
+F = m [a_ref + 2 w e + w^2 int e dt],   e = v_ref - v,   tau = r F + J a_ref / r,   then between two bounds:
+
+tau(-lambda_max) <= tau <= tau(+lambda_max)
+
+The bounds are the torques with which the sliding mode law would hold the slips -lambda_max and +lambda_max. While the
+wheel grips they leave room; where the ground gives way the speed loop loses its say, continuously, and the law holds
+the slip at its bound until the speed needs less. v_ref is a ramp; it and the integral wait while the
+torque is bounded.
+
+At standstill, asked for speed 0, the loop takes the rim's speed for e: the integral is then the wheel's angle, and the
+wheel holds its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from ohmward.checks import require_positive
+from ohmward.trace import clip, maximum, minimum, where
+from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.law import Motion
+from ohmward.traction.control.limits import Limits, limited
+from ohmward.traction.control.observer import Observed, Observer
+from ohmward.traction.control.signals import Flag, Measurement, Report, SpeedCommand
+from ohmward.traction.control.sliding_mode import SlidingMode
+from ohmward.traction.slip import driving_slip_ratio
+
+#: A shorter time [s] is no time to take a rate over.
+_SHORTEST = 1e-9
+
+
+class SpeedState(NamedTuple):
+    """What the controller carries from step to step.
+
+    seen:          what is believed of the wheel.
+    torque_Nm:     given in the last step.
+    reference_m_s: speed reached by the ramp.
+    integral_m:    of the speed error.
+    """
+
+    seen: Observed
+    torque_Nm: Any
+    reference_m_s: Any
+    integral_m: Any
+
+
+class Bounds(NamedTuple):
+    """Torques [N m] that hold the slip at its bounds, and sigma [m/s] of each."""
+
+    lower_Nm: Any
+    upper_Nm: Any
+    lower_sigma: Any
+    upper_sigma: Any
+
+
+@dataclass(frozen=True)
+class SpeedController:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        wheel: what is known of each driven wheel.
+        law: that holds the slip at its bounds.
+        limits: of the torque.
+        observer: of force and acceleration, and what it takes as a measurement.
+        acceleration_m_s2: of the ramp, > 0.
+        bandwidth_rad_s: w, of the speed loop, > 0.
+        creep_m_s: slip speed that is always allowed, so that a robot can start and climb, > 0.
+        stop_m_s: below this speed a robot that shall stop has stopped, > 0.
+    """
+
+    wheel: DrivenWheel
+    law: SlidingMode
+    limits: Limits
+    observer: Observer = field(default_factory=Observer)
+    acceleration_m_s2: float = 0.5
+    bandwidth_rad_s: float = 3.0
+    creep_m_s: float = 0.06
+    stop_m_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("acceleration_m_s2", "bandwidth_rad_s", "creep_m_s", "stop_m_s"):
+            require_positive(f"speed_controller.{name}", getattr(self, name))
+
+    def init(self, first: Measurement) -> SpeedState:
+        """The state before the first step: no torque, and the ramp starts from the present speed."""
+        seen = self.observer.init(first)
+        zero = 0.0 * seen.wheel_speed_rad_s
+        return SpeedState(seen, zero, seen.travel_speed_m_s, zero)
+
+    def step(
+        self, state: SpeedState, command: SpeedCommand, measurement: Measurement, dt_s: Any
+    ) -> tuple[SpeedState, Any, Report]:
+        """The state after the step, the torque [N m] to hold for the next `dt_s`, and what the controller saw."""
+        seen = self.observer.observe(state.seen, state.torque_Nm, measurement, self.wheel, dt_s)
+        known, understood = seen.known > 0.5, understandable(command)
+        acting = known & understood
+        rim = self.wheel.radius_m * seen.wheel_speed_rad_s
+        stopped = self.stopped(state, command, seen)
+
+        acceleration = self.ramp_m_s2(state, command, dt_s)
+        error = state.reference_m_s - where(stopped, rim, seen.travel_speed_m_s)
+        wished = where(acting, self.speed_torque_Nm(acceleration, error, state.integral_m), 0.0)
+        bounds = self.bounds(command, seen, dt_s)
+        bounded = where(acting, between(wished, bounds), 0.0)
+        torque = self.limits.apply(bounded, state.torque_Nm, dt_s)
+
+        lacking = where(limited(wished, torque), wished - torque, 0.0)
+        reference = state.reference_m_s + where(lacking * acceleration > 0.0, 0.0, acceleration * dt_s)
+        integral = state.integral_m + where(lacking * error > 0.0, 0.0, error * dt_s)
+        after = SpeedState(
+            seen,
+            torque,
+            where(acting, reference, seen.travel_speed_m_s),
+            where(acting, integral, 0.0),
+        )
+        flags = (
+            where(known, 0.0, float(Flag.STALE))
+            + where(stopped & acting, float(Flag.STOPPED), 0.0)
+            + where(limited(bounded, torque), float(Flag.TORQUE_LIMITED), 0.0)
+            + where(limited(wished, bounded), float(Flag.SLIP_BOUND), 0.0)
+            + where(understood, 0.0, float(Flag.BAD_COMMAND))
+        )
+        sigma = where(wished >= 0, bounds.upper_sigma, bounds.lower_sigma)
+        ratio = driving_slip_ratio(rim, seen.travel_speed_m_s)
+        return after, torque, Report(ratio, command.slip_bound, sigma, seen.force_N, wished, flags)
+
+    def ramp_m_s2(self, state: SpeedState, command: SpeedCommand, dt_s: Any) -> Any:
+        """Acceleration of the reference towards the command."""
+        to_go = where(understandable(command), command.speed_m_s, 0.0) - state.reference_m_s
+        return clip(to_go / maximum(dt_s, _SHORTEST), -self.acceleration_m_s2, self.acceleration_m_s2)
+
+    def speed_torque_Nm(self, acceleration_m_s2: Any, error_m_s: Any, integral_m: Any) -> Any:
+        """Torque of the speed loop, critically damped; the wheel's own inertia takes part of it."""
+        w, r = self.bandwidth_rad_s, self.wheel.radius_m
+        corrected = acceleration_m_s2 + 2 * w * error_m_s + w * w * integral_m
+        return r * self.wheel.mass_kg * corrected + self.wheel.inertia_kg_m2 / r * acceleration_m_s2
+
+    def bounds(self, command: SpeedCommand, seen: Observed, dt_s: Any) -> Bounds:
+        """Torques that hold the slip at its bounds."""
+        bound = where(understandable(command), command.slip_bound, 0.5)
+        motion = Motion(
+            self.wheel.radius_m * seen.wheel_speed_rad_s,
+            seen.travel_speed_m_s,
+            seen.acceleration_m_s2,
+            seen.force_N,
+            bound,
+            0.0,
+            self.creep_m_s / bound,
+            dt_s,
+        )
+        below = motion._replace(slip_target=-bound)
+        memory = self.law.init(0.0 * seen.wheel_speed_rad_s)
+        return Bounds(
+            self.law.torque_Nm(memory, below, self.wheel),
+            self.law.torque_Nm(memory, motion, self.wheel),
+            self.law.surface(below).sigma,
+            self.law.surface(motion).sigma,
+        )
+
+    def stopped(self, state: SpeedState, command: SpeedCommand, seen: Observed) -> Any:
+        """Whether the robot shall stand and stands."""
+        fastest = maximum(abs(self.wheel.radius_m * seen.wheel_speed_rad_s), abs(seen.travel_speed_m_s))
+        return (command.speed_m_s == 0) & (state.reference_m_s == 0) & (fastest < self.stop_m_s)
+
+
+def understandable(command: SpeedCommand) -> Any:
+    """Whether the command is a speed and a bound of slip."""
+    return (abs(command.speed_m_s) < float("inf")) & (command.slip_bound > 0.0) & (command.slip_bound < 1.0)
+
+
+def between(wished_Nm: Any, b: Bounds) -> Any:
+    """The torque within its bounds; where they cross, far outside, the one on the side of the slip counts."""
+    from_above = minimum(maximum(wished_Nm, b.lower_Nm), b.upper_Nm)
+    from_below = maximum(minimum(wished_Nm, b.upper_Nm), b.lower_Nm)
+    return where(b.upper_sigma + b.lower_sigma > 0.0, from_above, from_below)

@@ -1,0 +1,95 @@
+"""The bars on the robot in MuJoCo, a plant that knows nothing of our equations; the true speed is fed back."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+
+from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
+from ohmward.simulate.robot_truth import stack
+from ohmward.traction.control import (
+    Flag,
+    FuzzySlidingMode,
+    Measurement,
+    SlipCommand,
+    SlipController,
+    SpeedCommand,
+    SpeedController,
+)
+from ohmward.traction.control.law import SlipLaw
+from traction.control.examples import LIMITS, SLIDING, WHEEL
+
+DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)
+LAWS: dict[str, SlipLaw] = {"sliding": SLIDING, "fuzzy": FuzzySlidingMode(SLIDING)}
+
+
+def drive(controller, command, ground, duration_s, speed_m_s=0.0, dt_s=1e-3, parameters=DRAG):
+    """Truth over time, and the flags of every step."""
+    plant = RlmaPlant(parameters, ground)
+    truths = [plant.reset(speed_m_s)]
+    state, flags = controller.init(measured(truths[0])), []
+    while truths[-1].time_s < duration_s - 1e-9:
+        state, torque, report = controller.step(state, command(truths[-1].time_s), measured(truths[-1]), dt_s)
+        truths.append(plant.step(torque, dt_s))
+        flags.append(report.flags)
+    return stack(truths), np.array(flags).astype(int)
+
+
+def measured(truth):
+    return Measurement(truth.wheel_speed_rad_s[:2], truth.wheel_centre_speed_m_s[:2])
+
+
+@cache
+def from_rest(name, friction):
+    return drive(SlipController(WHEEL, LAWS[name], LIMITS), lambda _: SlipCommand(0.12), uniform(friction), 1.5)[0]
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_friction_taken_as_a_half_the_slip_is_there_after_300_ms_and_stays(name, friction):
+    truth = from_rest(name, friction)
+    error = truth.slip_ratio[:, :2] - 0.12
+    assert np.abs(error[truth.time_s > 0.3]).max() <= 0.02
+    assert np.sqrt(np.mean(error[truth.time_s > 0.8] ** 2)) <= 0.01
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_there_is_no_limit_cycle_at_the_start(name, friction):
+    torque = from_rest(name, friction).torque_N_m[:, 0]
+    assert np.abs(np.diff(torque)).max() < 0.3
+    assert torque.min() >= 0.0
+
+
+def test_case_1_braking_on_slippery_ground():
+    control = SlipController(WHEEL, SLIDING, LIMITS)
+    truth, flags = drive(control, lambda _: SlipCommand(-0.18), uniform(0.2), 1.5, speed_m_s=1.0)
+    fast = (truth.time_s > 0.06) & (truth.speed_m_s > 0.25)
+    assert np.abs(truth.slip_ratio[fast, :2] + 0.18).max() <= 0.02
+    assert truth.speed_m_s.min() > -0.05
+    assert flags[-1, 0] & Flag.STOPPED
+
+
+def test_case_2_driving_on_the_normal_floor_then_braking_on_the_slippery_one():
+    control = SlipController(WHEEL, SLIDING, LIMITS)
+    ground = switching([6.0], [0.8, 0.2])
+    command = lambda t: SlipCommand(0.12 if t < 6.0 else -0.18)  # noqa: E731
+    truth, _ = drive(control, command, ground, 6.5, dt_s=2e-3)
+    before = (truth.time_s > 1.0) & (truth.time_s < 6.0)
+    after = (truth.time_s > 6.15) & (truth.speed_m_s > 0.25)
+    assert np.sqrt(np.mean((truth.slip_ratio[before, :2] - 0.12) ** 2)) <= 0.01
+    assert np.abs(truth.slip_ratio[after, :2] + 0.18).max() <= 0.02
+
+
+def test_the_speed_loop_stays_within_its_bound_where_the_floor_turns_slippery():
+    control = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=1.5)
+    ground = switching([0.8], [0.8, 0.2])
+    truth, flags = drive(control, lambda _: SpeedCommand(2.0), ground, 2.0, parameters=RlmaParameters())
+    rim = WHEEL.radius_m * truth.wheel_speed_rad_s[:, :2]
+    late = truth.time_s > 0.85
+    assert (truth.slip_speed_m_s[late, :2] <= np.maximum(0.12 * rim[late], control.creep_m_s) + 0.01).all()
+    hard = late & (truth.time_s < 1.4)
+    assert (truth.traction_N[hard, :2] >= 0.99 * 0.2 * truth.normal_N[hard, :2]).all()
+    assert (flags[900:, 0] & Flag.SLIP_BOUND).any()

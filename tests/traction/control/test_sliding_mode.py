@@ -1,0 +1,134 @@
+"""The laws against the equations of the wheel, with a truth that is anywhere within the declared uncertainty."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.traction.control import FuzzySlidingMode, SlidingMode, SlipRatioSlidingMode, Uncertainty
+from traction.control.examples import SLIDING, UNSURE, WHEEL, motion
+
+RNG = np.random.default_rng(1)
+EXACT = Uncertainty(force_N=0.0, acceleration_m_s2=0.0, inertia_factor=1.0)
+#: A layer so thin that nearly everything is outside.
+THIN = SlidingMode(UNSURE, time_constant_s=1e-9)
+
+
+def random_motion(rng, rim, travel):
+    return motion(
+        rim_m_s=rim,
+        travel_m_s=travel,
+        acceleration_m_s2=rng.uniform(-3, 3),
+        force_N=rng.uniform(-90, 90),
+        slip_target=rng.uniform(-0.5, 0.5),
+        target_rate_per_s=rng.uniform(-5, 5),
+        dt_s=1e-12,
+    )
+
+
+def random_truth(rng, m, unsure=UNSURE):
+    """Force, acceleration and inertia at the edges of what is declared, where it is hardest."""
+    force = m.force_N + rng.choice([-1, 1]) * unsure.force_N
+    acceleration = m.acceleration_m_s2 + rng.choice([-1, 1]) * unsure.acceleration_m_s2
+    return force, acceleration, WHEEL.inertia_kg_m2 * unsure.inertia_factor ** rng.choice([-1, 1])
+
+
+def sigma_rate(m, torque, force, acceleration, inertia):
+    here = SLIDING.surface(m)
+    wheel = WHEEL.radius_m * (torque - WHEEL.radius_m * force) / inertia
+    return here.gain * wheel - here.drift * acceleration - here.reference_speed * m.target_rate_per_s
+
+
+@pytest.mark.parametrize("law", [THIN, FuzzySlidingMode(THIN)], ids=["sliding", "fuzzy"])
+def test_outside_the_layer_sigma_comes_down_whatever_the_truth(law):
+    plain = law.sliding if isinstance(law, FuzzySlidingMode) else law
+    worst = -np.inf
+    for _ in range(2000):
+        m = random_motion(RNG, *RNG.uniform(-3, 3, 2))
+        torque = law.torque_Nm(law.init(0.0), m, WHEEL)
+        sigma = plain.surface(m).sigma
+        rate = sigma_rate(m, torque, *random_truth(RNG, m))
+        worst = max(worst, np.sign(sigma) * rate + plain.reaching_m_s2)
+    assert worst <= 1e-9
+
+
+def test_the_gain_is_the_least_that_does_it():
+    weaker = SlidingMode(Uncertainty(0.9 * UNSURE.force_N, UNSURE.acceleration_m_s2, UNSURE.inertia_factor), 1.0, 1e-9)
+    worst = -np.inf
+    for _ in range(500):
+        m = random_motion(RNG, *RNG.uniform(-3, 3, 2))
+        rate = sigma_rate(m, weaker.torque_Nm(weaker.init(0.0), m, WHEEL), *random_truth(RNG, m))
+        worst = max(worst, np.sign(weaker.surface(m).sigma) * rate + 1.0)
+    assert worst > 1.0
+
+
+def test_the_law_of_the_slip_ratio_keeps_its_condition():
+    law = SlipRatioSlidingMode(UNSURE, layer=1e-12)
+    worst = -np.inf
+    for _ in range(2000):
+        rim, travel = RNG.uniform(0.1, 3, 2)
+        if rim > 15 * travel:
+            continue
+        m = random_motion(RNG, rim, travel)
+        force, acceleration, inertia = random_truth(RNG, m)
+        torque = law.torque_Nm(law.init(0.0), m, WHEEL)
+        V, slip = max(rim, travel), (rim - travel) / max(rim, travel)
+        rim_rate = WHEEL.radius_m * (torque - WHEEL.radius_m * force) / inertia
+        rate = (travel * rim_rate / V - acceleration) / V if rim > travel else (rim_rate - rim * acceleration / V) / V
+        sign = np.sign(slip - m.slip_target)
+        worst = max(worst, sign * (rate - m.target_rate_per_s) + law.reaching_per_s)
+    assert worst <= 1e-8
+
+
+def test_knowing_everything_the_torque_is_what_the_surface_needs():
+    law = SlidingMode(EXACT)
+    m = motion(rim_m_s=1.0 / 0.88, slip_target=0.12)
+    assert law.surface(m).sigma == pytest.approx(0.0, abs=1e-12)
+    torque = law.torque_Nm(law.init(0.0), m, WHEEL)
+    assert sigma_rate(m, torque, m.force_N, m.acceleration_m_s2, WHEEL.inertia_kg_m2) == pytest.approx(0.0, abs=1e-9)
+    rim_rate = m.acceleration_m_s2 / 0.88
+    assert torque == pytest.approx(WHEEL.radius_m * m.force_N + WHEEL.inertia_kg_m2 * rim_rate / WHEEL.radius_m)
+
+
+def test_knowing_everything_both_laws_are_one_on_the_surface():
+    m = motion(rim_m_s=1.0 / 0.88, slip_target=0.12, target_rate_per_s=2.0)
+    of_ratio, of_speed = SlipRatioSlidingMode(EXACT), SlidingMode(EXACT)
+    torque = of_speed.torque_Nm(of_speed.init(0.0), m, WHEEL)
+    assert of_ratio.torque_Nm(of_ratio.init(0.0), m, WHEEL) == pytest.approx(torque)
+
+
+def test_inside_the_layer_sigma_decays_with_the_time_constant():
+    law = SlidingMode(EXACT, time_constant_s=0.02)
+    m = motion(rim_m_s=1.1363)
+    rate = sigma_rate(m, law.torque_Nm(law.init(0.0), m, WHEEL), m.force_N, m.acceleration_m_s2, WHEEL.inertia_kg_m2)
+    assert rate == pytest.approx(-law.surface(m).sigma / 0.02)
+
+
+def test_a_slow_controller_gets_a_wider_layer():
+    assert SLIDING.layer_m_s(10.0, 0.01) == pytest.approx(10.0 * 0.05)
+    assert SLIDING.layer_m_s(10.0, 1e-4) == pytest.approx(10.0 * SLIDING.time_constant_s)
+
+
+def test_spinning_at_standstill_and_rest_are_states_like_any_other():
+    for rim in (0.0, 0.01, 2.0):
+        assert np.isfinite(SLIDING.torque_Nm(SLIDING.init(0.0), motion(rim_m_s=rim, travel_m_s=0.0), WHEEL))
+
+
+def test_the_integral_stops_only_where_it_would_push_a_limited_torque():
+    memory, above = SLIDING.init(0.0), motion(rim_m_s=2.0)
+    assert SLIDING.remember(memory, above, -20.0, -20.0).integral_m > 0
+    assert SLIDING.remember(memory, above, -20.0, -12.0).integral_m == 0
+    assert SLIDING.remember(memory, above, 20.0, 12.0).integral_m > 0
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: Uncertainty(-1.0), "uncertainty.force_N must be >= 0"),
+        (lambda: Uncertainty(1.0, inertia_factor=0.9), "uncertainty.inertia_factor must be >= 1"),
+        (lambda: SlidingMode(UNSURE, time_constant_s=0.0), "sliding_mode.time_constant_s must be > 0"),
+        (lambda: SlipRatioSlidingMode(UNSURE, layer=-0.1), "slip_ratio_sliding_mode.layer must be > 0"),
+    ],
+)
+def test_bad_settings_are_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
