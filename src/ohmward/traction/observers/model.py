@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import exp, linearize, minimum, sin, where
+from ohmward.trace import exp, minimum, sin, where
 from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading
@@ -96,32 +96,28 @@ class Model:
         kept = self.kept(name, dt_s)
         return self.lasting(name)[0] ** 2 * (1.0 - kept * kept)
 
-    def next_state(self, x: np.ndarray, reading: Reading, excess_Nm: np.ndarray | None = None) -> np.ndarray:
-        """Mean of the state after the step, (n,); excess_Nm: (driven,) torque besides that of the currents."""
-        moved = slip_step(self.layout.split(x), self.input(x, reading, excess_Nm), self.scene, reading.moving_s)
+    def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+        """Mean of the state after the step, (n,)."""
+        moved = slip_step(self.layout.split(x), self.input(x, reading), self.scene, reading.moving_s)
         own = [*moved.motion, *moved.omega]
         names = self.layout.names
         return np.array([*own, *(self.kept(names[i], reading.dt_s) * x[i] for i in range(len(own), len(names)))])
 
-    def input(self, x: np.ndarray, reading: Reading, excess_Nm: np.ndarray | None = None) -> Input:
+    def input(self, x: np.ndarray, reading: Reading) -> Input:
         """What acts on the robot; the grade is the state's, else the measured one, else level."""
-        current_A = reading.current_A
-        if excess_Nm is not None:
-            current_A = current_A + excess_Nm / self.scene.robot.motor.wheel_constant_Nm_per_A
         grade = self.layout.split(x).grade_rad
         if grade is None:
             grade = 0.0
             if self.noise.pitch_std_rad is not None:
                 grade = where(abs(reading.pitch_rad) <= STEEPEST_RAD, reading.pitch_rad, 0.0)
-        return Input(current_A, grade)
+        return Input(reading.current_A, grade)
 
     def process_noise(self, mean: np.ndarray, reading: Reading) -> np.ndarray:
         """Q (n, n) of a step; unknown torque goes through the model, where a wheel that grips damps it."""
         robot, noise = self.scene.robot, self.noise
-        _, B = linearize(lambda e: self.next_state(mean, reading, e), np.zeros(self.driven))
-        load_N = normal_loads(Input(reading.current_A), robot, np.zeros(2))[: self.driven]
-        std_Nm = noise.torque_std_Nm + reading.guessed * (robot.wheel.radius_m * load_N)
-        B = B * std_Nm
+        moved = slip_step(self.layout.split(mean), self.input(mean, reading), self.scene, reading.moving_s)
+        most_Nm = robot.wheel.radius_m * self.static_load_N[: self.driven]
+        B = moved.torque_response * (noise.torque_std_Nm + reading.guessed * most_Nm)
         unknown = minimum(UNKNOWN_M_S2 * reading.unknown_s, UNKNOWN_M_S) ** 2
         arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
         diagonal = [
@@ -132,7 +128,10 @@ class Model:
         ]
         diagonal += [unknown / robot.wheel.radius_m**2] * self.driven
         diagonal += [self.walked(name, reading.dt_s) for name in self.layout.names[len(diagonal) :]]
-        return mirror_lower(B @ B.T + np.diag(np.array(diagonal)))
+        Q = np.diag(np.array(diagonal))
+        own = robot.freedoms + self.driven
+        Q[:own, :own] = Q[:own, :own] + B @ B.T
+        return mirror_lower(Q)
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         """Slip speed (driven,) [m/s] in state x (n,)."""

@@ -5,9 +5,10 @@ the wheels would have if the ground gave nothing,
 
     s + dt A F(s) = s*,   A = G M^-1 G' + diag(r^2 / J_w)
 
-one equation for each driven wheel, coupled by one part in a hundred through the body. The force of a law that saturates
-is concave in the slip, so Newton's steps from s = 0 approach the solution from one side and cannot overshoot; four are
-within 1 mm/s from full grip to full spin. Rolling resistance and grade are explicit: order 1, L-stable, passive.
+one equation for each driven wheel, coupled by one part in a hundred through the body. Newton starts at the slip before
+the step, where a steady wheel is already. The force of a law that saturates is concave in the slip, so the tangent at
+s = 0 gives a bound that no step may fall below, and from there the steps approach from one side. Rolling resistance and
+grade are explicit: order 1, L-stable.
 
 The ground's friction share a and stiffness share k scale a law to F = a law(k/a s): its height by a, its slope by k.
 """
@@ -18,12 +19,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import linearize, maximum
+from ohmward.trace import linearize, maximum, minimum, where
 from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
 from ohmward.traction.laws import contact
 from ohmward.traction.observers.states import Parts
 
-NEWTON_STEPS = 4
+NEWTON_STEPS = 2
 
 
 class Moved(NamedTuple):
@@ -31,12 +32,25 @@ class Moved(NamedTuple):
 
     motion: (freedoms,) of the body.
     omega: (driven,) [rad/s].
-    traction_N: (driven,) force of the ground during the step.
+    torque_response: (freedoms + driven, driven) of body and wheels to torque besides that of the currents [1/(N m)].
     """
 
     motion: np.ndarray
     omega: np.ndarray
+    torque_response: np.ndarray
+
+
+class Balance(NamedTuple):
+    """Slip that balances, each (driven,).
+
+    slip_m_s: at the end of the step.
+    traction_N: force of the ground during the step.
+    slope: of the force over the slip [N s/m], >= 0.
+    """
+
+    slip_m_s: np.ndarray
     traction_N: np.ndarray
+    slope: np.ndarray
 
 
 def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
@@ -48,23 +62,42 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
     load_N = normal_loads(u, robot, np.zeros(2))
     ballistic = x + dt_s * momentum_rates(x, u, p, forces_at(x, u, p, load_N, np.zeros(n))) / robot.inertia
     G = robot.rolling[:n]
-    rows = G / robot.inertia[:free]
-    A = rows @ G.T + np.diag(radius**2 / robot.inertia[free:])
-    slip = balanced_slip(radius * ballistic[free:] - G @ ballistic[:free], dt_s * A, parts, load_N, p)
-    F = traction(slip, parts, load_N, p)
-    omega = ballistic[free:] - dt_s * radius / robot.inertia[free:] * F
-    return Moved(ballistic[:free] + dt_s * (rows.T @ F), omega, F)
+    rows, wheels = G / robot.inertia[:free], dt_s / robot.inertia[free:]
+    A = dt_s * (rows @ G.T) + np.diag(radius**2 * wheels)
+    before = radius * parts.omega - G @ parts.motion
+    balance = balanced(before, radius * ballistic[free:] - G @ ballistic[:free], A, parts, load_N, p)
+    F: Any = balance.traction_N
+    carried = balance.slope * radius * wheels / (1.0 + np.diag(A) * balance.slope)
+    response = np.vstack([dt_s * (rows.T * carried), np.diag(wheels * (1.0 - radius * carried))])
+    return Moved(ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F, response)
 
 
-def balanced_slip(free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
-    """S (driven,) [m/s] of s + A F(s) = free_slip; A in m/s per newton."""
-    stiffness = np.diag(A)
-    slip = np.zeros(len(free_slip))
+def balanced(
+    before: np.ndarray, free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene
+) -> Balance:
+    """s (driven,) of s + A F(s) = free_slip; before: (driven,) slip to start from, A (driven, driven) [m/(N s)].
+
+    The force returned is the law's, so never more than the ground can give.
+    """
+    diagonal, slip = np.diag(A), before
+    _, rest = slopes(np.zeros(len(before)), parts, load_N, p)
+    least = free_slip / (1.0 + diagonal * rest)
     for _ in range(NEWTON_STEPS):
-        F, J = linearize(lambda s: traction(s, parts, load_N, p), slip)
-        slope = np.array([maximum(J[k, k], 0.0) for k in range(len(J))])
-        slip = slip - (slip + A @ F - free_slip) / (1.0 + stiffness * slope)
-    return slip
+        F, slope = slopes(slip, parts, load_N, p)
+        step = slip - (slip + A @ F - free_slip) / (1.0 + diagonal * slope)
+        slip = np.array([_beyond(*pair) for pair in zip(step, least, strict=True)])
+    return Balance(slip, traction(slip, parts, load_N, p), slope)
+
+
+def _beyond(slip: Any, least: Any) -> Any:
+    """`slip`, but not between 0 and `least` nor on the other side of 0."""
+    return where(least >= 0, maximum(slip, least), minimum(slip, least))
+
+
+def slopes(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Force (driven,) [N] and its slope (driven,) [N s/m], which counts as 0 where it falls."""
+    F, J = linearize(lambda s: traction(s, parts, load_N, p), slip_m_s)
+    return F, np.array([maximum(J[k, k], 0.0) for k in range(len(J))])
 
 
 def traction(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
@@ -80,6 +113,6 @@ def traction(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -
 
 def grip(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
     """(driven,) slope of the force at this slip over the slope at none: 1 grips, 0 spins or slides."""
-    _, here = linearize(lambda s: traction(s, parts, load_N, p), slip_m_s)
-    _, rest = linearize(lambda s: traction(s, parts, load_N, p), np.zeros(len(slip_m_s)))
-    return np.array([maximum(here[k, k], 0.0) / rest[k, k] for k in range(len(slip_m_s))])
+    _, here = slopes(slip_m_s, parts, load_N, p)
+    _, rest = slopes(np.zeros(len(slip_m_s)), parts, load_N, p)
+    return here / rest
