@@ -22,6 +22,9 @@ $(VENV)/%.stamp: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
 	@touch $@
 
+# Small matrices: more threads than one only fight each other, above all when tests run in parallel.
+demo test check accuracy speed docs: export OMP_NUM_THREADS = 1
+
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
 

@@ -34,4 +34,4 @@ def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float,
 def differences(counts: np.ndarray, bits: int) -> np.ndarray:
     """Counts since the row before (T - 1, wheels), taken the short way round the counter."""
     half = 1 << (bits - 1)
-    return (np.diff(counts.astype(np.int64), axis=0) + half) % (2 * half) - half
+    return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half

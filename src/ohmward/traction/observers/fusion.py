@@ -1,4 +1,4 @@
-"""Measurements of the body, each an update of its own: passive wheels, gyro, pitch, accelerometer, external speed, rest.
+"""Measurements of the body, each an update of its own: passive wheels, gyro, pitch, accelerometer, speed, standstill.
 
 Each function takes what has been fused so far and returns it with one more. A sensor that `Noise` does not have costs
 nothing; a measurement that is no number or that the gate refuses changes nothing.
@@ -40,7 +40,9 @@ class Fused(NamedTuple):
 def use_passive_wheels(fused: Fused, reading: Reading, model: Model, gate: float) -> Fused:
     """With the speeds of the wheels that are not driven."""
     std = model.noise.passive_std_rad_s
-    for k in range(model.driven, len(model.scene.robot.places)) if std is not None else ():
+    if std is None:
+        return fused
+    for k in range(model.driven, len(model.scene.robot.places)):
         y = where(reading.measured[k], reading.wheel_speed_rad_s[k], np.nan)
         accepted, belief = gated(fused.belief, y, model.passive_speed(k), std**2, gate)
         fused = fused._replace(belief=belief, shown=where(accepted, 1.0, fused.shown))

@@ -25,7 +25,7 @@ class Noise:
         gyro_std_rad_s, passive_std_rad_s, speed_std_m_s, pitch_std_rad, accelerometer_std_m_s2: of a gyro (offset
             included), of encoders on wheels that are not driven, of an external speed without a std of its own, of a
             measured pitch, of an accelerometer.
-        speed_walk, yaw_rate_walk: of accelerations that the model does not know [m/s, rad/s, over the root of a second].
+        speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s, over the root of a second].
         friction_walk, stiffness_walk: relative, over the root of a second.
         grade_walk: [rad] over the root of a second.
         initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about what the encoders say at first.

@@ -75,7 +75,7 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
 def balanced(
     before: np.ndarray, free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene
 ) -> Balance:
-    """s (driven,) of s + A F(s) = free_slip; before: (driven,) slip to start from, A (driven, driven) [m/(N s)].
+    """Slip s (driven,) of s + A F(s) = free_slip; before: (driven,) slip to start from, A in m/(N s).
 
     The force returned is the law's, so never more than the ground can give.
     """
