@@ -154,7 +154,7 @@ def ocv_figure(
 
 def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
     """Every resistance of the circuit against state of charge, with the fit's 95 % intervals."""
-    names = ["R0 discharge", "R0 charge", *(f"R{j}, {tau:.3g} s" for j, tau in enumerate(model.tau_s, 1))]
+    names = ["R0 discharge", "R0 charge", *(f"R{j}, {seconds_text(tau)}" for j, tau in enumerate(model.tau_s, 1))]
     rows = [model.r0_discharge_ohm, model.r0_charge_ohm, *model.r_ohm]
     roles: tuple[Meaning, ...] = ("estimate", "quiet", "comparison", "reference", "alert")
     soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
@@ -259,8 +259,13 @@ def _std(fit: CircuitFit, rows: slice) -> np.ndarray:
     return np.sqrt(np.diag(fit.solution.cov)[rows])
 
 
+def seconds_text(seconds: float) -> str:
+    """A time constant with three digits, or to the second: "48.1 s", "1240 s"."""
+    return f"{seconds:.0f} s" if seconds >= 100 else f"{seconds:.3g} s"
+
+
 def _taus(fit: ExponentialFit) -> str:
-    return " and ".join(f"{tau:.0f} s" if tau >= 100 else f"{tau:.3g} s" for tau in fit.tau_s)
+    return " and ".join(map(seconds_text, fit.tau_s))
 
 
 def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:

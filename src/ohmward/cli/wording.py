@@ -27,7 +27,7 @@ def percent(share: float | None, digits: int = 2) -> str:
 
 def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3) -> str:
     """A number with its unit, "-" where it is not known."""
-    return f"{scale * value:.{digits}g} {unit}" if known(value) else "-"
+    return f"{float(f'{scale * value:.{digits}g}'):g} {unit}" if known(value) else "-"
 
 
 def known(value: float | None) -> TypeGuard[float]:

@@ -43,7 +43,7 @@ def _numbers(battery: Battery) -> dict[str, str]:
         numbers["R0 at 50 %"] = f"{1e3 * p.r0_discharge_ohm[middle]:.3g} mΩ"
         for j, (row, tau_s) in enumerate(zip(p.r_ohm, p.tau_s, strict=True), start=1):
             numbers[f"R{j} at 50 %"] = f"{1e3 * row[middle]:.3g} mΩ"
-            numbers[f"Time constant {j}"] = f"{tau_s:.3g} s"
+            numbers[f"Time constant {j}"] = pictures.seconds_text(tau_s)
     fits = battery.identification.logs if battery.identification else ()
     if worst_V := max((fit.residual_rms_V for fit in fits), default=0.0):
         numbers["Voltage error, RMS"] = f"{1e3 * worst_V:.3g} mV"

@@ -86,7 +86,7 @@ def balanced(
         F, slope = slopes(slip, parts, load_N, p)
         step = slip - (slip + A @ F - free_slip) / (1.0 + diagonal * slope)
         slip = np.array([_beyond(*pair) for pair in zip(step, least, strict=True)])
-    return Balance(slip, traction(slip, parts, load_N, p), slope)
+    return Balance(slip, *slopes(slip, parts, load_N, p))
 
 
 def _beyond(slip: Any, least: Any) -> Any:
