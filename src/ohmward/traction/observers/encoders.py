@@ -13,7 +13,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gating import choose
-from ohmward.trace import maximum, sqrt, where
+from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.traction.observers.estimate import Flag
 from ohmward.traction.observers.fusion import Fused, observe, widened
 from ohmward.traction.observers.model import Model
@@ -21,6 +21,10 @@ from ohmward.traction.observers.reading import Reading, some
 
 #: The push of a wheel whose encoder is not believed may be wrong by this [m/s^2] at least.
 DOUBT_M_S2 = 0.1
+
+#: No ground gives more than so many times the load; what would need more is a spike, if it does not last for SPIKE_S.
+MOST_ADHESION = 2.0
+SPIKE_S = 0.05
 
 
 class Matched(NamedTuple):
@@ -67,7 +71,9 @@ def use_encoders(
     belief, updates = prior, []
     for k in range(model.driven):
         R = encoder_variance(matched, k, model)
-        believed = reading.measured[k] & (doubtful_s[k] <= patience_s)
+        nu = reading.wheel_speed_rad_s[k] + lag[k] - belief.mean[model.layout.wheel(k)]
+        spike = (abs(nu) > possible_jump(k, reading, model)) & (doubtful_s[k] < SPIKE_S)
+        believed = reading.measured[k] & (doubtful_s[k] <= patience_s) & logical_not(spike)
         update = _use_encoder(belief, k, reading.wheel_speed_rad_s[k] + lag[k], R, believed, model, surprise)
         update = update._replace(surprising=update.surprising & reading.measured[k])
         belief = choose(believed, update.belief, force_doubted(belief, k, reading.moving_s, model))
@@ -85,6 +91,15 @@ def _use_encoder(belief: Belief, k: int, y: Any, R: Any, believed: Any, model: M
     after = observe(choose(surprising, ground_unknown(belief, k, nu, model), belief), i, y, R).belief
     square = (y - after.mean[i]) ** 2 + after.cov[i, i]
     return WheelUpdate(after, square, believed & (nu * nu <= surprise * (belief.cov[i, i] + R)), surprising)
+
+
+def possible_jump(k: int, reading: Reading, model: Model) -> Any:
+    """By how much [rad/s] motor and ground can turn a wheel faster or slower than predicted in this step, at most."""
+    robot = model.scene.robot
+    ground_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[k]
+    motor_Nm = robot.motor.wheel_constant_Nm_per_A * abs(reading.current_A[k])
+    noise = 10.0 * model.noise.encoder_std_rad_s
+    return noise + reading.dt_s * (motor_Nm + ground_Nm) / robot.inertia[robot.freedoms + k]
 
 
 def encoder_variance(matched: Matched, k: int, model: Model) -> Any:
