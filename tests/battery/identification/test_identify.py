@@ -18,6 +18,9 @@ from battery.identification.examples import (
 )
 from ohmward.battery.battery_file import dump_battery, parse_battery
 from ohmward.battery.identification import MODELS
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.rc import equivalent_thevenin
+from ohmward.battery.simulation import simulate_voltage
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -201,3 +204,16 @@ def test_bad_logs(pulses):
 
 def test_models_are_named():
     assert MODELS[2] == "thevenin-2rc"
+
+
+def test_the_rc_model_of_a_log_that_begins_with_a_charge():
+    """Long charges are left out of the RC fit; its SoC starts where they end, not where the log does."""
+    p = cell(ocv=OcvCurve((3.0, 4.0)))
+    charge = [(600, 0, 10), (0.9 * 3600, 2.0, 10), (3600, 0, 10)]
+    pulses = [(60, -2.0, 1), (1200, -1.0, 10), (1800, 0, 10)] * 4
+    log = play(p, *steps([*charge, *pulses]), soc=0.1)
+    battery = identify([log], capacity_Ah=2.0, model="rc", initial_soc={log.name: 0.1})
+    assert battery.rc is not None
+    drive = log.select(log.time_s > 7400)
+    simulated = simulate_voltage(equivalent_thevenin(battery.rc), drive, 1.0)
+    assert np.sqrt(np.mean((simulated.voltage_V - drive.voltage_V) ** 2)) < 0.01

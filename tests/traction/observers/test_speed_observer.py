@@ -142,7 +142,7 @@ def test_matching_finds_the_noise_of_the_encoders():
     small = Noise(encoder_std_rad_s=0.1)
     state, _ = observed(
         SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, small, matching=True),
-        log(speeds[:, 0], np.full(3000, 0.9))._replace(wheel_speed_rad_s=speeds),
+        log(speeds[:, 0], np.full(3000, 0.3585))._replace(wheel_speed_rad_s=speeds),
     )
     assert np.sqrt(state.matched.square) == pytest.approx(0.3, rel=0.15)
 

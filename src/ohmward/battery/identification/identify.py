@@ -31,6 +31,7 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
 from ohmward.battery.rc_identification import RcIdentification, identify_rc
+from ohmward.battery.rc_samples import samples_of as outside_long_charges
 from ohmward.battery.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
@@ -267,7 +268,9 @@ def _find_rc(stage: Stage, settings: Settings, ocv: OcvCurve) -> tuple[RcIdentif
     moved = [float(np.abs(r.charge.moved_Ah).sum()) for r in stage.records]
     record, axis = stage.records[int(np.argmax(moved))], stage.axes[int(np.argmax(moved))]
     curve = None if settings.chemistry == "lead-acid" else ocv
-    return identify_rc(record.log, curve, settings.capacity_Ah, float(axis.soc[0])), record, axis
+    first_s = outside_long_charges(record.log, settings.capacity_Ah).time_s[0]
+    start_soc = float(np.interp(first_s, record.log.time_s, axis.soc))
+    return identify_rc(record.log, curve, settings.capacity_Ah, start_soc), record, axis
 
 
 def _rc(stage: Stage, records: Sequence[Record], settings: Settings) -> Identified:

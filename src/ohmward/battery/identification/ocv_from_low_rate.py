@@ -130,7 +130,8 @@ def _start_of_part(record: Record, before: list[Branch], initial_soc: float | No
         return initial_soc
     raise InputError(
         f"log {record.log.name!r}: its low-rate test moves less than {_COMPLETE_SHARE:.0%} of the given capacity, so "
-        f"where it starts is not known; give its initial_soc ({{{record.log.name!r}: 0.5}}), or check the capacity"
+        "where it starts is not known; give the SoC it starts at (--initial-soc 0.5, or "
+        f"initial_soc={{{record.log.name!r}: 0.5}}), or check the capacity"
     )
 
 
