@@ -44,9 +44,7 @@ def test_complete_branches_define_their_own_axis():
 
 def test_part_of_a_branch_needs_its_start():
     log = play(cell(), *steps([(600, 0, 60), (12 * 3600, -2 / 20, 60)]), soc=0.8)
-    with pytest.raises(
-        InputError, match=r"where it starts is not known; give the SoC.*--initial-soc 0\.5"
-    ):
+    with pytest.raises(InputError, match=r"where it starts is not known; give the SoC.*--initial-soc 0\.5"):
         branches_of(log)
     (branch,) = branches_of(log, initial_soc=0.8)
     assert branch.soc[[0, -1]] == pytest.approx([0.8, 0.2], abs=1e-3)
