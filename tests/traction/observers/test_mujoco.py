@@ -17,16 +17,17 @@ RUNS = 10
 
 
 class Runs(NamedTuple):
-    """Errors of the speed [m/s] and their ratio to sigma, (runs, T), and the last run's truth and estimates."""
+    """Errors of the speed [m/s], those of speed and left slip over sigma, (runs, T), the last truth and estimates."""
 
     error: np.ndarray
     normalised: np.ndarray
+    slip: np.ndarray
     truth: object
     estimate: object
 
 
 def drives(friction, torque, duration_s, noise=None, method="ukf", **sensors):
-    errors, normalised = [], []
+    errors, normalised, slip = [], [], []
     for seed in range(RUNS):
         rng = np.random.default_rng(100 + seed)
         observer = SpeedObserver(believed(rng), noise=noise or Noise(), method=method, rest_hold_s=np.inf)
@@ -34,7 +35,8 @@ def drives(friction, torque, duration_s, noise=None, method="ukf", **sensors):
         e = observed(observer, samples_of(truth, rng, **sensors))
         errors.append(e.speed_m_s - truth.speed_m_s[1:])
         normalised.append(errors[-1] / e.speed_std_m_s)
-    return Runs(np.array(errors), np.array(normalised), truth, e)
+        slip.append(((e.slip_speed_m_s - truth.slip_speed_m_s[1:, :2]) / e.slip_speed_std_m_s)[:, 0])
+    return Runs(np.array(errors), np.array(normalised), np.array(slip), truth, e)
 
 
 def rmse(error):
@@ -70,6 +72,7 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     runs = drives(0.2, spinning, 4.0)
     e = runs.estimate
     assert_consistent(runs.normalised)
+    assert_consistent(runs.slip)
     growth = (e.speed_std_m_s[-1] - e.speed_std_m_s[99]) / (len(e.speed_std_m_s) * DT_S - 1.0)
     assert growth == pytest.approx(9.81 * np.radians(1.0), rel=0.15)
     assert e.flags[-1] == Flag.SPEED_UNOBSERVED
