@@ -25,7 +25,7 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 from ohmward.battery import rc
 from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.estimate import Sample
-from ohmward.battery.rc_adaptive_soc import adaptive_soc_of
+from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
 from ohmward.battery.simulation import simulate_voltage
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.logs import Log

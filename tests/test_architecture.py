@@ -36,7 +36,7 @@ EDGES: dict[str, set[str]] = {
 #: What runs on a robot.
 ON_BOARD = [
     "ohmward.battery.thevenin_filter",
-    "ohmward.battery.rc_joint",
+    "ohmward.battery.rc.joint",
     "ohmward.battery.estimators",
     "ohmward.battery.soc_estimator",
     "ohmward.battery.battery_file",

@@ -7,7 +7,7 @@ from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.hybrid import Hybrid, _surer
 from ohmward.battery.noise import Noise
 from ohmward.battery.rc import RcModel
-from ohmward.battery.rc_kalman import RcKalman
+from ohmward.battery.rc.kalman import RcKalman
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
 from ohmward.trace import Kernel

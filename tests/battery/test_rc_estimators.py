@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
-from ohmward.battery import rc, rc_linear
+from ohmward.battery import rc
 from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc_adaptive_soc import adaptive_soc_of, even, lasting_resistance
-from ohmward.battery.rc_identification import identify_rc
-from ohmward.battery.rc_kalman import RcKalman
-from ohmward.battery.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
-from ohmward.battery.rc_soc import SOC, Parameters, RcSoc
+from ohmward.battery.rc import linear as rc_linear
+from ohmward.battery.rc.adaptive_soc import adaptive_soc_of, even, lasting_resistance
+from ohmward.battery.rc.identification import identify_rc
+from ohmward.battery.rc.kalman import RcKalman
+from ohmward.battery.rc.linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
+from ohmward.battery.rc.soc import SOC, Parameters, RcSoc
 from ohmward.battery.reading import read
 from ohmward.battery.soc_estimator import SocEstimator
 from ohmward.errors import InputError

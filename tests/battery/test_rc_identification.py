@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
 from ohmward.battery import rc
 from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc_fit import VoltageFit, circuit_of, filtered, fit_voltage
-from ohmward.battery.rc_identification import identify_rc
-from ohmward.battery.rc_rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
-from ohmward.battery.rc_samples import samples_of
+from ohmward.battery.rc.fit import VoltageFit, circuit_of, filtered, fit_voltage
+from ohmward.battery.rc.identification import identify_rc
+from ohmward.battery.rc.rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
+from ohmward.battery.rc.samples import samples_of
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

@@ -11,7 +11,7 @@ import pytest
 from battery.rc_examples import EVEN, lanes, row, simulate
 from ohmward.battery import rc
 from ohmward.battery.estimate import Flag, Sample
-from ohmward.battery.rc_joint import PARAMETERS, Nominal, RcJoint
+from ohmward.battery.rc.joint import PARAMETERS, Nominal, RcJoint
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ohmward.battery.coulomb import CoulombCounting
 from ohmward.battery.hybrid import Hybrid
-from ohmward.battery.rc_adaptive_soc import adaptive_soc_of
-from ohmward.battery.rc_kalman import RcKalman
-from ohmward.battery.rc_soc import RcSoc
+from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
+from ohmward.battery.rc.kalman import RcKalman
+from ohmward.battery.rc.soc import RcSoc
 from ohmward.battery.rest_ocv import RestOcv
 from ohmward.battery.soc_estimator import Estimator
 from ohmward.battery.thevenin import Thevenin

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.estimate import Estimate, Flag, Sample
-from ohmward.battery.rc_kalman import RcKalman
-from ohmward.battery.rc_linear import LinearState
+from ohmward.battery.rc.kalman import RcKalman
+from ohmward.battery.rc.linear import LinearState
 from ohmward.battery.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gating import choose

@@ -30,8 +30,8 @@ from ohmward.battery.identification.segments import Phase, find_pulses
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
-from ohmward.battery.rc_identification import RcIdentification, identify_rc
-from ohmward.battery.rc_samples import samples_of as outside_long_charges
+from ohmward.battery.rc.identification import RcIdentification, identify_rc
+from ohmward.battery.rc.samples import samples_of as outside_long_charges
 from ohmward.battery.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError

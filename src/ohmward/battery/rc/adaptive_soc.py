@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from ohmward.battery import rc
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_joint import JointState, Nominal, RcJoint
-from ohmward.battery.rc_linear import LinearState
-from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
-from ohmward.battery.rc_soc import Parameters, RcSoc
+from ohmward.battery.rc.joint import JointState, Nominal, RcJoint
+from ohmward.battery.rc.linear import LinearState
+from ohmward.battery.rc.rule import BRANCH_SHARE, TERMINAL_SHARE
+from ohmward.battery.rc.soc import Parameters, RcSoc
 from ohmward.filters.gating import choose
 from ohmward.trace import maximum, where
 

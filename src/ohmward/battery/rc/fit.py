@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery import rc
-from ohmward.battery.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
-from ohmward.battery.rc_samples import Samples
+from ohmward.battery.rc.rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
+from ohmward.battery.rc.samples import Samples
 
 _LONGEST_WEIGHT_S = 60.0
 _LONGEST_TAU_S = 900.0

@@ -2,7 +2,7 @@
 
     x = [V_cb, V_cs, model_error, offset, resistance, soc]    d soc/dt = i / Q    V_cb = OCV line(soc) at the start
 
-[T] has V_cb, V_cs and soc; the others make the sigma honest, see `rc_linear`. SoC counts charge on its own, so it does
+[T] has V_cb, V_cs and soc; the others make the sigma honest, see `linear`. SoC counts charge on its own, so it does
 not change when the circuit's capacitances do, and the voltage corrects it by what the filter knows of their common
 errors: a wrong start, a wrong current. What bends the OCV curve away from the line is model error.
 """
@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery import rc, rc_linear
+from ohmward.battery import rc
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
+from ohmward.battery.rc import linear as rc_linear
+from ohmward.battery.rc.linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
 from ohmward.battery.reading import ROOM_DEGC, Reading, first_input, read
 from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman

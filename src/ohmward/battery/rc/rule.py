@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery import rc
-from ohmward.battery.rc_samples import Samples
+from ohmward.battery.rc.samples import Samples
 from ohmward.errors import InputError
 
 BRANCH_SHARE = 0.75

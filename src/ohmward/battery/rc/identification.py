@@ -11,9 +11,9 @@ from ohmward.battery import rc
 from ohmward.battery.noise import Noise
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
-from ohmward.battery.rc_fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
-from ohmward.battery.rc_rule import FIRST_S, Response, TimeConstant, circuit_by_rule, find_response, find_time_constant
-from ohmward.battery.rc_samples import Samples, samples_of
+from ohmward.battery.rc.fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
+from ohmward.battery.rc.rule import FIRST_S, Response, TimeConstant, circuit_by_rule, find_response, find_time_constant
+from ohmward.battery.rc.samples import Samples, samples_of
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 

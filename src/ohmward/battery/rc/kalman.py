@@ -3,7 +3,7 @@
     x = [V_cb, V_cs, model_error, offset, resistance]    soc = OCV^-1((C_b V_cb + C_s V_cs) / (C_b + C_s))
 
 [P] has the first two, and takes V_cb alone for the open-circuit voltage; that leaves out the charge of the surface.
-The others make the sigma honest, see `rc_linear`. The capacitance is one number, so charge moves the voltages along a
+The others make the sigma honest, see `linear`. The capacitance is one number, so charge moves the voltages along a
 straight line while the curve has bends: the difference of the slopes is process noise of both, which then follow the
 voltage rather than the charge where the curve is not straight.
 """
@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery import rc, rc_linear
+from ohmward.battery import rc
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.rc_linear import OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
+from ohmward.battery.rc import linear as rc_linear
+from ohmward.battery.rc.linear import OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
 from ohmward.battery.reading import ROOM_DEGC, Reading, first_input, read
 from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import kalman

@@ -1,0 +1,41 @@
+"""The RC model of Saft: the circuit, its identification and the filters on it; the model is imported from here."""
+
+from ohmward.battery.rc.model import (
+    STATE_NAMES,
+    STATE_NAMES_WITH_VOLTAGE,
+    Circuit,
+    RcModel,
+    capacitance_for,
+    disturbance_rate,
+    divider,
+    equivalent_thevenin,
+    instant_resistance,
+    next_state,
+    next_state_with_voltage,
+    rates,
+    rates_with_voltage,
+    relaxation_rate,
+    slow_resistance,
+    transition,
+    voltage,
+)
+
+__all__ = [
+    "STATE_NAMES",
+    "STATE_NAMES_WITH_VOLTAGE",
+    "Circuit",
+    "RcModel",
+    "capacitance_for",
+    "disturbance_rate",
+    "divider",
+    "equivalent_thevenin",
+    "instant_resistance",
+    "next_state",
+    "next_state_with_voltage",
+    "rates",
+    "rates_with_voltage",
+    "relaxation_rate",
+    "slow_resistance",
+    "transition",
+    "voltage",
+]
