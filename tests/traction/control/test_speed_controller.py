@@ -64,6 +64,19 @@ def test_after_a_slippery_stretch_the_speed_does_not_overshoot():
     assert speeds[-1] == pytest.approx(1.0, abs=0.005)
 
 
+def test_the_integral_waits_while_the_slip_is_bounded():
+    hard = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=50.0)
+    x = Truth()
+    state = hard.init(measured(x))
+    for k in range(1500):
+        state, torque, _ = hard.step(state, SpeedCommand(3.0), measured(x), DT)
+        x = turn(x, torque, SLIPPERY, DT)
+        if k == 200:
+            early = state.integral_m
+    assert x.speed_m_s < 2.5
+    assert state.integral_m == pytest.approx(early, abs=1e-12)
+
+
 def test_reverse_is_the_mirror_image():
     ahead, back = (drive(CONTROL, go(v), SLIPPERY, 0.5, pull_N=0.0) for v in (1.0, -1.0))
     assert [t for _, t, _ in back] == pytest.approx([-t for _, t, _ in ahead], abs=1e-9)
@@ -100,7 +113,9 @@ def test_the_limits_are_never_exceeded_whatever_comes(sequence):
         before = torque
 
 
-@pytest.mark.parametrize("command", [SpeedCommand(math.nan), SpeedCommand(math.inf), SpeedCommand(1.0, 0.0)])
+@pytest.mark.parametrize(
+    "command", [SpeedCommand(math.nan), SpeedCommand(math.inf), SpeedCommand(1.0, 0.0), SpeedCommand(1.0, 5e-324)]
+)
 def test_a_command_that_is_none_is_said_and_gives_no_torque(command):
     steps = drive(CONTROL, lambda _: command, DRY, 0.05)
     assert flagged(steps, Flag.BAD_COMMAND).all()

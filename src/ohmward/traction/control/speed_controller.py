@@ -30,6 +30,8 @@ from ohmward.traction.slip import driving_slip_ratio
 
 #: A shorter time [s] is no time to take a rate over.
 _SHORTEST = 1e-9
+#: A smaller bound of slip is below what any estimate of speed resolves, and would ask for a force beyond measure.
+_LEAST_BOUND = 1e-3
 
 
 class SpeedState(NamedTuple):
@@ -168,7 +170,7 @@ class SpeedController:
 
 def understandable(command: SpeedCommand) -> Any:
     """Whether the command is a speed and a bound of slip."""
-    return (abs(command.speed_m_s) < float("inf")) & (command.slip_bound > 0.0) & (command.slip_bound < 1.0)
+    return (abs(command.speed_m_s) < float("inf")) & (command.slip_bound >= _LEAST_BOUND) & (command.slip_bound < 1.0)
 
 
 def between(wished_Nm: Any, b: Bounds) -> Any:
