@@ -42,7 +42,7 @@ def test_where_the_ground_gives_way_slip_stays_at_its_bound_and_it_is_said():
     speed = np.array([WHEEL.radius_m * x.wheel_speed_rad_s for x, _, _ in steps])
     bound = np.maximum(0.12 * speed, hard.creep_m_s)
     assert (slips_m_s(steps) <= bound + 0.01).all()
-    assert flagged(steps, Flag.SLIP_BOUND)[100:].reshape(-1, 10).any(axis=1).all()
+    assert flagged(steps, Flag.SLIP_BOUND)[100:].all()
     assert slips_m_s(steps)[100:] == pytest.approx(bound[100:], abs=0.003)
 
 
@@ -50,7 +50,7 @@ def test_braking_has_its_bound_too():
     hard = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=8.0)
     steps = drive(hard, go(0.0), SLIPPERY, 0.5, start=Truth(2.0 / WHEEL.radius_m, 2.0))
     assert slips_m_s(steps).min() >= -0.12 * 2.0 - 0.01
-    assert flagged(steps, Flag.SLIP_BOUND)[100:].reshape(-1, 10).any(axis=1).all()
+    assert flagged(steps, Flag.SLIP_BOUND)[100:].all()
 
 
 def test_after_a_slippery_stretch_the_speed_does_not_overshoot():
@@ -75,6 +75,18 @@ def test_the_integral_waits_while_the_slip_is_bounded():
             early = state.integral_m
     assert x.speed_m_s < 2.5
     assert state.integral_m == pytest.approx(early, abs=1e-12)
+
+
+def test_the_integral_waits_where_a_hill_is_too_steep_for_the_motor():
+    weak, x = SpeedController(WHEEL, SLIDING, Limits(1.0)), Truth(1.0 / WHEEL.radius_m, 1.0)
+    state = weak.init(measured(x))
+    for _ in range(700):
+        state, torque, _ = weak.step(state, SpeedCommand(1.0), measured(x), DT)
+        x = turn(x, torque, DRY, DT, pull_N=20.0)
+    assert torque == 1.0
+    assert x.speed_m_s < 0.7
+    needed_N = 1.0 / WHEEL.radius_m
+    assert WHEEL.mass_kg * weak.bandwidth_rad_s**2 * state.integral_m < needed_N
 
 
 def test_reverse_is_the_mirror_image():

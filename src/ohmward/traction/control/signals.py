@@ -13,7 +13,7 @@ class Flag(IntFlag):
     STALE = 1  #: the measurement is too old, too uncertain or no number: torque goes to zero
     STOPPED = 2  #: too slow for slip to mean anything: a slip controller gives no torque, the speed controller holds
     TORQUE_LIMITED = 4  #: the torque asked for is above its limit, or changes faster than its limit
-    SLIP_BOUND = 8  #: the speed controller stays within the slip bound instead of its speed; may flicker while it does
+    SLIP_BOUND = 8  #: the speed controller gives less torque than the speed asks for, to stay within the slip bound
     UNREACHABLE = 16  #: the slip asked for does not come about although the torque has been at its limit for a while
     BAD_COMMAND = 32  #: the command is no number or out of its range: torque goes to zero
 

@@ -6,8 +6,8 @@ tau(-lambda_max) <= tau <= tau(+lambda_max)
 
 The bounds are the torques with which the sliding mode law would hold the slips -lambda_max and +lambda_max. While the
 wheel grips they leave room; where the ground gives way the speed loop loses its say, continuously, and the law holds
-the slip at its bound until the speed needs less. v_ref is a ramp; it and the integral wait while the
-torque is bounded.
+the slip at its bound until the speed needs less. v_ref is a ramp. While the torque is bounded it goes no further than
+the speed itself, and the integral waits.
 
 At standstill, asked for speed 0, the loop takes the rim's speed for e: the integral is then the wheel's angle, and the
 wheel holds its place.
@@ -110,8 +110,11 @@ class SpeedController:
         torque = self.limits.apply(bounded, state.torque_Nm, dt_s)
 
         lacking = where(limited(wished, torque), wished - torque, 0.0)
-        reference = state.reference_m_s + where(lacking * acceleration > 0.0, 0.0, acceleration * dt_s)
-        integral = state.integral_m + where(lacking * error > 0.0, 0.0, error * dt_s)
+        waiting = lacking * acceleration > 0.0
+        ahead = (seen.travel_speed_m_s - state.reference_m_s) * acceleration > 0.0
+        held = where(ahead, seen.travel_speed_m_s, state.reference_m_s)
+        reference = where(waiting, held, state.reference_m_s + acceleration * dt_s)
+        integral = state.integral_m + where(waiting | (lacking * error > 0.0), 0.0, error * dt_s)
         after = SpeedState(
             seen,
             torque,
