@@ -23,9 +23,10 @@ BELOW: dict[str, set[str]] = {
     "logs": GROUND,
     "report": GROUND,
     "battery": {"trace", "filters", "logs.log"} | GROUND,
-    "traction": {"trace", "filters", "logs.log"} | GROUND,
-    "simulate": {"battery", "traction", "trace", "filters", "logs"} | GROUND,
-    "cli": {"battery", "traction", "simulate", "logs", "report"} | GROUND,
+    "traction": {"trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
+    "energy": {"battery", "traction", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
+    "simulate": {"battery", "traction", "energy", "trace", "filters", "logs"} | GROUND,
+    "cli": {"battery", "traction", "energy", "simulate", "logs", "report"} | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.

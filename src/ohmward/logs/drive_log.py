@@ -1,0 +1,123 @@
+"""One recording of a drive: wheels, motors and what else the robot measured, in SI units and in the robot's order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.log import Note
+
+#: Channels of the body: optional, (T,) each.
+BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLog:
+    """A recording of a drive. Arrays are read-only float64; NaN where nothing new was measured.
+
+    name: what to call it, usually the file's stem.
+    time_s: (T,) [s], finite and strictly increasing.
+    wheel_speed_rad_s: (T, wheels) of every wheel, driven ones first, > 0 forward; all NaN for a wheel without encoder.
+    motor_current_A: (T, driven), > 0 drives forward.
+    yaw_rate_rad_s: of a gyro, > 0 to the left.
+    acceleration_m_s2: of an accelerometer along x, gravity included: at rest g sin(pitch).
+    pitch_rad: of an attitude filter, > 0 with the nose up.
+    speed_m_s, speed_std_m_s, speed_age_s: forward, from GNSS, visual or lidar odometry or optical flow; its standard
+        deviation; how long before `time_s` it was true.
+    extra: further numeric columns by their name in the file, (T,) each: truths, for example.
+    notes: everything that was assumed, converted or dropped on the way.
+
+    Raises:
+        InputError: no samples, shapes that differ, time that is not finite or does not increase.
+    """
+
+    name: str
+    time_s: np.ndarray
+    wheel_speed_rad_s: np.ndarray
+    motor_current_A: np.ndarray
+    yaw_rate_rad_s: np.ndarray | None = None
+    acceleration_m_s2: np.ndarray | None = None
+    pitch_rad: np.ndarray | None = None
+    speed_m_s: np.ndarray | None = None
+    speed_std_m_s: np.ndarray | None = None
+    speed_age_s: np.ndarray | None = None
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "wheel_speed_rad_s", "motor_current_A", *BODY):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _frozen(getattr(self, name)))
+        object.__setattr__(self, "extra", {name: _frozen(values) for name, values in self.extra.items()})
+        object.__setattr__(self, "notes", tuple(self.notes))
+        _check(self)
+
+    def __len__(self) -> int:
+        return self.time_s.size
+
+    @property
+    def duration_s(self) -> float:
+        """Last minus first time [s]."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels of the body that were measured at all."""
+        values = {name: getattr(self, name) for name in BODY}
+        return tuple(name for name, v in values.items() if v is not None and np.isfinite(v).any())
+
+    def select(self, rows: slice | np.ndarray) -> DriveLog:
+        """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
+        extra = {name: values[rows] for name, values in self.extra.items()}
+        return replace(self, **{name: values[rows] for name, values in arrays.items()}, extra=extra)
+
+    def between(self, start_s: float, stop_s: float) -> DriveLog:
+        """The samples with start_s <= time_s < stop_s; the clock keeps its zero."""
+        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
+        if first == last:
+            raise InputError(
+                f"log {self.name!r} has no sample in {start_s:g} s <= time < {stop_s:g} s; "
+                f"it spans {self.time_s[0]:g} s to {self.time_s[-1]:g} s"
+            )
+        return self.select(slice(first, last))
+
+    def with_notes(self, *notes: Note) -> DriveLog:
+        """The same log with more notes."""
+        return replace(self, notes=self.notes + notes)
+
+
+def _frozen(values) -> np.ndarray:
+    """A read-only float64 view; what the caller owns stays as it is."""
+    array = np.asarray(values, dtype=float).view()
+    array.flags.writeable = False
+    return array
+
+
+def _check(log: DriveLog) -> None:
+    shape = log.time_s.shape
+    if len(shape) != 1 or shape[0] == 0:
+        raise InputError(f"DriveLog {log.name!r}: time_s must be (T,) with at least one sample, not {shape}")
+    for name in ("wheel_speed_rad_s", "motor_current_A"):
+        found = getattr(log, name).shape
+        if len(found) != 2 or found[0] != shape[0]:
+            raise InputError(
+                f"DriveLog {log.name!r}: {name} must be ({shape[0]}, wheels), one row for each time, not {found}"
+            )
+    body = {name: getattr(log, name) for name in BODY}
+    for name, values in {**body, **log.extra}.items():
+        if values is not None and values.shape != shape:
+            raise InputError(
+                f"DriveLog {log.name!r}: {name} has shape {values.shape}, time_s has {shape}; give equal lengths"
+            )
+    if not np.isfinite(log.time_s).all():
+        raise InputError(f"DriveLog {log.name!r}: time_s must be finite; drop the samples without a time")
+    if (falls := np.flatnonzero(np.diff(log.time_s) <= 0)).size:
+        i = int(falls[0])
+        raise InputError(
+            f"DriveLog {log.name!r}: time_s must increase strictly, but sample {i + 1} ({log.time_s[i + 1]:g} s) does "
+            f"not come after sample {i} ({log.time_s[i]:g} s); sort the samples and merge equal times"
+        )
