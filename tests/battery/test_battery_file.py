@@ -164,16 +164,6 @@ def test_unreadable_files_are_refused_by_name(tmp_path):
         load_battery(tmp_path / "old.toml")
 
 
-def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "battery.toml"
-    save_battery(PLAIN, path)
-    before = path.read_text()
-    monkeypatch.setattr("ohmward.battery.battery_file.dump_battery", lambda battery: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        save_battery(FULL, path)
-    assert path.read_text() == before and list(tmp_path.iterdir()) == [path]
-
-
 def test_a_folder_that_is_not_there(tmp_path):
     with pytest.raises(OhmwardError, match="cannot be written"):
         save_battery(PLAIN, tmp_path / "no" / "battery.toml")

@@ -91,7 +91,7 @@ def test_a_file_by_hand_needs_only_what_has_no_default():
             "chassis.kind must be one of differential, skid-steer, omni; got 'tank'",
         ),
         ('kind = "differential"\n', "", "chassis.kind must be one of .* got None"),
-        ("robot/1", "robot/2", "format must be \"ohmward-robot/1\", got 'ohmward-robot/2'"),
+        ("robot/1", "robot/2", "format must be 'ohmward-robot/1', got 'ohmward-robot/2'"),
         ("mass_kg = 42.0", "mass_kg = 42.0.0", "is not valid TOML: .*line"),
         ("radius_m = 0.12", "radius_m = 0.4", "wheel.radius_m must be below half the wheelbase of 0.628 m"),
         ("track_m = 0.3", "track_m = 0.001", "wheels front_left and front_right stand 0.001 m apart, less than"),

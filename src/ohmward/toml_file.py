@@ -1,0 +1,190 @@
+"""TOML files that people read and edit: one frozen dataclass each, every key known, every refusal with its fix."""
+
+from __future__ import annotations
+
+import difflib
+import reprlib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
+
+from ohmward.atomic import replacing
+from ohmward.errors import InputError
+
+T = TypeVar("T")
+_NUMBERS_PER_LINE = 10
+
+
+@dataclass(frozen=True)
+class TomlFile(Generic[T]):
+    """One kind of file.
+
+    Attributes:
+        cls: the dataclass that it holds; dataclasses and tuples of them may stand in it. It checks its values.
+        format: name and version, such as "ohmward-battery/1"; the first key of every file.
+        header: comments at the head, lines that start with "#".
+        digits: significant digits of the numbers written.
+        kinds: where a field may be one of several dataclasses, what the key `kind` of its table says for each.
+    """
+
+    cls: type[T]
+    format: str
+    header: str
+    digits: int = 6
+    kinds: Mapping[str, type] = field(default_factory=dict)
+
+    @property
+    def noun(self) -> str:
+        """What the file holds, in a word."""
+        return self.format.removeprefix("ohmward-").partition("/")[0]
+
+    def save(self, value: T, path: str | PathLike[str]) -> None:
+        """Write the file; it is either whole or not there.
+
+        Raises:
+            OhmwardError: the file cannot be written.
+        """
+        text = self.dump(value)
+        with replacing(Path(path)) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def load(self, path: str | PathLike[str]) -> T:
+        """What the file holds.
+
+        Raises:
+            InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
+        """
+        try:
+            return self.parse(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: is not text in UTF-8; is it a {self.noun} file?") from error
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    def dump(self, value: T) -> str:
+        """The text of the file; numbers are rounded to `digits`, fields that are None left out."""
+        lines = _table_lines(self._plain(value, self.cls), "")
+        return "\n".join([self.header, f'format = "{self.format}"', *lines]) + "\n"
+
+    def parse(self, text: str) -> T:
+        """What the text of a file holds.
+
+        Raises:
+            InputError: not TOML, another format, an unknown or missing key, a value of another kind or out of range.
+        """
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"is not valid TOML: {error}; correct the line") from error
+        self._require_format(data.pop("format", None))
+        return self._from_table(self.cls, data, "")
+
+    def _require_format(self, found: Any) -> None:
+        if found is None:
+            raise InputError(f'the key format is missing; a {self.noun} file starts with format = "{self.format}"')
+        if found != self.format:
+            raise InputError(f"format must be {self.format!r}, got {found!r}; update ohmward or make the file again")
+
+    def _from_table(self, cls: type, table: Any, place: str) -> Any:
+        if not isinstance(table, dict):
+            raise InputError(f"{place} must be a table [{place}], got {table!r}")
+        known = {f.name: f for f in fields(cls)}
+        for key in table:
+            if key not in known:
+                raise InputError(f"{_join(place, key)} is not a key of a {self.noun} file{_advice(key, list(known))}")
+        for name, f in known.items():
+            if name not in table and f.default is MISSING and f.default_factory is MISSING:
+                raise InputError(f"{_join(place, name)} is missing; add it")
+        hints = get_type_hints(cls)
+        return cls(**{key: self._from_value(hints[key], value, _join(place, key)) for key, value in table.items()})
+
+    def _from_value(self, hint: Any, value: Any, place: str) -> Any:
+        if get_origin(hint) is tuple and _classes(get_args(hint)[0]):
+            if not isinstance(value, list):
+                raise InputError(f"{place} must be a list of tables [[{place}]], got {value!r}")
+            return tuple(self._from_value(get_args(hint)[0], row, f"{place}[{i}]") for i, row in enumerate(value))
+        classes = _classes(hint)
+        if len(classes) > 1:
+            return self._from_choice(classes, value, place)
+        return self._from_table(classes[0], value, place) if classes else _converted(hint, value, place)
+
+    def _from_choice(self, classes: list[type], table: Any, place: str) -> Any:
+        """An instance of the class that `kind` names."""
+        kinds = {kind: cls for kind, cls in self.kinds.items() if cls in classes}
+        kind = table.get("kind") if isinstance(table, dict) else table
+        if not isinstance(kind, str) or kind not in kinds or kind is table:
+            raise InputError(f"{place}.kind must be one of {', '.join(kinds)}; got {kind!r}")
+        return self._from_table(kinds[kind], {k: v for k, v in table.items() if k != "kind"}, place)
+
+    def _plain(self, value: Any, hint: Any) -> Any:
+        """Dataclasses as tables, numbers with as many digits as mean something, all else as it is."""
+        if is_dataclass(value):
+            hints = get_type_hints(type(value))
+            kind = next((k for k, cls in self.kinds.items() if cls is type(value) and len(_classes(hint)) > 1), None)
+            return {"kind": kind} | {f.name: self._plain(getattr(value, f.name), hints[f.name]) for f in fields(value)}
+        if isinstance(value, tuple):
+            return [self._plain(v, (*get_args(hint), None)[0]) for v in value]
+        return float(f"{value:.{self.digits}g}") if isinstance(value, float) else value
+
+
+def _classes(hint: Any) -> list[Any]:
+    """The dataclasses in a type or a choice of types."""
+    return [h for h in (hint, *get_args(hint)) if is_dataclass(h)]
+
+
+def _converted(hint: Any, value: Any, place: str) -> Any:
+    """The value as the type of its field; msgspec's message with the place first, "tau_s[0]: expected ..."."""
+    import msgspec
+
+    try:
+        return msgspec.convert(value, hint)
+    except msgspec.ValidationError as error:
+        what, _, where = str(error).partition(" - at `$")
+        reason = f"{what[:1].lower()}{what[1:]}, got {reprlib.repr(value)}"
+        raise InputError(f"{place}{where.rstrip('`')}: {reason}; correct it") from error
+
+
+def _join(place: str, key: str) -> str:
+    return f"{place}.{key}" if place else key
+
+
+def _advice(key: str, names: list[str]) -> str:
+    stem = key.rsplit("_", 1)[0]
+    near = [n for n in names if n.rsplit("_", 1)[0] == stem] or difflib.get_close_matches(key, names, n=1)
+    return f"; did you mean {near[0]}? Units are part of the names" if near else f"; there are: {', '.join(names)}"
+
+
+def _table_lines(table: Mapping[str, Any], name: str) -> Iterator[str]:
+    """Lines of one table: its values, then its sub-tables under their headers."""
+    inner = {key: value for key, value in table.items() if isinstance(value, dict) or _are_tables(value)}
+    for key, value in table.items():
+        if key not in inner and value is not None:
+            yield f"{key} = {_literal(value)}"
+    for key, value in inner.items():
+        place = _join(name, key)
+        for row in [value] if isinstance(value, dict) else value:
+            yield from ("", f"[{place}]" if isinstance(value, dict) else f"[[{place}]]", *_table_lines(row, place))
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
+
+
+def _literal(value: Any) -> str:
+    """A value; of a list ten numbers a line, anything else one a line."""
+    import tomli_w
+
+    if not isinstance(value, list):
+        return tomli_w.dumps({"v": value})[4:].strip()
+    items = [_literal(v) for v in value]
+    numbers = all(isinstance(v, float | int) for v in value)
+    if numbers and len(items) <= _NUMBERS_PER_LINE:
+        return f"[{', '.join(items)}]"
+    per_line = _NUMBERS_PER_LINE if numbers else 1
+    lines = [", ".join(items[i : i + per_line]) for i in range(0, len(items), per_line)]
+    return "[\n" + "".join(f"    {line},\n" for line in lines) + "]"

@@ -1,0 +1,110 @@
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.toml_file import TomlFile
+
+
+@dataclass(frozen=True)
+class Circle:
+    radius_m: float
+
+
+@dataclass(frozen=True)
+class Box:
+    sides_m: tuple[float, ...] = (1.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    title: str
+    frame: Box
+    shapes: tuple[Circle | Box, ...] = ()
+    stamp: Circle | None = None
+    grid: tuple[tuple[float, ...], ...] = ()
+    origin: Box = field(default_factory=Box)
+
+
+FILE = TomlFile(Drawing, "ohmward-drawing/1", "# A drawing.", digits=3, kinds={"circle": Circle, "box": Box})
+DRAWING = Drawing("a", Box(), (Circle(1.0), Box((3.0,))), None, ((1.0, 2.0), ()))
+TEXT = FILE.dump(DRAWING)
+
+
+def test_what_is_saved_is_loaded(tmp_path):
+    FILE.save(DRAWING, tmp_path / "a.toml")
+    assert FILE.load(tmp_path / "a.toml") == DRAWING
+    assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
+
+
+def test_one_class_needs_no_kind():
+    text = 'format = "ohmward-drawing/1"\ntitle = "b"\nframe = {}\nstamp = {radius_m = 2}'
+    assert FILE.parse(text) == Drawing("b", Box(), stamp=Circle(2.0))
+
+
+def test_the_text():
+    long = tuple(float(i) for i in range(11))
+    lines = FILE.dump(Drawing("c", Box(long), (Circle(1 / 3),))).splitlines()
+    assert lines[:3] == ["# A drawing.", 'format = "ohmward-drawing/1"', 'title = "c"']
+    assert lines[lines.index("sides_m = [") + 2] == "    10.0,"
+    assert lines[lines.index("[[shapes]]") + 1 :][:2] == ['kind = "circle"', "radius_m = 0.333"]
+    assert not any("stamp" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("ohmward-drawing/1", "ohmward-robot/1", "format must be 'ohmward-drawing/1', got 'ohmward-robot/1'; update"),
+        ('format = "ohmward-drawing/1"', "", "format is missing; a drawing file starts with format = "),
+        ('"box"', '"cone"', r"shapes\[1\].kind must be one of circle, box; got 'cone'"),
+        ('"box"', '["box"]', r"shapes\[1\].kind must be one of circle, box; got \['box'\]"),
+        ("radius_m = 1.0", 'radius_m = "1"', r"shapes\[0\].radius_m: expected `float`, got `str`, got '1'; correct it"),
+        ("radius_m = 1.0", "", r"shapes\[0\].radius_m is missing; add it"),
+        (
+            "radius_m = 1.0",
+            "radius_mm = 1.0",
+            r"shapes\[0\].radius_mm is not a key of a drawing file; did you mean rad",
+        ),
+        ("[1.0, 2.0],", "[1.0, true],", r"grid\[0\]\[1\]: expected `float`, got `bool`"),
+    ],
+)
+def test_mistakes_are_named_with_their_place(old, new, message):
+    assert old in TEXT
+    with pytest.raises(InputError, match=message):
+        FILE.parse(TEXT.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    "line, message",
+    [
+        ("frame = 3", r"frame must be a table \[frame\], got 3"),
+        ("frame = {}\nshapes = 3", r"shapes must be a list of tables \[\[shapes\]\], got 3"),
+        ('frame = {}\nshapes = ["circle"]', r"shapes\[0\].kind must be one of circle, box; got 'circle'"),
+        ("frame = {}\ntitel = 1", "titel is not a key of a drawing file; did you mean title"),
+    ],
+)
+def test_tables_that_are_none(line, message):
+    with pytest.raises(InputError, match=message):
+        FILE.parse(f'format = "ohmward-drawing/1"\ntitle = "b"\n{line}')
+
+
+def test_a_long_value_is_shown_in_part():
+    with pytest.raises(InputError) as caught:
+        FILE.parse(f'format = "ohmward-drawing/1"\ntitle = {list(range(1000))}\nframe = {{}}')
+    assert (
+        str(caught.value).startswith("title: expected `str`, got `array`, got [0, 1, 2") and len(str(caught.value)) < 99
+    )
+
+
+def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "a.toml"
+    FILE.save(DRAWING, path)
+
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OhmwardError, match="cannot be written"):
+        FILE.save(Drawing("other", Box()), path)
+    assert path.read_text() == TEXT and list(tmp_path.iterdir()) == [path]
