@@ -69,13 +69,19 @@ def find_columns(
     for quantity in (*columns, *units):
         if quantity not in QUANTITIES:
             raise InputError(f"unknown quantity {quantity!r}; ohmward knows {', '.join(QUANTITIES)}")
-    found = {}
-    for quantity in QUANTITIES:
-        if column := _choose(source, names, quantity, columns):
-            found[quantity] = _with_unit(column, quantity, units.get(quantity))
-        elif quantity in REQUIRED:
-            raise _missing(source, names, quantity)
-    return found
+    found = {quantity: find_column(source, names, quantity, columns, units) for quantity in QUANTITIES}
+    return {quantity: column for quantity, column in found.items() if column}
+
+
+def find_column(
+    source: str, names: Sequence[str], quantity: str, columns: Mapping[str, str], units: Mapping[str, str]
+) -> Column | None:
+    """The column of one of the quantities; None only for one that may be missing. Arguments as of `find_columns`."""
+    if column := _choose(source, names, quantity, columns):
+        return _with_unit(column, quantity, units.get(quantity))
+    if quantity in REQUIRED:
+        raise _missing(source, names, quantity)
+    return None
 
 
 def _choose(source: str, names: Sequence[str], quantity: str, columns: Mapping[str, str]) -> Column | None:

@@ -120,7 +120,7 @@ def _as_log(path: Path, table: Table, chosen: Mapping[str, Column], clock: Clock
     taken = {*names.values(), nanosecond_column(tuple(values), names["time"]), wall_clock, RECORDING, *left_out}
     notes = (*clock.notes, *table.notes, *missing_notes(table, chosen), *gap_notes(time_s))
     return Log(
-        name=_stem(path),
+        name=stem(path),
         time_s=time_s,
         current_A=values[names["current"]],
         voltage_V=values[names["voltage"]],
@@ -172,7 +172,7 @@ def _tell(log: Log, evidence: SignEvidence, has_bdf_columns: bool) -> tuple[str,
     )
 
 
-def _stem(path: Path) -> str:
+def stem(path: Path) -> str:
     """The name without .csv, .bdf.csv, .csv.gz and the like."""
     stem = path.name
     for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf"):

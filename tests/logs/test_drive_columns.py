@@ -1,0 +1,119 @@
+"""Which column is which wheel, motor or sensor of the body."""
+
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.drive_columns import Wheels, find_drive_columns
+
+FRONT = Wheels(("front_left", "front_right", "rear_left", "rear_right"), 2)
+ALL = Wheels(FRONT.places, 4)
+OMNI = Wheels(("wheel_1", "wheel_2", "wheel_3"), 3)
+
+
+def columns(names, wheels=ALL, **kwargs):
+    found = find_drive_columns("f.csv", ["t", *names], wheels, **kwargs).columns
+    return {quantity: column.name for quantity, column in found.items() if quantity != "time"}
+
+
+def speeds(names, wheels=ALL):
+    return [columns(names, wheels).get(f"{place}_wheel_speed") for place in wheels.places]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"{p}_wheel_speed_rad_s" for p in FRONT.places],
+        ["omega_fl", "omega_fr", "omega_rl", "omega_rr"],
+        ["v_fl", "v_fr", "v_rl", "v_rr"],
+        ["wheelSpeedFL", "wheelSpeedFR", "wheelSpeedRL", "wheelSpeedRR"],
+        ["lf_wheel_rpm", "rf_wheel_rpm", "lb_wheel_rpm", "rb_wheel_rpm"],
+        ["front_left (rad/s)", "front_right (rad/s)", "back_left (rad/s)", "back_right (rad/s)"],
+        ["velocity[0]", "velocity[1]", "velocity[2]", "velocity[3]"],
+        ["m1vel", "m2vel", "m3vel", "m4vel"],
+        ["enc_fl_ticks", "enc_fr_ticks", "enc_rl_ticks", "enc_rr_ticks"],
+    ],
+)
+def test_every_wheel_has_its_column(names):
+    assert speeds(names) == names
+    assert speeds(names[::-1]) == names
+
+
+@pytest.mark.parametrize(
+    "left, right",
+    [("wl", "wr"), ("velL", "velR"), ("left_wheel_vel", "right_wheel_vel"), ("vel_1", "vel_2"), ("v_l", "v_r")],
+)
+def test_a_pair_serves_the_driven_wheels_of_its_side(left, right):
+    assert speeds([left, right]) == [left, right, left, right]
+    assert speeds([left, right], FRONT) == [left, right, None, None]
+
+
+def test_an_exact_name_is_better_than_a_side():
+    assert speeds(["wl", "wr", "omega_fl"]) == ["omega_fl", "wr", "wl", "wr"]
+
+
+def test_numbers_count_from_one_or_from_zero():
+    assert speeds(["m1vel", "m2vel", "m3vel"], OMNI) == ["m1vel", "m2vel", "m3vel"]
+    assert speeds(["w0", "w1", "w2"], OMNI) == ["w0", "w1", "w2"]
+    assert find_drive_columns("f", ["t", "m1vel"], OMNI).by_number
+
+
+@pytest.mark.parametrize(
+    "quantity, name",
+    [
+        ("yaw_rate", "yaw_rate_rad_s"), ("yaw_rate", "wz"), ("yaw_rate", "gyro_z"), ("yaw_rate", "gz_dps"),
+        ("yaw_rate", "imu.angular_velocity.z"), ("acceleration", "acceleration_m_s2"), ("acceleration", "ax"),
+        ("acceleration", "imu_acceleration_x"), ("acceleration", "linear_acceleration.x"), ("pitch", "pitch_deg"),
+        ("speed", "speed_m_s"), ("speed", "gnss_speed"), ("speed_std", "speed_std_m_s"), ("speed_age", "speed_age_s"),
+        ("front_left_motor_current", "front_left_motor_current_A"), ("front_left_motor_current", "curL"),
+        ("rear_left_motor_current", "i_rl_mA"), ("front_right_motor_current", "current_R"),
+    ],
+)  # fmt: skip
+def test_other_channels(quantity, name):
+    assert columns(["wl", "wr", name])[quantity] == name
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cmd_left", "m1setvel", "setvel", "speed_true_m_s", "front_left_slip_true", "yaw_rate_true_rad_s", "icp_pitch",
+     "current_A", "voltage_V", "soc_true", "odom_linear_x", "xsetspeed", "imu_acceleration_y", "wx"],
+)  # fmt: skip
+def test_what_is_no_measurement_of_the_drive_is_left_alone(name):
+    assert name not in columns(["wl", "wr", name]).values()
+
+
+def test_the_word_of_the_caller_counts():
+    given = {"left_wheel_speed": "a", "front_right_wheel_speed": "b", "yaw_rate": "c"}
+    found = columns(["a", "b", "c", "wl", "wr"], columns=given)
+    assert found == {
+        "front_left_wheel_speed": "a",
+        "rear_left_wheel_speed": "a",
+        "front_right_wheel_speed": "b",
+        "rear_right_wheel_speed": "wr",
+        "yaw_rate": "c",
+    }
+
+
+def test_a_unit_is_given_for_a_channel_a_side_or_a_kind():
+    units = {"wheel_speed": "m/s", "left_wheel_speed": "rad/s", "rear_left_wheel_speed": "rpm"}
+    found = find_drive_columns("f", ["t", "wl", "wr"], ALL, units=units).columns
+    assert [found[f"{p}_wheel_speed"].unit.symbol for p in ALL.places] == ["rad/s", "m/s", "rpm", "m/s"]
+
+
+def test_truths_are_left_alone_when_asked():
+    assert "speed" not in columns(["wl", "wr", "speed_m_s"], leave=["speed_m_s"])
+
+
+@pytest.mark.parametrize(
+    "names, kwargs, message",
+    [
+        (["a", "b"], {}, "no column for the speed of a wheel.*--column front_left_wheel_speed=NAME"),
+        (["wl", "wr", "vel_l"], {}, "both 'wl' and 'vel_l' may be the front_left_wheel_speed.*--column"),
+        (["wl", "wr"], {"columns": {"left_wheel_speed": "lw"}}, "there is no column 'lw' .*has: 't', 'wl', 'wr'"),
+        (["wl", "wr"], {"columns": {"front_left_speed": "wl"}}, "unknown quantity 'front_left_speed'"),
+        (["wl", "wr"], {"units": {"wheel_speed": "V"}}, "unit 'V' of the wheel_speed is not known; use for example"),
+        (["wl", "wr"], {"units": {"wheel": "rpm"}}, "unknown quantity 'wheel'"),
+    ],
+)
+def test_refusals(names, kwargs, message):
+    with pytest.raises(InputError, match=message):
+        columns(names, **kwargs)
