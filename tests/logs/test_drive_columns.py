@@ -96,7 +96,8 @@ def test_the_word_of_the_caller_counts():
 def test_a_unit_is_given_for_a_channel_a_side_or_a_kind():
     units = {"wheel_speed": "m/s", "left_wheel_speed": "rad/s", "rear_left_wheel_speed": "rpm"}
     found = find_drive_columns("f", ["t", "wl", "wr"], ALL, units=units).columns
-    assert [found[f"{p}_wheel_speed"].unit.symbol for p in ALL.places] == ["rad/s", "m/s", "rpm", "m/s"]
+    symbols = [unit.symbol for p in ALL.places if (unit := found[f"{p}_wheel_speed"].unit)]
+    assert symbols == ["rad/s", "m/s", "rpm", "m/s"]
 
 
 def test_truths_are_left_alone_when_asked():
