@@ -69,3 +69,13 @@ def where(condition: bool, a: float, b: float) -> float:
 def gather(index: float, values: tuple[float, ...]) -> float:
     """Entry of a table at a whole-numbered index within it; entry 0 at nan."""
     return values[int(index)] if index == index else values[0]
+
+
+def power_of_two(n: float) -> float:
+    """2^n for a whole n of a normal number, -1022 to 1023; anything elsewhere."""
+    return math.ldexp(1.0, int(n)) if -1022 <= n <= 1023 else math.nan
+
+
+def exponent(x: float) -> float:
+    """The whole e with 2^e <= x < 2^(e+1), of a normal x > 0; anything elsewhere."""
+    return math.frexp(x)[1] - 1.0

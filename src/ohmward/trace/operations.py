@@ -102,6 +102,11 @@ _PIECEWISE = (
               _flat),
     Operation("gather", 2, ieee.gather, "{1}[int({0})]", ATOM, _flat, risky=True),
 )
+# What exp, log and their like are made of where there is no libm, see `elementary`: nobody asks for derivatives.
+_BITS = (
+    Operation("power_of_two", 1, ieee.power_of_two, "ldexp(1.0, int({0}))", ATOM, _flat, risky=True),
+    Operation("exponent", 1, ieee.exponent, "(frexp({0})[1] - 1.0)", ATOM, _flat),
+)
 _LOGIC = (
     Operation("less", 2, operator.lt, "{0} < {1}", COMPARE, _flat, boolean=True),
     Operation("less_equal", 2, operator.le, "{0} <= {1}", COMPARE, _flat, boolean=True),
@@ -113,4 +118,4 @@ _LOGIC = (
     Operation("isfinite", 1, math.isfinite, "isfinite({0})", ATOM, _flat, boolean=True),
 )
 # fmt: on
-OPERATIONS = {o.name: o for o in (*_ARITHMETIC, *_FUNCTIONS, *_PIECEWISE, *_LOGIC)}
+OPERATIONS = {o.name: o for o in (*_ARITHMETIC, *_FUNCTIONS, *_PIECEWISE, *_BITS, *_LOGIC)}

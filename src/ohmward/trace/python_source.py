@@ -27,7 +27,7 @@ _MAX_DEPTH = 12
 
 _FUNCTIONS: dict[str, Any] = {
     **{name: getattr(math, name) for name in ("sqrt", "exp", "expm1", "log", "log1p", "sin", "cos", "tan", "sinh")},
-    **{name: getattr(math, name) for name in ("cosh", "tanh", "isfinite", "inf", "nan")},
+    **{name: getattr(math, name) for name in ("cosh", "tanh", "isfinite", "inf", "nan", "ldexp", "frexp")},
     "power": math.pow,
     "arctan": math.atan,
     "arctan2": math.atan2,

@@ -1,0 +1,148 @@
+"""LLVM IR to machine code in this process, and a cache of it on disk.
+
+The cache is keyed by the text, the processor and the version of LLVM. Entries are written aside and renamed, so several
+processes may write at once; each carries the checksum of its code, so a damaged one is compiled anew. A folder that
+cannot be written is no error: it is said once, and every process compiles for itself.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+#: Passes: 2 is LLVM's -O2. Straight-line code gains nothing from more.
+_LEVEL = 2
+_DIGEST = 32
+_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
+
+
+class NoMachineCodeError(Exception):
+    """There is no machine code here; the message says why."""
+
+
+@cache
+def llvm() -> Any:
+    """The binding of llvmlite, ready to compile for this processor.
+
+    Raises:
+        NoMachineCodeError: llvmlite is not installed, or does not know the processor.
+    """
+    try:
+        import llvmlite.binding as binding
+    except ImportError as error:
+        raise NoMachineCodeError("llvmlite is not installed; pip install 'ohmward[fast]'") from error
+    try:
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        machine()
+    except RuntimeError as error:
+        raise NoMachineCodeError(f"llvmlite cannot compile for this processor ({error})") from error
+    return binding
+
+
+def machine() -> Any:
+    """A target machine: this processor with all that it can. An engine that is given one owns it."""
+    import llvmlite.binding as binding
+
+    target = binding.Target.from_default_triple()
+    features = binding.get_host_cpu_features().flatten()
+    return target.create_target_machine(
+        cpu=binding.get_host_cpu_name(), features=features, opt=_LEVEL, reloc="pic", codemodel="jitdefault", jit=True
+    )
+
+
+@cache
+def vector_bits() -> int:
+    """Width of the processor's vectors of floating-point numbers."""
+    llvm()
+    import llvmlite.binding as binding
+
+    features = binding.get_host_cpu_features()
+    return 512 if features.get("avx512f") else 256 if features.get("avx") else 128
+
+
+def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
+    """The function `name` of a module, and the engine that keeps it alive.
+
+    Raises:
+        NoMachineCodeError: see `llvm`.
+    """
+    binding = llvm()
+    code = cached(source, lambda: compile_object(source))
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine())
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return _SIGNATURE(engine.get_function_address(name)), engine
+
+
+def compile_object(source: str) -> bytes:
+    """The object file of a module."""
+    binding = llvm()
+    module = binding.parse_assembly(source)
+    module.verify()
+    target = machine()
+    module.triple, module.data_layout = binding.get_default_triple(), str(target.target_data)
+    options = binding.create_pipeline_tuning_options(speed_level=_LEVEL)
+    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
+    passes = binding.create_pass_builder(target, options)
+    passes.getModulePassManager().run(module, passes)
+    return target.emit_object(module)
+
+
+# ---- the cache
+
+
+def folder() -> Path:
+    """Where compiled programs are kept: OHMWARD_CACHE, else the user's cache folder."""
+    if named := os.environ.get("OHMWARD_CACHE"):
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    return Path(base) / "ohmward"
+
+
+def cached(source: str, compile_it: Callable[[], bytes]) -> bytes:
+    """The code of a source, from the cache if it is there and whole."""
+    path = folder() / f"{_key(source)}.o"
+    found = _read(path)
+    if found is None:
+        found = compile_it()
+        _write(path, found)
+    return found
+
+
+def _key(source: str) -> str:
+    import llvmlite
+    import llvmlite.binding as binding
+
+    parts = (source, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), llvmlite.__version__)
+    return hashlib.sha256("\0".join(map(str, (*parts, _LEVEL))).encode()).hexdigest()
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    code = content[_DIGEST:]
+    return code if hashlib.sha256(code).digest() == content[:_DIGEST] else None
+
+
+def _write(path: Path, code: bytes) -> None:
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(hashlib.sha256(code).digest() + code)
+        temporary.replace(path)
+    except OSError as error:
+        _say_once(f"compiled programs cannot be kept in {path.parent} ({error.strerror}); name another folder in")
+
+
+@cache
+def _say_once(what: str) -> None:
+    warnings.warn(f"{what} OHMWARD_CACHE; until then every start compiles anew", RuntimeWarning, stacklevel=2)

@@ -1,0 +1,178 @@
+"""A step in machine code over one log, over many logs in lanes, and sample by sample."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ohmward.trace.elementary import PRECISIONS, expand
+from ohmward.trace.llvm.machine_code import compile_scan, vector_bits
+from ohmward.trace.llvm.source import Target, scan_source
+from ohmward.trace.program import Program
+
+_DOUBLE = 8
+_NAME = "ohmward_scan"
+#: Steps between two reports of progress.
+_CHUNK = 1 << 16
+#: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
+_CACHE = 1 << 20
+#: Fewer steps at a time would load and store the state too often.
+_LEAST_STEPS = 16
+
+
+@dataclass(frozen=True)
+class MachineStep:
+    """A program `step(state, sample) -> (state, output)` in machine code, compiled when it is first run.
+
+    program:   as traced.
+    state_size: how many of its first inputs and outputs are the state.
+    precision: "f64" or "f32", of the arithmetic.
+    contract:  see `Target`.
+    """
+
+    program: Program
+    state_size: int
+    precision: str = "f64"
+    contract: bool = True
+
+    @cached_property
+    def expanded(self) -> Program:
+        """Without exp, log and their like."""
+        return expand(self.program, PRECISIONS[self.precision])
+
+    @property
+    def columns(self) -> int:
+        """Scalars of a sample."""
+        return len(self.program.inputs) - self.state_size
+
+    @cached_property
+    def width(self) -> int:
+        """Lanes in a vector of this processor; small programs take two."""
+        return vector_bits() // (64 if self.precision == "f64" else 32)
+
+    @cached_property
+    def _compiled(self) -> dict[tuple, tuple]:
+        return {}
+
+    def function(self, width: int, own: tuple[bool, ...]) -> Callable:
+        """The compiled loop; own: for each column whether every lane has its own value."""
+        key = width, own
+        if key not in self._compiled:
+            source = self.source(width, own)
+            self._compiled[key] = compile_scan(source, _NAME)
+        return self._compiled[key][0]
+
+    def source(self, width: int, own: tuple[bool, ...]) -> str:
+        """The IR of the loop."""
+        target = Target(PRECISIONS[self.precision], width, self.contract)
+        return scan_source(self.expanded, self.state_size, target, own, _NAME)
+
+    def one(self, state: np.ndarray, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray], report: Any) -> None:
+        """Step through one log; state (n,) is changed, outputs are filled; columns and outputs (T,) of float64."""
+        count = len(columns[0])
+        run = self.function(1, (False,) * self.columns)
+        arrays = _Arrays(columns), _Arrays(outputs)
+        for first in range(0, count, _CHUNK):
+            last = min(first + _CHUNK, count)
+            _call(run, state, _DOUBLE, *arrays, first, last, 0, 1)
+            if report:
+                report(last, count)
+
+    def many(
+        self, state: np.ndarray, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray], report: Any, threads: int
+    ) -> None:
+        """Step through logs of one length, a log in each lane; state (n, B), columns (T, B) or (T,), outputs (T, B)."""
+        lanes = state.shape[1]
+        full = lanes - lanes % self.width
+        parts = [slice(a, b) for a, b in _shares(full, self.width, threads)]
+        with ThreadPoolExecutor(max(1, len(parts))) as pool:
+            list(pool.map(lambda part: self._blocks(state, columns, outputs, part, report), parts))
+        if full < lanes:
+            self._rest(state, columns, outputs, slice(full, lanes), report)
+
+    def _blocks(self, state: np.ndarray, columns: Any, outputs: Any, part: slice, report: Any) -> None:
+        count = len(columns[0])
+        run = self.function(self.width, tuple(c.ndim == 2 for c in columns))
+        arrays = _Arrays(columns), _Arrays(outputs)
+        bytes_of_step = _DOUBLE * (part.stop - part.start) * (len(columns) + len(outputs))
+        chunk = max(_LEAST_STEPS, _CACHE // max(1, bytes_of_step))
+        for first in range(0, count, chunk):
+            last = min(first + chunk, count)
+            _call(run, state, state.strides[0], *arrays, first, last, part.start, part.stop)
+            if report:
+                report((last - first) * (part.stop - part.start))
+
+    def _rest(self, state: np.ndarray, columns: Any, outputs: Any, part: slice, report: Any) -> None:
+        """The lanes that fill no vector, in one of their own."""
+        lanes, count = part.stop - part.start, len(columns[0])
+        padded = np.repeat(state[:, -1:], self.width, axis=1)
+        padded[:, :lanes] = state[:, part]
+        own = [_padded(c[:, part], self.width) if c.ndim == 2 else c for c in columns]
+        results = [np.empty((count, self.width)) for _ in outputs]
+        self._blocks(padded, own, results, slice(0, self.width), None)
+        state[:, part] = padded[:, :lanes]
+        for whole, result in zip(outputs, results, strict=True):
+            whole[:, part] = result[:, :lanes]
+        if report:
+            report(count * lanes)
+
+
+class Live:
+    """One log, sample by sample: the state stays where the machine code has it.
+
+    step:   the program.
+    output: structure of its output.
+    """
+
+    def __init__(self, step: MachineStep, state: np.ndarray):
+        outputs = len(step.program.outputs) - step.state_size
+        self.state = np.ascontiguousarray(state, dtype=float)
+        self.sample = np.zeros(max(1, step.columns))
+        self.output = np.zeros(max(1, outputs))
+        columns, results = _Arrays(list(self.sample[:, None])), _Arrays(list(self.output[:, None]))
+        self._alive = columns, results
+        self._run = step.function(1, (False,) * step.columns)
+        self._arguments = (self.state.ctypes.data, _DOUBLE, *columns.addresses, *results.addresses, 0, 1, 0, 1)
+
+    def step(self) -> None:
+        """Take `sample` into `state` and `output`."""
+        self._run(*self._arguments)
+
+
+class _Arrays:
+    """Pointers to arrays and the bytes between their rows, as the machine code wants them."""
+
+    def __init__(self, arrays: Sequence[np.ndarray]):
+        self._kept = list(arrays)
+        self._pointers = (ctypes.c_void_p * len(arrays))(*(a.ctypes.data for a in arrays))
+        self._strides = (ctypes.c_int64 * len(arrays))(*(a.strides[0] for a in arrays))
+        self.addresses = ctypes.addressof(self._pointers), ctypes.addressof(self._strides)
+
+
+def _call(run: Callable, state: np.ndarray, row: int, columns: _Arrays, outputs: _Arrays, *numbers: int) -> None:
+    run(state.ctypes.data, row, *columns.addresses, *outputs.addresses, *numbers)
+
+
+def _shares(lanes: int, width: int, threads: int) -> Iterator[tuple[int, int]]:
+    """Whole blocks of lanes for each thread."""
+    blocks = lanes // width
+    edges = [round(k * blocks / max(1, min(threads, blocks))) * width for k in range(min(threads, blocks) + 1)]
+    return pairwise(edges)
+
+
+def _padded(values: np.ndarray, width: int) -> np.ndarray:
+    """(T, width): the lanes there are, the last one repeated."""
+    return np.concatenate([values, np.repeat(values[:, -1:], width - values.shape[1], axis=1)], axis=1)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,145 @@
+"""Machine code against the same program on Python floats, bit by bit where nothing is contracted."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from tests.trace import adaptive_ukf
+
+from ohmward.trace import exp, isfinite, log, maximum, minimum, python_source, sign, sqrt, table, tanh, trace, where
+from ohmward.trace.elementary import F64, expand
+from ohmward.trace.llvm.machine_code import vector_bits
+from ohmward.trace.llvm.run import Live, MachineStep
+
+pytest.importorskip("llvmlite")
+RNG = np.random.default_rng(1)
+WIDTH = vector_bits() // 64
+
+
+class Memory(NamedTuple):
+    level: Any
+    armed: Any
+    held: Any  # (2,)
+
+
+def every_operation(state: Memory, sample: tuple) -> tuple:
+    """A step with each operation in it."""
+    u, on, w = sample
+    level = 0.9 * state.level + minimum(u, 1.5) - maximum(w, state.held[0]) / 3.0
+    level = where(on, level, tanh(level) + sign(u))
+    curve = table([0.0, 1.0, 0.5, 3.0], -2.0, 1.5, level, kind="hermite")
+    good = isfinite(w) & ~(u == w) | (u != 2.0)
+    armed = (on & good) | (state.armed & (abs(u) <= 1.0))
+    held = np.array([sqrt(abs(level)), log(1.0 + exp(u)) + np.sin(level) + (w % 0.7) + w // 0.3])
+    return Memory(level, armed, held), (curve, where(armed, -curve, held[1]), armed, held[0])
+
+
+PROGRAM = trace(every_operation, Memory(0.0, False, np.zeros(2)), (0.0, False, 0.0))
+STATE_SIZE, OUTPUTS = 4, 4
+START = np.array([0.3, 0.0, 0.1, -0.2])
+
+
+def a_log(steps: int, lanes: int | None = None) -> list[np.ndarray]:
+    shape = (steps,) if lanes is None else (steps, lanes)
+    u, w = RNG.normal(0.0, 2.0, shape), RNG.normal(0.0, 2.0, shape)
+    u[RNG.random(shape) < 0.02] = np.nan
+    w[RNG.random(shape) < 0.02] = np.inf
+    return [u, (RNG.random(shape) < 0.5).astype(float), w]
+
+
+def on_python_floats(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """State (n,) and outputs (OUTPUTS, T) of the expanded program, run by Python."""
+    scan = python_source.compile_scan(expand(PROGRAM, F64), STATE_SIZE)
+    emitted: list[float] = []
+    state = (START[0], bool(START[1]), *START[2:])
+    rows = [columns[0].tolist(), [bool(x) for x in columns[1]], columns[2].tolist()]
+    after = scan(tuple(float(x) if not isinstance(x, bool) else x for x in state), rows, emitted.extend)
+    return np.array(after, float), np.array(emitted, float).reshape(-1, OUTPUTS).T
+
+
+def in_machine_code(step: MachineStep, columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    state, outputs = START.copy(), np.empty((OUTPUTS, len(columns[0])))
+    step.one(state, columns, list(outputs), None)
+    return state, outputs
+
+
+def test_one_log_has_the_bits_of_python_floats():
+    columns = a_log(500)
+    for found, wanted in zip(
+        in_machine_code(MachineStep(PROGRAM, STATE_SIZE, contract=False), columns),
+        on_python_floats(columns),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_contraction_changes_last_bits_only():
+    columns = [np.nan_to_num(c, posinf=1.0) for c in a_log(200)]
+    plain = in_machine_code(MachineStep(PROGRAM, STATE_SIZE, contract=False), columns)
+    fused = in_machine_code(MachineStep(PROGRAM, STATE_SIZE, contract=True), columns)
+    np.testing.assert_allclose(fused[1], plain[1], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("lanes", [1, WIDTH - 1, WIDTH, 2 * WIDTH + 3])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_every_lane_is_a_log_of_its_own(lanes, threads):
+    step = MachineStep(PROGRAM, STATE_SIZE, contract=False)
+    columns = a_log(60, lanes)
+    state, outputs = np.repeat(START[:, None], lanes, axis=1), np.empty((OUTPUTS, 60, lanes))
+    step.many(state, columns, list(outputs), None, threads)
+    for lane in range(lanes):
+        after, wanted = in_machine_code(step, [np.ascontiguousarray(c[:, lane]) for c in columns])
+        np.testing.assert_array_equal(outputs[:, :, lane], wanted)
+        np.testing.assert_array_equal(state[:, lane], after)
+
+
+def test_a_column_may_be_the_same_for_all_lanes_or_all_times():
+    step = MachineStep(PROGRAM, STATE_SIZE, contract=False)
+    u, _, w = a_log(40, WIDTH)
+    shared, held = np.ascontiguousarray(w[:, 0]), np.broadcast_to(1.0, 40)
+    state, outputs = np.repeat(START[:, None], WIDTH, axis=1), np.empty((OUTPUTS, 40, WIDTH))
+    step.many(state, [u, held, shared], list(outputs), None, 1)
+    for lane in range(WIDTH):
+        _, wanted = in_machine_code(step, [np.ascontiguousarray(u[:, lane]), np.ones(40), shared])
+        np.testing.assert_array_equal(outputs[:, :, lane], wanted)
+
+
+def test_progress_comes_to_its_end():
+    done = []
+    columns = a_log(50, WIDTH + 1)
+    state, outputs = np.repeat(START[:, None], WIDTH + 1, axis=1), np.empty((OUTPUTS, 50, WIDTH + 1))
+    MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), done.append, 1)
+    assert sum(done) == 50 * (WIDTH + 1)
+
+
+def test_sample_by_sample_is_the_whole_log():
+    columns = a_log(30)
+    step = MachineStep(PROGRAM, STATE_SIZE, contract=False)
+    after, wanted = in_machine_code(step, columns)
+    live = Live(step, START)
+    for k in range(30):
+        live.sample[:] = [c[k] for c in columns]
+        live.step()
+        np.testing.assert_array_equal(live.output, wanted[:, k])
+    np.testing.assert_array_equal(live.state, after)
+
+
+def test_a_whole_adaptive_filter_in_both_precisions():
+    start = adaptive_ukf.initial()
+    program = trace(adaptive_ukf.step, start, (0.0, 0.0))
+    flat = np.concatenate([np.ravel(x) for x in start]).astype(float)
+    current = np.repeat(RNG.normal(0.0, 3.0, 20), 10)
+    voltage = 12.5 + 0.02 * current + 0.005 * RNG.standard_normal(200)
+    size = len(flat)
+    results = {}
+    for precision in ("f64", "f32"):
+        state, outputs = flat.copy(), np.empty((len(program.outputs) - size, 200))
+        MachineStep(program, size, precision).one(state, [current, voltage], list(outputs), None)
+        results[precision] = outputs
+    reference: list[float] = []
+    python_source.compile_scan(program, size)(
+        tuple(flat.tolist()), [current.tolist(), voltage.tolist()], reference.extend
+    )
+    wanted = np.array(reference).reshape(200, -1).T
+    np.testing.assert_allclose(results["f64"], wanted, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(results["f32"], wanted, rtol=2e-3, atol=2e-3)
