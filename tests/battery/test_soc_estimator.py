@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from ohmward.battery import snapshot
 from ohmward.battery.coulomb import CoulombCounting
 from ohmward.battery.estimate import Flag
 from ohmward.battery.noise import Noise
@@ -17,7 +16,7 @@ from ohmward.battery.soc_estimator import Estimator, SocEstimator, samples_of
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel
+from ohmward.trace import Kernel, snapshot
 
 NOISE = Noise()
 TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.battery import snapshot
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel
+from ohmward.trace import Kernel, snapshot
 
 Progress = Callable[[int, int], None]
 
@@ -115,7 +114,8 @@ class SocEstimator:
         Raises:
             InputError: it is of another version, another estimator or other settings, or damaged.
         """
-        self.state, self.time_s = snapshot.resume(self.estimator, taken)
+        example = self.estimator.init(Sample(0.0, math.nan, math.nan, math.nan))
+        self.state, self.time_s = snapshot.resume(self.estimator, example, taken)
 
     @property
     def kernel(self) -> Kernel:
