@@ -133,7 +133,7 @@ def test_a_snapshot_that_does_not_fit_is_refused(change, message):
 
 @pytest.mark.parametrize("other", [TheveninFilter(NMC, NOISE), TheveninFilter(LFP, NOISE), ESTIMATORS["coulomb"]])
 def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
-    with pytest.raises(InputError, match="another kind, battery or settings"):
+    with pytest.raises(InputError, match="another kind, model or settings"):
         SocEstimator(other).restore(damaged(lambda s: None))
 
 
