@@ -7,6 +7,8 @@ import pytest
 
 from ohmward.trace import python_source, trace
 from ohmward.trace.elementary import F32, F64, FORMULAS, expand
+from ohmward.trace.expression import Expression
+from ohmward.trace.operations import OPERATIONS
 
 RNG = np.random.default_rng(0)
 SMALL = np.concatenate([RNG.uniform(-1.0, 1.0, 4000), 1e-5 * RNG.standard_normal(1000)])
@@ -41,10 +43,12 @@ def single(name: str, x: np.ndarray) -> np.ndarray:
     values = {program.inputs[0].serial: x}
     with np.errstate(all="ignore"):
         for node in program.nodes:
-            values[node.serial] = SINGLE_OPERATIONS.get(node.operation.name, getattr(np, node.operation.name, None))(
-                *(values[a.serial] if hasattr(a, "serial") else _constant(a) for a in node.args)
-            )
-    return values[program.outputs[0].serial]
+            function = SINGLE_OPERATIONS.get(node.operation.name) or getattr(np, node.operation.name)
+            arguments = (values[a.serial] if isinstance(a, Expression) else _constant(a) for a in node.args)
+            values[node.serial] = function(*arguments)
+    (y,) = program.outputs
+    assert isinstance(y, Expression)
+    return values[y.serial]
 
 
 def _constant(a):
@@ -128,3 +132,10 @@ def test_nothing_but_plain_operations_is_left():
 def test_a_program_without_functions_stays_as_it_is():
     program = trace(lambda x, y: x * y + np.sqrt(x), 1.0, 1.0)
     assert expand(program, F64).nodes == program.nodes
+
+
+def test_numbers_taken_apart_and_put_together():
+    for x in (1.0, 1.5, 2.0**-1022, 1.7e308, 3e-5):
+        e = OPERATIONS["exponent"].compute(x)
+        scale = OPERATIONS["power_of_two"].compute(e)
+        assert e.is_integer() and scale <= x < 2.0 * scale

@@ -8,13 +8,15 @@ import sympy
 
 from ohmward.trace import Kernel, TraceError, jacobian, where
 from ohmward.trace.expression import apply
-from ohmward.trace.operations import INPUT, OPERATIONS
+from ohmward.trace.operations import BITS, INPUT, OPERATIONS
 
 SPECIAL = [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 2.5, -3.75, 700.0, -700.0, 1e4, 1e-310, 1e308, -1e308, 2.0**52 + 1]
 SPECIAL += [np.inf, -np.inf, np.nan]
 # NumPy's own exp, log, sin, ... and libm's differ by a few units in the last place.
 ROUNDED = {"power", "exp", "expm1", "log", "log1p", "sin", "cos", "tan", "arctan", "arctan2", "sinh", "cosh", "tanh"}
 ROUNDED |= {"arcsinh"}
+
+TRACED = OPERATIONS.keys() - BITS
 
 
 def on_conditions(name, *x):
@@ -49,7 +51,7 @@ def assert_same(name, value, expected):
     np.testing.assert_allclose(value, expected, rtol=1e-14 if name in ROUNDED else 0, atol=0, err_msg=name)
 
 
-@pytest.mark.parametrize("name", OPERATIONS)
+@pytest.mark.parametrize("name", sorted(TRACED))
 def test_value_is_numpys_even_at_zero_infinity_and_nan(name):
     function, arity = formula(name)
     x = np.array(list(itertools.product(SPECIAL, repeat=arity))).T
@@ -65,7 +67,7 @@ def test_value_is_numpys_even_at_zero_infinity_and_nan(name):
     assert_same(name, lanes[0], expected)
 
 
-@pytest.mark.parametrize("name", OPERATIONS)
+@pytest.mark.parametrize("name", sorted(TRACED))
 def test_constants_are_folded_to_the_same_value(name):
     function, arity = formula(name)
     x = np.array(list(itertools.product([0.5, -0.5, 2.5, -3.75, np.nan], repeat=arity))).T
@@ -104,7 +106,7 @@ SYMPY = {
     "arcsinh": sympy.asinh,
 }
 FLAT = {name for name, o in OPERATIONS.items() if o.boolean} | {"sign", "floor", "floor_divide", "gather"}
-SMOOTH = sorted(OPERATIONS.keys() - FLAT - {"remainder"})
+SMOOTH = sorted(TRACED - FLAT - {"remainder"})
 
 
 @pytest.mark.parametrize("name", SMOOTH)

@@ -118,4 +118,6 @@ _LOGIC = (
     Operation("isfinite", 1, math.isfinite, "isfinite({0})", ATOM, _flat, boolean=True),
 )
 # fmt: on
+#: Operations that only `elementary` writes into a program.
+BITS = frozenset(o.name for o in _BITS)
 OPERATIONS = {o.name: o for o in (*_ARITHMETIC, *_FUNCTIONS, *_PIECEWISE, *_BITS, *_LOGIC)}

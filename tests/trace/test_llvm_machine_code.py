@@ -19,9 +19,13 @@ def cache(tmp_path, monkeypatch):
 
 def counted(source):
     """The code by way of the cache, and whether it was compiled."""
-    calls = []
-    code = machine_code.cached(source, lambda: calls.append(1) or b"code of " + source.encode())
-    return code, bool(calls)
+    calls: list[str] = []
+
+    def compile_it() -> bytes:
+        calls.append(source)
+        return b"code of " + source.encode()
+
+    return machine_code.cached(source, compile_it), bool(calls)
 
 
 def test_the_second_time_nothing_is_compiled(cache):

@@ -2,9 +2,9 @@
 
 from typing import Any, NamedTuple
 
+import adaptive_ukf
 import numpy as np
 import pytest
-from tests.trace import adaptive_ukf
 
 from ohmward.trace import exp, isfinite, log, maximum, minimum, python_source, sign, sqrt, table, tanh, trace, where
 from ohmward.trace.elementary import F64, expand
@@ -105,7 +105,7 @@ def test_a_column_may_be_the_same_for_all_lanes_or_all_times():
 
 
 def test_progress_comes_to_its_end():
-    done = []
+    done: list[int] = []
     columns = a_log(50, WIDTH + 1)
     state, outputs = np.repeat(START[:, None], WIDTH + 1, axis=1), np.empty((OUTPUTS, 50, WIDTH + 1))
     MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), done.append, 1)
