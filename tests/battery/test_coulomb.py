@@ -99,7 +99,7 @@ def test_a_rest_corrects_the_count_once():
     assert abs(estimates.soc[used[0]] - truth.soc[used[0]]) < 2 * estimates.soc_std[used[0]]
     assert estimates.soc_std[used[0]] < 0.6 * estimates.soc_std[used[0] - 1]
     assert np.isfinite(estimates.innovation_V[used[0]])
-    assert state.used == 1.0
+    assert state.rest.used == 1.0
 
 
 def test_the_correction_is_the_scalar_kalman_update():

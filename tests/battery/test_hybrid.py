@@ -67,3 +67,13 @@ def test_it_finds_the_truth_from_a_wrong_start():
     truth = simulate(NMC, drive(np.random.default_rng(2), 5400, mean_A=-0.3), 0.85)
     _, estimates = run(Hybrid(TheveninFilter(NMC, NOISE), RcKalman(RC, NOISE)), samples(truth, 0.03, NOISE), 0.4)
     assert abs(estimates.soc[-1] - truth.soc[-1]) < 0.02
+
+
+def test_a_clock_that_is_set_is_no_rest():
+    hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcKalman(RC, NOISE))
+    state = hybrid.init(Sample(0.0, 0.0, 3.7, 25.0), 0.5)
+    later, estimate = hybrid.step(state, Sample(1.5e9, 0.0, 3.7, 25.0))
+    assert int(estimate.flags) & Flag.BAD_TIME and not int(estimate.flags) & Flag.REST
+    assert later.rest == (0.0, 0.0)
+    rested, _ = hybrid.step(later, Sample(hybrid.settle_s + 1, 0.0, 3.7, 25.0))
+    assert rested.rest == (hybrid.settle_s + 1, 1.0)

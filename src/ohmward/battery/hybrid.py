@@ -15,6 +15,7 @@ import numpy as np
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.rc.kalman import RcKalman
 from ohmward.battery.rc.linear import LinearState
+from ohmward.battery.reading import Rest, rested
 from ohmward.battery.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gating import choose
@@ -23,12 +24,11 @@ from ohmward.trace import maximum, where
 
 
 class HybridState(NamedTuple):
-    """Both filters, how long the battery has rested [s], and 1 once this rest has been used for a correction."""
+    """Both filters, and the rest that the battery may be in."""
 
     thevenin: FilterState
     rc: LinearState
-    quiet_s: Any
-    used: Any
+    rest: Rest
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Hybrid:
         thevenin, rc = self.thevenin.init(first, soc, soc_std), self.rc.init(first, soc, soc_std)
         _, estimate = self.rc.step(rc, first)
         belief, _ = _surer(unpack(thevenin.belief), estimate.soc, estimate.soc_std)
-        return HybridState(thevenin._replace(belief=pack(belief)), rc, 0.0, 0.0)
+        return HybridState(thevenin._replace(belief=pack(belief)), rc, Rest())
 
     def step(self, state: HybridState, sample: Sample) -> tuple[HybridState, Estimate]:
         """The state after a sample, and what is known then; `Flag.REST` marks a correction."""
@@ -60,16 +60,13 @@ class Hybrid:
         rc, second = self.rc.step(state.rc, sample)
         model, noise = self.thevenin.model, self.thevenin.noise
         quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.quiet_share)
-        dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
-        quiet_s = where(quiet, state.quiet_s + dt_s, 0.0)
-        due = (quiet_s > self.settle_s) & (state.used < 0.5)
+        dt_s = self.thevenin.read(state.thevenin, sample).dt_s
+        rest, due = rested(state.rest, quiet, dt_s, self.settle_s)
 
         before = unpack(thevenin.belief)
         surer, taken = _surer(before, second.soc, second.soc_std)
         belief = choose(due, surer, before)
-        after = HybridState(
-            thevenin._replace(belief=pack(belief)), rc, quiet_s, where(quiet, where(due, 1.0, state.used), 0.0)
-        )
+        after = HybridState(thevenin._replace(belief=pack(belief)), rc, rest)
         corrected = where(due & taken & (estimate.flags % (2 * Flag.REST) < Flag.REST), float(Flag.REST), 0.0)
         return after, estimate._replace(
             soc=belief.mean[0],

@@ -48,6 +48,17 @@ class Reading(NamedTuple):
     measured: Any
 
 
+class Rest(NamedTuple):
+    """A rest of the battery.
+
+    quiet_s: how long the current has been quiet.
+    used: 1 once the voltage of this rest has been used: it would say the same again and again.
+    """
+
+    quiet_s: Any = 0.0
+    used: Any = 0.0
+
+
 def read(
     sample: Sample,
     current_before_A: Any,
@@ -81,6 +92,16 @@ def read(
     return Reading(
         dt_s, mean, Input(current, temperature), current - current_before_A, known, flags, unknown_s, measured
     )
+
+
+def rested(before: Rest, quiet: Any, dt_s: Any, settle_s: float, usable: Any = True) -> tuple[Rest, Any]:
+    """The rest after a step, and whether its voltage is to be used now: once, when it is usable and has settled.
+
+    quiet: whether the current is one of rest.  usable: whether there is a voltage.
+    """
+    quiet_s = where(quiet, before.quiet_s + dt_s, 0.0)
+    due = (quiet_s > settle_s) & (before.used < 0.5) & usable
+    return Rest(quiet_s, where(quiet, where(due, 1.0, before.used), 0.0)), due
 
 
 def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:

@@ -11,21 +11,17 @@ import numpy as np
 from ohmward.battery.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.noise import Noise
-from ohmward.battery.reading import is_current, is_voltage
+from ohmward.battery.reading import Rest, is_current, is_voltage, rested
 from ohmward.battery.thevenin import Input, Thevenin, pair_resistances
 from ohmward.checks import require_positive
 from ohmward.trace import clip, linearize, where
 
 
 class RestOcvState(NamedTuple):
-    """Coulomb counting, and how long the battery has rested.
-
-    used: 1 once the voltage of this rest has been used: at a rest it says the same again and again.
-    """
+    """Coulomb counting, and the rest that the battery may be in."""
 
     counting: CoulombState
-    rest_s: Any
-    used: Any
+    rest: Rest
 
 
 @dataclass(frozen=True)
@@ -57,23 +53,22 @@ class RestOcv:
 
     def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
-        return RestOcvState(self.counting.init(first, soc, soc_std), 0.0, 0.0)
+        return RestOcvState(self.counting.init(first, soc, soc_std), Rest())
 
     def step(self, state: RestOcvState, sample: Sample) -> tuple[RestOcvState, Estimate]:
         """The state after a sample, and what is known then."""
         counting, counted = self.counting.step(state.counting, sample)
         quiet = is_current(sample.current_A, self.noise.quiet_A(self.model.capacity_Ah, self.rest_share))
-        rest_s = where(quiet, state.rest_s + counting.elapsed_s - state.counting.elapsed_s, 0.0)
+        dt_s = counting.elapsed_s - state.counting.elapsed_s
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
-        usable = measured & (rest_s > self.settle_s) & (state.used < 0.5)
+        rest, due = rested(state.rest, quiet, dt_s, self.settle_s, measured)
         y = where(measured, sample.voltage_V, 0.0)
         corrected, voltage, voltage_std = self.corrected(counting, counted.soc_std, y)
-        after = CoulombState(*(where(usable, new, old) for new, old in zip(corrected, counting, strict=True)))
-        used = where(quiet, where(usable, 1.0, state.used), 0.0)
-        estimate = self.counting.estimate(after, counted.flags + where(usable, float(Flag.REST), 0.0))
-        innovation = where(usable, y - voltage, math.nan)
+        after = CoulombState(*(where(due, new, old) for new, old in zip(corrected, counting, strict=True)))
+        estimate = self.counting.estimate(after, counted.flags + where(due, float(Flag.REST), 0.0))
+        innovation = where(due, y - voltage, math.nan)
         estimate = estimate._replace(voltage_V=voltage, voltage_std_V=voltage_std, innovation_V=innovation)
-        return RestOcvState(after, rest_s, used), estimate
+        return RestOcvState(after, rest), estimate
 
     def corrected(self, state: CoulombState, soc_std: Any, voltage_V: Any) -> tuple[CoulombState, Any, Any]:
         """Coulomb counting started anew from this rest's voltage (a scalar Kalman update), OCV and its std [V]."""
