@@ -55,6 +55,32 @@ def test_update_conditions_the_joint_gaussian(m):
     np.testing.assert_allclose(innovation.cov, joint_cov[4:, 4:], atol=1e-12)
 
 
+def test_a_state_itself_is_corrected_as_by_its_row_of_the_identity():
+    *_, belief = random_linear(np.random.default_rng(4), 4, 2)
+    for i in range(4):
+        expected, _ = kalman.update(belief, np.array([0.7]), np.eye(4)[i : i + 1], np.array([[0.3]]))
+        corrected = kalman.correct_state(belief, i, 0.7, 0.3)
+        np.testing.assert_allclose(corrected.mean, expected.mean, rtol=1e-13)
+        np.testing.assert_allclose(corrected.cov, expected.cov, rtol=1e-12, atol=1e-15)
+        np.testing.assert_array_equal(corrected.cov, corrected.cov.T)
+
+
+def test_a_state_that_is_not_used_changes_nothing():
+    *_, belief = random_linear(np.random.default_rng(5), 4, 2)
+    left = kalman.correct_state(belief, 2, 1e3, 0.3, used=False)
+    np.testing.assert_array_equal(left.mean, belief.mean)
+    np.testing.assert_array_equal(left.cov, belief.cov)
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 1e-12, 1e-18])
+def test_a_state_measured_ever_so_much_better_than_known_keeps_a_variance_above_zero(ratio):
+    root = np.random.default_rng(6).normal(size=(4, 4))
+    belief = Belief(np.zeros(4), root @ root.T)
+    cov = kalman.correct_state(belief, 1, 0.0, ratio * belief.cov[1, 1]).cov
+    assert cov[1, 1] == pytest.approx(ratio * belief.cov[1, 1], rel=max(ratio, 1e-12) * 2)
+    assert np.linalg.eigvalsh(cov).min() > -1e-15 * np.trace(belief.cov)
+
+
 def test_filtering_is_batch_least_squares():
     rng = np.random.default_rng(3)
     F, _, Q, H, R, belief = random_linear(rng, 3, 2)

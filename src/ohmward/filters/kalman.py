@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ohmward.filters.belief import Belief, Correction, Innovation
-from ohmward.filters.linear_algebra import mirror_lower, solve_spd
+from ohmward.filters.linear_algebra import TINY, mirror_lower, solve_spd
 from ohmward.filters.shapes import require_shape
+from ohmward.trace import maximum, where
 
 
 def predict(belief: Belief, F: np.ndarray, Q: np.ndarray, offset: np.ndarray | float = 0.0) -> Belief:
@@ -58,6 +61,27 @@ def correct(belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: 
     nu = y - (H @ belief.mean if y_hat is None else y_hat)
     posterior = Belief(belief.mean + K @ nu, joseph(belief.cov, K, H, R))
     return Correction(posterior, Innovation(nu, S), K)
+
+
+def correct_state(belief: Belief, i: int, y: Any, variance: Any, used: Any = True) -> Belief:
+    """Belief after the measurement y = x_i + v, v ~ N(0, variance), of a state itself; unchanged where not `used`.
+
+    `correct` with H a row of the identity, in a quarter of the operations: the covariance is P - P_i P_i' / S, with
+    P_ij variance / S in the row and column of the state, so that what was measured never falls below zero.
+
+    Args:
+        belief: before the measurement.
+        i: which state.
+        y: measured value, finite.
+        variance: of the measurement noise.
+        used: a condition; where it is false nothing changes.
+    """
+    P, C = belief.cov, belief.cov[:, i]
+    reciprocal = 1.0 / maximum(C[i] + variance, TINY)
+    K = C * where(used, reciprocal, 0.0)
+    cov = P - np.outer(K, C)
+    cov[i, :] = cov[:, i] = C * where(used, variance * reciprocal, 1.0)
+    return Belief(belief.mean + K * (y - belief.mean[i]), mirror_lower(cov))
 
 
 def gain(C: np.ndarray, S: np.ndarray) -> np.ndarray:
