@@ -76,13 +76,18 @@ class WardIagnemma:
 
     def force_N(self, contact: Contact) -> Any:
         """Force [N] of the ground on the wheel."""
-        direction, size = direction_and_size(contact.slip_speed_m_s)
-        mu = adhesion(size, self.c1, self.c2_s_per_m, self.c3_s_per_m)
+        mu = adhesion(contact.slip_speed_m_s, self.c1, self.c2_s_per_m, self.c3_s_per_m)
         if self.c3_s_per_m < 0:
-            mu = where(size > self.peak_slip_speed_m_s, maximum(mu, self.sliding), mu)
-        return contact.load_N * direction * mu
+            direction, size = direction_and_size(contact.slip_speed_m_s)
+            mu = where(size > self.peak_slip_speed_m_s, direction * maximum(direction * mu, self.sliding), mu)
+        return contact.load_N * mu
 
 
 def adhesion(slip_speed_m_s: Any, c1: Any, c2_s_per_m: Any, c3_s_per_m: Any = 0.0) -> Any:
-    """Force over load at a slip speed >= 0, [T] 4.3; the parameters may be states of a filter."""
-    return -c1 * np.expm1(-c2_s_per_m * slip_speed_m_s) + c3_s_per_m * slip_speed_m_s
+    """Force over load, [T] 4.3, of the sign of the slip; the parameters may be states of a filter.
+
+    The sign stands in the constants: traced, force and slope are then shortest.
+    """
+    forward = slip_speed_m_s >= 0
+    fade = where(forward, -c2_s_per_m, c2_s_per_m)
+    return where(forward, -c1, c1) * np.expm1(fade * slip_speed_m_s) + c3_s_per_m * slip_speed_m_s
