@@ -98,3 +98,17 @@ def test_grip_is_one_at_rest_and_none_in_spin():
     parts = Layout(place.robot, KNOWN_GROUND).split(np.zeros(4))
     found = grip(np.array([0.05, 1.0]), parts, np.full(4, 100.0), place)
     assert found == pytest.approx([np.exp(-1.0), 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("current_A", "travel"), [(2.0, 0.3), (15.0, 0.3), (-15.0, 0.3), (40.0, 0.0)])
+def test_from_the_end_of_their_mean_sigma_points_reach_the_balance(current_A, travel, monkeypatch):
+    place = SCENES["front-driven"]
+    layout, rng = Layout(place.robot, KNOWN_GROUND), np.random.default_rng(0)
+    x, u = np.array([travel, 0.0, travel / 0.12, travel / 0.12]), Input(np.full(2, current_A))
+    start = slip_step(layout.split(x), u, place, 0.01).slip_m_s
+    points = x + np.array([0.01, 0.05, 0.1, 0.1]) * rng.standard_normal((50, 4))
+    found = np.array([slip_step(layout.split(p), u, place, 0.01, start).slip_m_s for p in points])
+    monkeypatch.setattr("ohmward.traction.observers.slip_step.NEWTON_STEPS", 50)
+    exact = np.array([slip_step(layout.split(p), u, place, 0.01).slip_m_s for p in points])
+    assert np.ptp(exact) > 1e-3
+    assert found == pytest.approx(exact, abs=1e-4)

@@ -10,10 +10,11 @@ from ohmward.errors import InputError
 from ohmward.filters import unpack
 from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.consistency import mean_bounds, nees
+from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
 from ohmward.traction import SkidSteer, scene
 from ohmward.traction.observers import KNOWN_GROUND, Noise, Sample, SpeedObserver, States
-from ohmward.traction.observers.fusion import gated, observe
+from ohmward.traction.observers.fusion import gated
 from ohmward.traction.observers.reading import read
 
 from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed
@@ -78,7 +79,7 @@ def test_one_measurement_is_the_joint_gaussian():
     rng = np.random.default_rng(1)
     root = rng.standard_normal((3, 3))
     prior = Belief(rng.standard_normal(3), root @ root.T + np.eye(3))
-    after = observe(prior, 1, 0.7, 0.4).belief
+    after = correct_state(prior, 1, 0.7, 0.4)
     information = np.linalg.inv(prior.cov) + np.diag([0.0, 1 / 0.4, 0.0])
     assert after.cov == pytest.approx(np.linalg.inv(information))
     mean = np.linalg.solve(information, np.linalg.solve(prior.cov, prior.mean) + np.array([0.0, 0.7 / 0.4, 0.0]))

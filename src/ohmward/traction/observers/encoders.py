@@ -13,9 +13,10 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gating import choose
+from ohmward.filters.kalman import correct_state
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.traction.observers.estimate import Flag
-from ohmward.traction.observers.fusion import Fused, observe, widened
+from ohmward.traction.observers.fusion import Fused, widened
 from ohmward.traction.observers.model import Model
 from ohmward.traction.observers.reading import Reading, some
 
@@ -74,10 +75,10 @@ def use_encoders(
         nu = reading.wheel_speed_rad_s[k] + lag[k] - belief.mean[model.layout.wheel(k)]
         spike = (abs(nu) > possible_jump(k, reading, model)) & (doubtful_s[k] < SPIKE_S)
         believed = reading.measured[k] & (doubtful_s[k] <= patience_s) & logical_not(spike)
+        doubt = where(believed, 0.0, doubted_variance(belief, k, reading.moving_s, model))
         update = _use_encoder(belief, k, reading.wheel_speed_rad_s[k] + lag[k], R, believed, model, surprise)
-        update = update._replace(surprising=update.surprising & reading.measured[k])
-        belief = choose(believed, update.belief, force_doubted(belief, k, reading.moving_s, model))
-        updates.append(update)
+        belief = widened(update.belief, 0, doubt)
+        updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
     changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
     doubted = some([t > patience_s for t in doubtful_s])
     flags = where(changed, float(Flag.GROUND_CHANGED), 0.0) + where(doubted, float(Flag.ENCODER_DOUBTED), 0.0)
@@ -88,7 +89,9 @@ def _use_encoder(belief: Belief, k: int, y: Any, R: Any, believed: Any, model: M
     i = model.layout.wheel(k)
     nu = y - belief.mean[i]
     surprising = nu * nu > surprise * (belief.cov[i, i] + R)
-    after = observe(choose(surprising, ground_unknown(belief, k, nu, model), belief), i, y, R).belief
+    new_ground = believed & surprising
+    open_to = choose(new_ground, ground_unknown(belief, k, nu, model), belief)
+    after = correct_state(open_to, i, y, R, believed)
     square = (y - after.mean[i]) ** 2 + after.cov[i, i]
     return WheelUpdate(after, square, believed & (nu * nu <= surprise * (belief.cov[i, i] + R)), surprising)
 
@@ -126,8 +129,8 @@ def ground_unknown(belief: Belief, k: int, jump_rad_s: Any, model: Model) -> Bel
     return widened(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
 
 
-def force_doubted(belief: Belief, k: int, dt_s: Any, model: Model) -> Belief:
-    """The belief after `dt_s` in which the traction of a wheel without encoder may have been another."""
+def doubted_variance(belief: Belief, k: int, dt_s: Any, model: Model) -> Any:
+    """Variance [m^2/s^2] that the speed gains in `dt_s` in which the traction of wheel k may have been another."""
     force_N = abs(model.traction_N(belief.mean)[k])
     growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
-    return widened(belief, 0, growth * (growth + 2 * sqrt(maximum(belief.cov[0, 0], 0.0))))
+    return growth * (growth + 2 * sqrt(maximum(belief.cov[0, 0], 0.0)))

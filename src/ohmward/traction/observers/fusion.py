@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters import extended, kalman
-from ohmward.filters.belief import Belief, Correction, Function
+from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gating import choose, passes
 from ohmward.trace import isfinite, maximum, where
 from ohmward.traction.observers.estimate import Flag, Sample
@@ -107,9 +107,9 @@ def use_standstill(fused: Fused, resting: Any, model: Model) -> Fused:
     """With the zero speed and yaw rate of a robot at rest."""
     belief = fused.belief
     for i in range(model.scene.robot.freedoms):
-        belief = observe(belief, i, 0.0, STANDSTILL_STD**2).belief
+        belief = kalman.correct_state(belief, i, 0.0, STANDSTILL_STD**2, resting)
     flags = fused.flags + where(resting, float(Flag.STANDSTILL), 0.0)
-    return Fused(choose(resting, belief, fused.belief), where(resting, 1.0, fused.shown), flags)
+    return Fused(belief, where(resting, 1.0, fused.shown), flags)
 
 
 def gated(belief: Belief, y: Any, h: Function, variance: Any, gate: float) -> tuple[Any, Belief]:
@@ -118,13 +118,6 @@ def gated(belief: Belief, y: Any, h: Function, variance: Any, gate: float) -> tu
     correction = extended.correct(belief, np.array([where(there, y, 0.0)]), h, np.array([[variance]]))
     accepted = there & passes(correction.innovation, gate)
     return accepted, choose(accepted, correction.belief, belief)
-
-
-def observe(belief: Belief, i: int, y: Any, variance: Any) -> Correction:
-    """The belief corrected with element i of the state, which every filter does as the Kalman filter."""
-    H = np.zeros((1, len(belief.mean)))
-    H[0, i] = 1.0
-    return kalman.correct(belief, np.array([y]), H, np.array([[variance]]))
 
 
 def widened(belief: Belief, i: int, variance: Any) -> Belief:

@@ -21,7 +21,7 @@ from ohmward.trace import exp, minimum, sin, where
 from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading
-from ohmward.traction.observers.slip_step import grip, slip_step, traction
+from ohmward.traction.observers.slip_step import Moved, grip, slip_step, traction
 from ohmward.traction.observers.states import Layout, States
 from ohmward.traction.robot import GRAVITY, motion_from_wheels
 
@@ -96,9 +96,13 @@ class Model:
         kept = self.kept(name, dt_s)
         return self.lasting(name)[0] ** 2 * (1.0 - kept * kept)
 
-    def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def moved(self, x: np.ndarray, reading: Reading, start_m_s: np.ndarray | None = None) -> Moved:
+        """Body and wheels after the step from state x (n,); start_m_s as in `slip_step`."""
+        return slip_step(self.layout.split(x), self.input(x, reading), self.scene, reading.moving_s, start_m_s)
+
+    def next_state(self, x: np.ndarray, reading: Reading, start_m_s: np.ndarray | None = None) -> np.ndarray:
         """Mean of the state after the step, (n,)."""
-        moved = slip_step(self.layout.split(x), self.input(x, reading), self.scene, reading.moving_s)
+        moved = self.moved(x, reading, start_m_s)
         own = [*moved.motion, *moved.omega]
         names = self.layout.names
         return np.array([*own, *(self.kept(names[i], reading.dt_s) * x[i] for i in range(len(own), len(names)))])
@@ -115,7 +119,7 @@ class Model:
     def process_noise(self, mean: np.ndarray, reading: Reading) -> np.ndarray:
         """Q (n, n) of a step; unknown torque goes through the model, where a wheel that grips damps it."""
         robot, noise = self.scene.robot, self.noise
-        moved = slip_step(self.layout.split(mean), self.input(mean, reading), self.scene, reading.moving_s)
+        moved = self.moved(mean, reading)
         most_Nm = robot.wheel.radius_m * self.static_load_N[: self.driven]
         B = moved.torque_response * (noise.torque_std_Nm + reading.guessed * most_Nm)
         unknown = minimum(UNKNOWN_M_S2 * reading.unknown_s, UNKNOWN_M_S) ** 2

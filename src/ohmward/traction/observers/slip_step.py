@@ -6,9 +6,10 @@ the wheels would have if the ground gave nothing,
     s + dt A F(s) = s*,   A = G M^-1 G' + diag(r^2 / J_w)
 
 one equation for each driven wheel, coupled by one part in a hundred through the body. Newton starts at the slip before
-the step, where a steady wheel is already. The force of a law that saturates is concave in the slip, so the tangent at
-s = 0 gives a bound that no step may fall below, and from there the steps approach from one side. Rolling resistance and
-grade are explicit: order 1, L-stable.
+the step, where a steady wheel is already, or where the caller knows better: a stiff wheel forgets where it was, so
+sigma points start where the step of their mean ends. The force of a law that saturates is concave in the slip, so the
+tangent at s = 0 gives a bound that no step may fall below, and from there the steps approach from one side. Rolling
+resistance and grade are explicit: order 1, L-stable.
 
 The ground's friction share a and stiffness share k scale a law to F = a law(k/a s): its height by a, its slope by k.
 """
@@ -21,10 +22,11 @@ import numpy as np
 
 from ohmward.trace import linearize, maximum, minimum, where
 from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
-from ohmward.traction.laws import contact
+from ohmward.traction.laws import Contact
 from ohmward.traction.observers.states import Parts
 
-NEWTON_STEPS = 2
+#: Newton steps from the slip before the step, and from a slip that is near the end already.
+NEWTON_STEPS, FINISHING_STEPS = 3, 2
 
 
 class Moved(NamedTuple):
@@ -32,11 +34,13 @@ class Moved(NamedTuple):
 
     motion: (freedoms,) of the body.
     omega: (driven,) [rad/s].
+    slip_m_s: (driven,) that balances.
     torque_response: (freedoms + driven, driven) of body and wheels to torque besides that of the currents [1/(N m)].
     """
 
     motion: np.ndarray
     omega: np.ndarray
+    slip_m_s: np.ndarray
     torque_response: np.ndarray
 
 
@@ -53,8 +57,11 @@ class Balance(NamedTuple):
     slope: np.ndarray
 
 
-def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
-    """Body and wheels after `dt_s` of constant current; `u.grade_rad` is that of the step."""
+def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> Moved:
+    """Body and wheels after `dt_s` of constant current; `u.grade_rad` is that of the step.
+
+    start_m_s: (driven,) slip near the one that balances; without it Newton starts at the slip before the step.
+    """
     robot, n = p.robot, p.robot.driven
     free = robot.freedoms
     radius = robot.wheel.radius_m * parts.radius_share
@@ -63,26 +70,28 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any) -> Moved:
     ballistic = x + dt_s * momentum_rates(x, u, p, forces_at(x, u, p, load_N, np.zeros(n))) / robot.inertia
     G = robot.rolling[:n]
     rows, wheels = G / robot.inertia[:free], dt_s / robot.inertia[free:]
-    A = dt_s * (rows @ G.T) + np.diag(radius**2 * wheels)
     before = radius * parts.omega - G @ parts.motion
-    balance = balanced(before, radius * ballistic[free:] - G @ ballistic[:free], A, parts, load_N, p)
+    A = dt_s * (rows @ G.T) + np.diag(radius**2 * wheels)
+    start, steps = (start_m_s, FINISHING_STEPS) if start_m_s is not None else (before, NEWTON_STEPS)
+    balance = balanced(start, radius * ballistic[free:] - G @ ballistic[:free], A, parts, load_N, p, steps)
     F: Any = balance.traction_N
     carried = balance.slope * radius * wheels / (1.0 + np.diag(A) * balance.slope)
     response = np.vstack([dt_s * (rows.T * carried), np.diag(wheels * (1.0 - radius * carried))])
-    return Moved(ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F, response)
+    motion, omega = ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F
+    return Moved(motion, omega, balance.slip_m_s, response)
 
 
 def balanced(
-    before: np.ndarray, free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene
+    start: np.ndarray, free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene, steps: int
 ) -> Balance:
-    """Slip s (driven,) of s + A F(s) = free_slip; before: (driven,) slip to start from, A in m/(N s).
+    """Slip s (driven,) of s + A F(s) = free_slip after so many Newton steps; A in m/(N s), start: (driven,).
 
     The force returned is the law's, so never more than the ground can give.
     """
-    diagonal, slip = np.diag(A), before
-    _, rest = slopes(np.zeros(len(before)), parts, load_N, p)
+    diagonal, slip = np.diag(A), start
+    _, rest = slopes(np.zeros(len(start)), parts, load_N, p)
     least = free_slip / (1.0 + diagonal * rest)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(steps):
         F, slope = slopes(slip, parts, load_N, p)
         step = slip - (slip + A @ F - free_slip) / (1.0 + diagonal * slope)
         slip = np.array([_beyond(*pair) for pair in zip(step, least, strict=True)])
@@ -103,12 +112,9 @@ def slopes(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> 
 def traction(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
     """Force (driven,) [N] of the ground at these slip speeds (driven,)."""
     travel = p.robot.rolling @ parts.motion
-    return np.array(
-        [
-            a * p.terrains[k].traction.force_N(contact(travel[k] + parts.stiffness / a * s, travel[k], load_N[k]))
-            for k, (s, a) in enumerate(zip(slip_m_s, parts.friction, strict=True))
-        ]
-    )
+    scaled = parts.stiffness / parts.friction * slip_m_s
+    contacts = [Contact(s, v + s, v, N) for s, v, N in zip(scaled, travel, load_N, strict=False)]
+    return parts.friction * np.array([t.traction.force_N(c) for t, c in zip(p.terrains, contacts, strict=False)])
 
 
 def grip(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:

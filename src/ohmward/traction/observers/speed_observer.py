@@ -192,7 +192,8 @@ class SpeedObserver:
     def predict(self, belief: Belief, reading: Reading) -> Belief:
         """The belief at the end of the step, before its measurements."""
         Q = self.model.process_noise(belief.mean, reading)
-        return METHODS[self.method].predict(belief, lambda x: self.model.next_state(x, reading), Q)
+        start = self.model.moved(belief.mean, reading).slip_m_s if self.method == "ukf" else None
+        return METHODS[self.method].predict(belief, lambda x: self.model.next_state(x, reading, start), Q)
 
     def looks_at_rest(self, reading: Reading) -> Any:
         """Whether the driven wheels stand, as far as they can be seen, and the motors do nothing."""
