@@ -56,5 +56,10 @@ def data_file(path: str) -> Path:
     return DATA / path
 
 
+def verdict(met: bool | None) -> str:
+    """Whether a bar was met, as the tables say it; empty without a bar."""
+    return {True: "met", False: "**missed**", None: ""}[met]
+
+
 def _judged(sign: str, bar: float | None, met: bool | None) -> tuple[str, bool | None]:
     return (f"{sign} {bar:g}", met) if bar is not None else ("", None)

@@ -1,8 +1,8 @@
-"""Fill the accuracy table of README.md from benchmarks/accuracy.md: `python docs/fill_readme.py`.
+"""Fill the accuracy tables of README.md from benchmarks/accuracy.md: `python docs/fill_readme.py`.
 
-The excerpt follows a rule, so that nobody picks what looks good: of every data set the estimator and the starts for
-which the benchmark sets a goal, met or missed, beside coulomb counting from the same start. Left out are twins: the
-opposite sign of an offset, and other temperatures.
+The excerpts follow a rule, so that nobody picks what looks good. Charge: of every data set the estimator and the starts
+for which the benchmark sets a goal, met or missed, beside coulomb counting from the same start; left out are twins, the
+opposite sign of an offset and other temperatures. Motion: every figure for which the benchmark sets a goal.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ BEGIN = "<!-- accuracy: written by docs/fill_readme.py from benchmarks/accuracy.
 END = "<!-- /accuracy -->"
 TWINS = ("-50 mA", "declared currentless", ", 5 degC", ", 45 degC")
 DATA, METHOD, START, RMSE, COVERAGE, GOAL = "data", "method", "start", "RMSE", "coverage of 95 %", "to reach"
+QUANTITY, VALUE = "quantity", "value"
 
 
 def main() -> None:
@@ -28,11 +29,13 @@ def filled(readme: str) -> str:
     before, rest = readme.split(BEGIN)
     _, after = rest.split(END)
     rows = list(read_rows(ACCURACY.read_text(encoding="utf-8"))) if ACCURACY.exists() else []
-    return before + BEGIN + "\n".join([*excerpt(rows), END]) + after
+    charge = [row for row in rows if START in row]
+    motion = [row for row in rows if QUANTITY in row]
+    return before + BEGIN + "\n".join([*excerpt(charge), *motion_excerpt(motion), END]) + after
 
 
 def read_rows(page: str) -> Iterator[dict[str, str]]:
-    """The rows of the benchmark's table, by the names in its header."""
+    """The rows of the benchmark's tables, by the names in their headers."""
     header: list[str] = []
     for line in page.splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
@@ -45,7 +48,7 @@ def read_rows(page: str) -> Iterator[dict[str, str]]:
 
 
 def excerpt(rows: list[dict[str, str]]) -> list[str]:
-    """The lines of the excerpt, none where there are no rows."""
+    """The lines about charge, none where there are no rows."""
     if not rows:
         return []
     counted = {(row[DATA], row[START]): row[RMSE] for row in rows if row[METHOD] == "coulomb"}
@@ -60,6 +63,21 @@ def excerpt(rows: list[dict[str, str]]) -> list[str]:
         if key in counted and row[GOAL] and not any(twin in f"{row[DATA]}, {row[START]}" for twin in TWINS):
             lines.append(f"| {row[DATA]} | {row[START]} | {counted[key]} | {row[RMSE]} | {row[COVERAGE]} |")
     return lines
+
+
+def motion_excerpt(rows: list[dict[str, str]]) -> list[str]:
+    """The lines about speed, slip and range, none where no row has a goal."""
+    wanted = [row for row in rows if row[GOAL]]
+    if not wanted:
+        return []
+    lines = [
+        "",
+        "Speed, slip and range:",
+        "",
+        "| recording or plant | method | what | measured | goal |",
+        "|---|---|---|---|---|",
+    ]
+    return lines + [f"| {r[DATA]} | {r[METHOD]} | {r[QUANTITY]} | {r[VALUE]} | {r[GOAL]} |" for r in wanted]
 
 
 if __name__ == "__main__":

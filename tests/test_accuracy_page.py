@@ -1,0 +1,77 @@
+"""The accuracy page: what runs, what is written when data are absent, and what the README takes from it."""
+
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+
+import pytest
+
+from markdown_pages import ROOT
+from test_readme import fill_readme
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+accuracy = import_module("accuracy")
+figure = import_module("figure")
+
+RUN = figure.at_most("sand", "brush", "RMSE [N]", 1.5, 2.0)
+SLOW = figure.at_least("car", "ekf", "coverage", 0.5, 0.9)
+PLAIN = figure.at_most("car", "ekf", "RMSE [m/s]", 0.1)
+
+
+def parts(*rows: object) -> dict:
+    def here() -> Iterator:
+        yield from rows
+
+    return {"here": here}
+
+
+def absent() -> Iterator:
+    yield PLAIN
+    raise FileNotFoundError("folder/file.csv")
+
+
+@pytest.fixture
+def page_file(monkeypatch, tmp_path):
+    page = tmp_path / "accuracy.md"
+    page.write_text("before")
+    monkeypatch.setattr(accuracy, "PAGE", page)
+    return page
+
+
+def run(monkeypatch, found, *names):
+    monkeypatch.setattr(accuracy, "all_parts", lambda: found)
+    monkeypatch.setattr(sys, "argv", ["accuracy.py", *names])
+    return accuracy.main()
+
+
+def test_it_writes_what_was_met_and_missed(monkeypatch, page_file, capsys):
+    assert run(monkeypatch, parts(RUN, SLOW)) == 0
+    text = page_file.read_text()
+    assert "| sand | brush | RMSE [N] | 1.5 | <= 2 | met |" in text
+    assert "| car | ekf | coverage | 0.5 | >= 0.9 | **missed** |" in text
+    assert "2 rows, 1 bars met, 1 missed" in capsys.readouterr().out
+
+
+def test_a_page_with_a_part_left_out_is_not_written(monkeypatch, page_file, capsys):
+    assert run(monkeypatch, parts(RUN) | {"absent": absent}) == 0
+    assert "skipped absent" in capsys.readouterr().err
+    assert run(monkeypatch, parts(RUN) | {"other": lambda: iter([PLAIN])}, "other") == 0
+    assert page_file.read_text() == "before"
+
+
+def test_an_unknown_part_is_refused_with_those_that_exist(monkeypatch, page_file, capsys):
+    assert run(monkeypatch, parts(RUN), "nowhere") == 2
+    assert "no part nowhere; there are here" in capsys.readouterr().err
+
+
+def test_the_battery_and_the_robot_have_parts():
+    assert {"a123", "panasonic", "inr20r", "vrla", "ornl"} <= set(accuracy.all_parts())
+
+
+def test_the_readme_takes_every_figure_with_a_goal():
+    rows = list(fill_readme.read_rows("\n".join(accuracy.table([RUN, SLOW, PLAIN]))))
+    assert fill_readme.motion_excerpt(rows)[5:] == [
+        "| sand | brush | RMSE [N] | 1.5 | <= 2 |",
+        "| car | ekf | coverage | 0.5 | >= 0.9 |",
+    ]
+    assert fill_readme.motion_excerpt([rows[-1]]) == []
