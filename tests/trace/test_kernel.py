@@ -298,8 +298,9 @@ def test_functions_that_are_no_steps_can_be_called_but_not_scanned(step, words):
 def test_sources_can_be_read_and_explained(kernel):
     assert "def step(tank_level, tank_flows_0, tank_flows_1, tank_full, sample_inflow, sample_dt_s):" in kernel.source()
     assert "for k in range(first, last):" in kernel.source("numpy")
+    assert "define void @" in kernel.source("llvm")
     assert "fill: " in kernel.explain()
-    with pytest.raises(InputError, match='"python" or "numpy", got \'c\''):
+    with pytest.raises(InputError, match='"python", "numpy" or "llvm", got \'c\''):
         kernel.source("c")
 
 

@@ -1,13 +1,21 @@
 """A function compiled: one call, one log, many logs, with the best lowering that is installed."""
 
+import os
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-from ohmward.errors import InputError
+import numpy as np
+
+from ohmward.errors import InputError, OhmwardError
 from ohmward.trace import lanes, numpy_source, python_source, scan
 from ohmward.trace.program import Program, trace
-from ohmward.trace.structure import Branch, Leaf, Structure, check, leaves, size
+from ohmward.trace.structure import Branch, Leaf, Structure, check, flatten, leaves, size
+
+LOWERINGS = ("auto", "python", "machine")
+
+#: From so many steps on, machine code is faster although it must be compiled first: one log, and all lanes together.
+WORTH_STEPS, WORTH_LANE_STEPS = 10_000, 400_000
 
 
 class Kernel:
@@ -16,13 +24,20 @@ class Kernel:
     function:  written for tracing. For `scan` and `scan_lanes`: `step(state, sample) -> (state, output)`.
     examples:  arguments of the structure to come; their values do not matter.
     constants: further arguments, the same for all calls; they are not traced.
+    lowering:  of whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" takes machine code
+               where it is installed and the log is long enough to pay for the compilation. None: as the environment
+               variable OHMWARD_LOWERING says, else "auto".
 
-    Results are those of `function` with floats: arithmetic, sqrt, comparisons and tables to the last bit; exp, log and
-    their like within a few units in the last place (the platform's libm, where NumPy has its own).
+    Results are those of `function` with floats. In Python: arithmetic, sqrt, comparisons and tables to the last bit;
+    exp, log and their like within a few units in the last place (the platform's libm, where NumPy has its own). In
+    machine code products and sums are fused, and exp and log are those of `elementary`: 1e-9 relative is usual.
     """
 
-    def __init__(self, function: Callable, *examples: Any, constants: tuple = ()):
+    def __init__(self, function: Callable, *examples: Any, constants: tuple = (), lowering: str | None = None):
         self.function, self.examples, self.constants = function, examples, constants
+        self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
+        if self.lowering not in LOWERINGS:
+            raise InputError(f"lowering must be one of {', '.join(LOWERINGS)}, got {self.lowering!r}")
         self.program: Program = trace(function, *examples, constants=constants)
 
     def __call__(self, *args: Any) -> Any:
@@ -43,6 +58,10 @@ class Kernel:
         Returns:  the state after the last sample, and the outputs with a leading time axis.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
+        if self._takes_machine_code(samples, WORTH_STEPS):
+            from ohmward.trace.llvm.logs import run_log
+
+            return run_log(self.machine, self._step_structures, state, samples, progress)
         return scan.run(self._scan, *self._step_structures, state, samples, progress)
 
     def scan_lanes(
@@ -57,15 +76,21 @@ class Kernel:
         Returns:  as `scan`, with a trailing lane axis on every leaf.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
+        if self._takes_machine_code(samples, WORTH_LANE_STEPS):
+            from ohmward.trace.llvm.logs import run_lanes
+
+            return run_lanes(self.machine, self._step_structures, state, samples, progress)
         return lanes.run(self._lanes, *self._step_structures, state, samples, progress)
 
     def source(self, lowering: str = "python") -> str:
-        """The generated program: "python" (one step, all scalars) or "numpy" (the loop over time of many lanes)."""
+        """The generated program: "python" (one step), "numpy" (the loop of many lanes) or "llvm" (that of one log)."""
         if lowering == "python":
             return python_source.step_source(python_source.body(self.program))
         if lowering == "numpy":
             return self._lanes.source
-        raise InputError(f'source: lowering must be "python" or "numpy", got {lowering!r}')
+        if lowering == "llvm":
+            return self.machine.source(1, (False,) * self.machine.columns)
+        raise InputError(f'source: lowering must be "python", "numpy" or "llvm", got {lowering!r}')
 
     def explain(self) -> str:
         """Which lowering runs what, and why."""
@@ -74,12 +99,34 @@ class Kernel:
             f"{self.program.name}: {len(self.program.nodes)} operations ({kinds}).\n"
             "One call and one log (scan): straight-line Python source on floats.\n"
             "Many logs (scan_lanes): NumPy source, one array operation per operation and block of lanes.\n"
-            "Both need nothing but NumPy; there is no machine-code lowering yet."
+            f"Long logs: {self._machine_code_in_words()}."
         )
 
     def __reduce__(self) -> tuple:
         """Pickled as the function and its examples; the other process traces again."""
-        return _rebuild, (self.function, self.examples, self.constants)
+        return _rebuild, (self.function, self.examples, self.constants, self.lowering)
+
+    @cached_property
+    def machine(self) -> Any:
+        """The step in machine code, an `ohmward.trace.llvm.run.MachineStep`."""
+        from ohmward.trace.llvm.run import MachineStep
+
+        return MachineStep(self.program, size(self._step_structures[0]))
+
+    def _takes_machine_code(self, samples: Any, worth: int) -> bool:
+        """Whether these samples go through machine code; NoMachineCodeError where it is asked for and there is none."""
+        if self.lowering == "auto":
+            structure = self._step_structures[1]
+            pairs = zip(leaves(structure), flatten(structure, samples, "samples"), strict=True)
+            steps = max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
+            return steps >= worth and not _no_machine_code()
+        if self.lowering == "machine":
+            _load_llvm()
+        return self.lowering == "machine"
+
+    def _machine_code_in_words(self) -> str:
+        reason = _no_machine_code()
+        return f"no machine code, {reason}" if reason else f"machine code, {self.machine.width} lanes wide"
 
     @cached_property
     def _call(self) -> Callable:
@@ -113,5 +160,21 @@ def _describe(leaf: Leaf) -> str:
     return f"an array {leaf.shape} of {kind}s" if leaf.shape else f"a {kind}"
 
 
-def _rebuild(function: Callable, examples: tuple, constants: tuple) -> Kernel:
-    return Kernel(function, *examples, constants=constants)
+def _rebuild(function: Callable, examples: tuple, constants: tuple, lowering: str) -> Kernel:
+    return Kernel(function, *examples, constants=constants, lowering=lowering)
+
+
+def _load_llvm() -> None:
+    """OhmwardError where there is no machine code."""
+    from ohmward.trace.llvm.machine_code import llvm
+
+    llvm()
+
+
+def _no_machine_code() -> str:
+    """Why there is no machine code; empty if there is."""
+    try:
+        _load_llvm()
+    except OhmwardError as error:
+        return str(error)
+    return ""

@@ -4,7 +4,7 @@ A block of lanes runs through its whole log before the next block starts, so tha
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,38 @@ def run(
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Any, Any]:
     """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
+    batch = make_batch(state_structure, sample_structure, output_structure, state, samples)
+    final = [np.empty(batch.width, r.dtype) for r in batch.rows]
+    starts = range(0, batch.width, BLOCK)
+    report = reporter(progress, batch.steps * len(starts))
+    for start in starts:
+        part = slice(start, min(start + BLOCK, batch.width))
+        _run_block(lanes, batch, final, part, report)
+    return state_tree(state_structure, final, batch.width), unflatten(output_structure, iter(batch.outputs))
+
+
+class Batch(NamedTuple):
+    """Many logs taken apart.
+
+    rows:    (B,) for each scalar of the state.
+    columns: (T, B), or (T,) for all lanes, for each scalar of a sample.
+    outputs: (T, ..., B) for each leaf of the output, to be filled.
+    views:   (T, B) for each scalar of them.
+    steps, width: T and B.
+    """
+
+    rows: list[np.ndarray]
+    columns: list[np.ndarray]
+    outputs: list[np.ndarray]
+    views: list[np.ndarray]
+    steps: int
+    width: int
+
+
+def make_batch(
+    state_structure: Structure, sample_structure: Structure, output_structure: Structure, state: Any, samples: Any
+) -> Batch:
+    """The arguments of `Kernel.scan_lanes` taken apart; InputError where a shape does not fit."""
     states = _arrays(state_structure, state, "state")
     values = _arrays(sample_structure, samples, "samples")
     count = _steps(values)
@@ -39,32 +71,17 @@ def run(
         np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(output_structure)
     ]
     views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
-    final = [np.empty(width, r.dtype) for r in rows]
-    starts = range(0, width, BLOCK)
-    report = _reporter(progress, count * len(starts))
-    for start in starts:
-        part = slice(start, min(start + BLOCK, width))
-        _run_block(lanes, rows, columns, views, final, part, count, report)
-    return _state_tree(state_structure, final, width), unflatten(output_structure, iter(outputs))
+    return Batch(rows, columns, outputs, views, count, width)
 
 
-def _run_block(
-    lanes: Lanes,
-    rows: list[np.ndarray],
-    columns: list[np.ndarray],
-    views: list[np.ndarray],
-    final: list[np.ndarray],
-    part: slice,
-    count: int,
-    report: Callable[[int], None],
-) -> None:
-    width = part.stop - part.start
-    states = _rows(width, [r.dtype for r in rows])
-    for state, row in zip(states, rows, strict=True):
+def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice, report: Callable[[int], None]) -> None:
+    width, count = part.stop - part.start, batch.steps
+    states = _rows(width, [r.dtype for r in batch.rows])
+    for state, row in zip(states, batch.rows, strict=True):
         state[:] = row[part]
     registers = _rows(width, lanes.registers)
-    samples = [c[:, part] if c.ndim == 2 else c for c in columns]
-    outputs = [v[:, part] for v in views]
+    samples = [c[:, part] if c.ndim == 2 else c for c in batch.columns]
+    outputs = [v[:, part] for v in batch.views]
     index = np.empty(width, dtype=np.intp)
     for first in range(0, count, _CHUNK):
         last = min(first + _CHUNK, count)
@@ -81,7 +98,8 @@ def _rows(width: int, kinds: Sequence[Any]) -> list[np.ndarray]:
     return [next(flags if np.dtype(kind) == np.bool_ else floats) for kind in kinds]
 
 
-def _reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
+def reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
+    """Adds up the steps done and tells `progress`."""
     done = 0
 
     def report(steps: int) -> None:
@@ -132,7 +150,8 @@ def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width:
     return iter(np.broadcast_to(value, shared).reshape(count, leaf.size).T)
 
 
-def _state_tree(structure: Structure, final: list[np.ndarray], width: int) -> Any:
+def state_tree(structure: Structure, final: Sequence[np.ndarray], width: int) -> Any:
+    """The state from its rows (B,): every leaf with a trailing lane axis."""
     rows = iter(final)
 
     def value(leaf: Leaf) -> np.ndarray:

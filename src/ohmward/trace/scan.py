@@ -22,8 +22,8 @@ def run(
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Any, Any]:
     """Step through a log with `scan(state, columns, emit) -> state`; see `Kernel.scan`."""
-    columns, count = _columns(sample_structure, samples)
-    row = _state_row(state_structure, state)
+    columns, count = sample_columns(sample_structure, samples)
+    row = state_row(state_structure, state)
     outputs: list[np.ndarray] = [np.empty((count, *leaf.shape), leaf.dtype) for _, leaf in leaves(output_structure)]
     chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(output_structure)))
     for first in range(0, count, chunk):
@@ -33,7 +33,7 @@ def run(
         _store(emitted, [o[part] for o in outputs])
         if progress:
             progress(part.stop, count)
-    return _state_tree(state_structure, row), unflatten(output_structure, iter(outputs))
+    return state_tree(state_structure, row), unflatten(output_structure, iter(outputs))
 
 
 def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
@@ -45,7 +45,7 @@ def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
         first = last
 
 
-def _columns(structure: Structure, samples: Any) -> tuple[list[np.ndarray], int]:
+def sample_columns(structure: Structure, samples: Any) -> tuple[list[np.ndarray], int]:
     """One column (T,) per scalar of a sample, and T."""
     named = zip(leaves(structure, "samples"), flatten(structure, samples, "samples"), strict=True)
     values = [(leaf, as_array(value, leaf, path), path) for (path, leaf), value in named]
@@ -63,7 +63,7 @@ def _leaf_columns(leaf: Leaf, value: np.ndarray, path: str, count: int) -> np.nd
     return np.broadcast_to(value, shape).reshape(count, leaf.size).T
 
 
-def _state_row(structure: Structure, state: Any) -> tuple:
+def state_row(structure: Structure, state: Any) -> tuple:
     """The state as one tuple of Python scalars."""
     check(structure, state, "state")
     values = zip(leaves(structure), flatten(structure, state), strict=True)
@@ -71,7 +71,7 @@ def _state_row(structure: Structure, state: Any) -> tuple:
     return tuple(x for array in arrays for x in array.ravel().tolist())
 
 
-def _state_tree(structure: Structure, row: Sequence[Any]) -> Any:
+def state_tree(structure: Structure, row: Sequence[Any]) -> Any:
     """The state from its scalars: Python floats and bools, and arrays."""
     rest = iter(row)
 

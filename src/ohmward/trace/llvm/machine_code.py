@@ -16,13 +16,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ohmward.errors import OhmwardError
+
 #: Passes: 2 is LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
 _DIGEST = 32
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
 
 
-class NoMachineCodeError(Exception):
+class NoMachineCodeError(OhmwardError):
     """There is no machine code here; the message says why."""
 
 

@@ -1,0 +1,58 @@
+"""Whole logs through machine code: trees of arrays taken apart, run, and put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.trace import lanes, scan
+from ohmward.trace.llvm.run import MachineStep, processors
+from ohmward.trace.structure import Structure, leaves, unflatten
+
+Progress = Callable[[int, int], None]
+Structures = tuple[Structure, Structure, Structure]
+
+
+def run_log(
+    step: MachineStep, structures: Structures, state: Any, samples: Any, progress: Progress | None = None
+) -> tuple[Any, Any]:
+    """One log; see `Kernel.scan`. structures: of state, sample and output."""
+    state_structure, sample_structure, output_structure = structures
+    columns, count = scan.sample_columns(sample_structure, samples)
+    row = np.array(scan.state_row(state_structure, state), dtype=float)
+    results = [np.empty((count, *leaf.shape)) for _, leaf in leaves(output_structure)]
+    scalars = [v for r in results for v in r.reshape(count, -1).T]
+    step.one(row, _doubles(columns), scalars, progress)
+    return scan.state_tree(state_structure, row.tolist()), _typed(output_structure, results)
+
+
+def run_lanes(
+    step: MachineStep, structures: Structures, state: Any, samples: Any, progress: Progress | None = None
+) -> tuple[Any, Any]:
+    """Many logs; see `Kernel.scan_lanes`. structures: of state, sample and output."""
+    state_structure, _, output_structure = structures
+    batch = lanes.make_batch(*structures, state, samples)
+    rows = np.array(batch.rows, dtype=float).reshape(-1, batch.width)
+    results = [np.empty((batch.steps, *leaf.shape, batch.width)) for _, leaf in leaves(output_structure)]
+    scalars = [v for r in results for v in np.moveaxis(r.reshape(batch.steps, -1, batch.width), 1, 0)]
+    report = lanes.reporter(progress, batch.steps * batch.width)
+    step.many(rows, [_side_by_side(c) for c in _doubles(batch.columns)], scalars, report, processors())
+    return lanes.state_tree(state_structure, list(rows), batch.width), _typed(output_structure, results)
+
+
+def _doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Conditions as 0.0 and 1.0."""
+    return [np.asarray(c, dtype=float) for c in columns]
+
+
+def _side_by_side(column: np.ndarray) -> np.ndarray:
+    """With the lanes next to each other in memory."""
+    return column if column.ndim == 1 or column.strides[1] == column.itemsize else np.ascontiguousarray(column)
+
+
+def _typed(structure: Structure, results: Sequence[np.ndarray]) -> Any:
+    """The outputs, conditions as such."""
+    pairs = zip(leaves(structure), results, strict=True)
+    return unflatten(structure, (values.astype(leaf.dtype, copy=False) for (_, leaf), values in pairs))

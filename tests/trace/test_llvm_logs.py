@@ -1,0 +1,102 @@
+"""`Kernel` with machine code: the same trees as with Python, whatever their shapes."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.trace import Kernel, kernel, tanh, where
+from ohmward.trace.llvm import machine_code
+
+pytest.importorskip("llvmlite")
+RNG = np.random.default_rng(2)
+
+
+def step(state, sample):
+    (level, matrix, armed), (pull, on, vector) = state, sample
+    level = 0.5 * level + where(on, pull, -pull) + vector[1]
+    matrix = 0.9 * matrix + np.array([[level, 1.0], [tanh(level), vector[0]]])
+    armed = on & (level > 0.0)
+    return (level, matrix, armed), (matrix @ np.array([1.0, 2.0]), armed, level)
+
+
+START = (0.1, np.eye(2), False)
+SAMPLE = (0.0, False, np.zeros(2))
+IN_PYTHON, IN_MACHINE_CODE = (Kernel(step, START, SAMPLE, lowering=name) for name in ("python", "machine"))
+
+
+def samples(*shape):
+    return RNG.standard_normal(shape), RNG.random(shape) < 0.5, RNG.standard_normal((shape[0], 2, *shape[1:]))
+
+
+def assert_alike(found, wanted):
+    assert type(found) is type(wanted)
+    if isinstance(wanted, tuple):
+        for f, w in zip(found, wanted, strict=True):
+            assert_alike(f, w)
+    else:
+        assert np.shape(found) == np.shape(wanted)
+        assert np.asarray(found).dtype == np.asarray(wanted).dtype
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
+
+
+def test_one_log():
+    log = samples(40)
+    assert_alike(IN_MACHINE_CODE.scan(START, log), IN_PYTHON.scan(START, log))
+
+
+def test_one_log_with_values_that_stay():
+    pull, _, vector = samples(40)
+    log = (pull, True, vector[0])
+    assert_alike(IN_MACHINE_CODE.scan(START, log), IN_PYTHON.scan(START, log))
+
+
+def test_columns_that_are_not_side_by_side():
+    pull, on, vector = samples(80)
+    log = (pull[::2], on[::2], vector[::2])
+    assert_alike(IN_MACHINE_CODE.scan(START, log), IN_PYTHON.scan(START, log))
+
+
+@pytest.mark.parametrize("lanes", [1, 5, 16, 21])
+def test_many_logs(lanes):
+    logs = samples(30, lanes)
+    assert_alike(IN_MACHINE_CODE.scan_lanes(START, logs), IN_PYTHON.scan_lanes(START, logs))
+
+
+def test_many_logs_that_share_a_column_or_come_transposed():
+    pull, _, vector = samples(30, 9)
+    logs = (np.asfortranarray(pull), RNG.random(30) < 0.5, vector)
+    assert_alike(IN_MACHINE_CODE.scan_lanes(START, logs), IN_PYTHON.scan_lanes(START, logs))
+
+
+def test_progress_ends_at_the_total():
+    told = []
+    IN_MACHINE_CODE.scan_lanes(START, samples(30, 9), lambda done, total: told.append((done, total)))
+    assert told[-1] == (270, 270)
+
+
+def test_auto_takes_machine_code_for_long_logs_only(monkeypatch):
+    monkeypatch.setattr(kernel, "WORTH_STEPS", 100)
+    automatic = Kernel(step, START, SAMPLE, lowering="auto")
+    assert automatic._takes_machine_code(samples(100), kernel.WORTH_STEPS)
+    assert not automatic._takes_machine_code(samples(99), kernel.WORTH_STEPS)
+    assert_alike(automatic.scan(START, log := samples(100)), IN_PYTHON.scan(START, log))
+
+
+def test_without_llvmlite_auto_goes_on_and_machine_says_why(monkeypatch):
+    def missing():
+        raise machine_code.NoMachineCodeError("llvmlite is not installed")
+
+    monkeypatch.setattr(machine_code, "llvm", missing)
+    monkeypatch.setattr(kernel, "WORTH_STEPS", 10)
+    log = samples(20)
+    assert_alike(Kernel(step, START, SAMPLE, lowering="auto").scan(START, log), IN_PYTHON.scan(START, log))
+    with pytest.raises(machine_code.NoMachineCodeError, match="not installed"):
+        IN_MACHINE_CODE.scan(START, log)
+    assert "no machine code, llvmlite is not installed" in IN_PYTHON.explain()
+
+
+def test_the_environment_chooses_and_a_wrong_word_is_refused(monkeypatch):
+    monkeypatch.setenv("OHMWARD_LOWERING", "python")
+    assert Kernel(step, START, SAMPLE).lowering == "python"
+    with pytest.raises(InputError, match="lowering must be one of auto, python, machine, got 'gpu'"):
+        Kernel(step, START, SAMPLE, lowering="gpu")
