@@ -8,6 +8,7 @@ import pytest
 
 from ohmward.trace import exp, isfinite, log, maximum, minimum, python_source, sign, sqrt, table, tanh, trace, where
 from ohmward.trace.elementary import F64, expand
+from ohmward.trace.llvm import run as llvm_run
 from ohmward.trace.llvm.machine_code import vector_bits
 from ohmward.trace.llvm.run import Live, MachineStep
 
@@ -143,3 +144,18 @@ def test_a_whole_adaptive_filter_in_both_precisions():
     wanted = np.array(reference).reshape(200, -1).T
     np.testing.assert_allclose(results["f64"], wanted, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(results["f32"], wanted, rtol=2e-3, atol=2e-3)
+
+
+def test_threads_that_start_together_share_one_compilation(monkeypatch):
+    compiled: list[str] = []
+    compile_scan = llvm_run.compile_scan
+
+    def counted(source: str, name: str):
+        compiled.append(name)
+        return compile_scan(source, name)
+
+    monkeypatch.setattr(llvm_run, "compile_scan", counted)
+    columns = a_log(5, 8 * WIDTH)
+    state, outputs = np.repeat(START[:, None], 8 * WIDTH, axis=1), np.empty((OUTPUTS, 5, 8 * WIDTH))
+    MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), None, threads=8)
+    assert len(compiled) == 1

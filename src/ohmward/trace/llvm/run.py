@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ohmward.trace.program import Program
 
 _DOUBLE = 8
 _NAME = "ohmward_scan"
+_ONE_AT_A_TIME = Lock()
 #: Steps between two reports of progress.
 _CHUNK = 1 << 16
 #: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
@@ -65,10 +67,10 @@ class MachineStep:
     def function(self, width: int, own: tuple[bool, ...]) -> Callable:
         """The compiled loop; own: for each column whether every lane has its own value."""
         key = width, own
-        if key not in self._compiled:
-            source = self.source(width, own)
-            self._compiled[key] = compile_scan(source, _NAME)
-        return self._compiled[key][0]
+        with _ONE_AT_A_TIME:  # a second compilation would free the code of the first while it runs
+            if key not in self._compiled:
+                self._compiled[key] = compile_scan(self.source(width, own), _NAME)
+            return self._compiled[key][0]
 
     def source(self, width: int, own: tuple[bool, ...]) -> str:
         """The IR of the loop."""
