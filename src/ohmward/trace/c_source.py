@@ -1,0 +1,269 @@
+"""Lowering to C99 in single precision: one step as a straight line, for microcontrollers.
+
+    void NAME_step(NAME_state *state, const NAME_sample *sample, NAME_output *output);
+
+No heap, no static state, no libm but sqrtf, fabsf and floorf; exp, log and their like are those of `elementary`.
+Compiled with -ffp-contract=off the results are those of the machine code in "f32" without contraction, bit by bit, on
+every processor with IEEE 754 singles. Every symbol begins with NAME_.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.trace.elementary import F32, expand
+from ohmward.trace.expression import Expression
+from ohmward.trace.program import Program
+from ohmward.trace.structure import Branch, Structure, leaves
+
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
+
+
+class CSource(NamedTuple):
+    """A library of one function.
+
+    header: types and prototype.
+    source: the function.
+    """
+
+    header: str
+    source: str
+
+
+class Member(NamedTuple):
+    """A member of a struct: its name, its kind ("float" or "bool"), how many there are, and 0 where it is no array."""
+
+    name: str
+    kind: str
+    size: int
+
+    @property
+    def declaration(self) -> str:
+        """As it stands in the struct."""
+        return f"{self.kind} {self.name}{f'[{self.size}]' if self.size else ''};"
+
+    @property
+    def places(self) -> list[str]:
+        """How each of its scalars is written."""
+        return [f"{self.name}[{i}]" for i in range(self.size)] if self.size else [self.name]
+
+
+def c_source(program: Program, name: str, comments: dict[str, str] | None = None) -> CSource:
+    """The library of a step(state, sample) -> (state, output).
+
+    name:     prefix of all symbols: small letters, digits and underscores.
+    comments: what a member means and its unit, by its path: "sample.current_A".
+
+    Raises:
+        InputError: the name is no prefix, or the function is no step.
+    """
+    if not _WORD.fullmatch(name):
+        raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
+    state, sample, output = _parts(program)
+    structs = {"state": members(state), "sample": members(sample), "output": members(output)}
+    return CSource(_header(name, structs, comments or {}), _source(expand(program, F32), name, structs))
+
+
+def members(structure: Structure) -> list[Member]:
+    """The members of the struct for a tree of numbers, in order."""
+    found: list[Member] = []
+    for path, leaf in leaves(structure):
+        word = re.sub(r"\W+", "_", path).strip("_") or "value"
+        word = word if word[0].isalpha() else f"x{word}"
+        while word in {member.name for member in found}:
+            word += "_"
+        if leaf.size:
+            found.append(Member(word, "bool" if leaf.boolean else "float", leaf.size if leaf.shape else 0))
+    return found
+
+
+def _parts(program: Program) -> tuple[Structure, Structure, Structure]:
+    arguments, result = program.argument_structure, program.result_structure
+    if len(arguments.children) != 2 or not isinstance(result, Branch) or len(result.children) != 2:
+        raise InputError(f"C needs a step(state, sample) -> (state, output); {program.name} has another form")
+    return arguments.children[0], arguments.children[1], result.children[1]
+
+
+def _header(name: str, structs: dict[str, list[Member]], comments: dict[str, str]) -> str:
+    guard = f"{name.upper()}_H"
+    lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
+    for struct, parts in structs.items():
+        lines += ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
+    lines += [
+        "/* One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere. */",
+        f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output);",
+        "",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _declarations(struct: str, parts: list[Member], comments: dict[str, str]) -> Iterator[str]:
+    for part in parts:
+        comment = comments.get(f"{struct}.{part.name}")
+        yield f"    {part.declaration}{f' /* {comment} */' if comment else ''}"
+    if not parts:
+        yield "    char nothing; /* C99 has no empty struct */"
+
+
+def _source(program: Program, name: str, structs: dict[str, list[Member]]) -> str:
+    writer = _Writer(name)
+    before = [f"state->{place}" for part in structs["state"] for place in part.places]
+    inputs = before + [f"sample->{place}" for part in structs["sample"] for place in part.places]
+    outputs = before + [f"output->{place}" for part in structs["output"] for place in part.places]
+    read = {a.serial for node in program.nodes for a in node.args if isinstance(a, Expression)}
+    read |= {y.serial for y in program.outputs if isinstance(y, Expression)}
+    for symbol, place in zip(program.inputs, inputs, strict=True):
+        if symbol.serial in read:
+            writer.assign(symbol, place)
+    for node in program.nodes:
+        writer.assign(node, writer.formula(node))
+    results = [f"{place} = {writer.word(y)};" for place, y in zip(outputs, program.outputs, strict=True)]
+    lines = [*writer.lines, *results]
+    unused = [f"(void){word};" for word in structs if not any(f"{word}->" in line for line in lines)]
+    return "\n".join([
+        f'#include "{name}.h"',
+        "",
+        "#include <math.h>",
+        "#include <stdint.h>",
+        "#include <string.h>",
+        "",
+        *writer.globals(),
+        f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output)",
+        "{",
+        *(f"    {line}" for line in [*unused, *lines]),
+        "}",
+        "",
+    ])  # fmt: skip
+
+
+class _Writer:
+    """Lines, tables and helpers of a function while it is written."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self.lines: list[str] = []
+        self.words: dict[int, str] = {}
+        self.tables: dict[tuple, str] = {}
+        self.helpers: set[str] = set()
+
+    def assign(self, node: Expression, formula: str) -> None:
+        """A constant with the value of a node."""
+        word = self.words[node.serial] = f"t{len(self.lines)}"
+        self.lines.append(f"const {'bool' if node.boolean else 'float'} {word} = {formula};")
+
+    def word(self, x: object) -> str:
+        """The name of a value, or a literal."""
+        return self.words[x.serial] if isinstance(x, Expression) else literal(x)
+
+    def formula(self, node: Expression) -> str:
+        """The C of an operation."""
+        if node.operation.name == "gather":
+            index, values = node.args
+            self.helpers.add("entry")
+            return f"{self.name}_entry({self.table(values)}, {len(values)}, {self.word(index)})"
+        template = _TEMPLATES[node.operation.name]
+        if isinstance(template, str) and "{name}_" in template:
+            self.helpers.add(node.operation.name)
+        return template.format(*(self.word(a) for a in node.args), name=self.name)
+
+    def table(self, values: tuple[float, ...]) -> str:
+        """The constant array of a table."""
+        return self.tables.setdefault(values, f"{self.name}_table{len(self.tables)}")
+
+    def globals(self) -> Iterator[str]:
+        """Tables and the helpers that are needed."""
+        for values, name in self.tables.items():
+            yield f"static const float {name}[{len(values)}] = {{{', '.join(literal(v) for v in values)}}};"
+        if self.tables:
+            yield ""
+        for helper in sorted(self.helpers):
+            yield _HELPERS[helper].replace("NAME", self.name)
+
+
+def literal(value: object) -> str:
+    """A number or condition as C writes it, with the digits that a single needs."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    with np.errstate(over="ignore"):
+        single = np.float32(value)  # type: ignore[arg-type]
+    if np.isnan(single):
+        return "NAN"
+    if np.isinf(single):
+        return "INFINITY" if single > 0 else "-INFINITY"
+    digits = np.format_float_scientific(single, unique=True, trim="-")
+    digits = np.format_float_positional(single, unique=True, trim="0") if 1e-4 <= abs(single) < 1e7 else digits
+    digits = digits if any(c in digits for c in ".e") else f"{digits}.0"
+    return f"({digits}f)" if single < 0 or (single == 0 and np.signbit(single)) else f"{digits}f"
+
+
+_TEMPLATES: dict[str, str] = {
+    "add": "{0} + {1}",
+    "subtract": "{0} - {1}",
+    "multiply": "{0} * {1}",
+    "divide": "{0} / {1}",
+    "negative": "-{0}",
+    "remainder": "{0} - floorf({0} / {1}) * {1}",
+    "floor_divide": "floorf({0} / {1})",
+    "absolute": "fabsf({0})",
+    "sqrt": "sqrtf({0})",
+    "floor": "floorf({0})",
+    "minimum": "({0} < {1} || {0} != {0}) ? {0} : {1}",
+    "maximum": "({0} > {1} || {0} != {0}) ? {0} : {1}",
+    "where": "{0} ? {1} : {2}",
+    "sign": "({0} > 0.0f) ? 1.0f : ({0} < 0.0f) ? -1.0f : ({0} == 0.0f) ? 0.0f : {0}",
+    "power_of_two": "{name}_power_of_two({0})",
+    "exponent": "{name}_exponent({0})",
+    "less": "{0} < {1}",
+    "less_equal": "{0} <= {1}",
+    "equal": "{0} == {1}",
+    "not_equal": "{0} != {1}",
+    "logical_and": "{0} && {1}",
+    "logical_or": "{0} || {1}",
+    "logical_not": "!{0}",
+    "isfinite": "fabsf({0}) < INFINITY",
+}
+
+_HELPERS = {
+    "power_of_two": """\
+/* 2^n for a whole n from -126 to 127: the sum has n + 127 in its lowest bits. */
+static float NAME_power_of_two(float n)
+{
+    const float lifted = n + 12583039.0f;
+    uint32_t bits;
+    float result;
+    memcpy(&bits, &lifted, sizeof bits);
+    bits <<= 23;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+""",
+    "exponent": """\
+/* The exponent of a normal x > 0. */
+static float NAME_exponent(float x)
+{
+    uint32_t bits;
+    float result;
+    memcpy(&bits, &x, sizeof bits);
+    bits = (bits >> 23) | 0x4B000000u;
+    memcpy(&result, &bits, sizeof result);
+    return result - 8388735.0f;
+}
+""",
+    "entry": """\
+/* An entry of a table; beyond its ends the last one there, the first for no number. */
+static float NAME_entry(const float *table, int32_t count, float index)
+{
+    if (!(index > 0.0f)) {
+        return table[0];
+    }
+    return index < (float)(count - 1) ? table[(int32_t)index] : table[count - 1];
+}
+""",
+}

@@ -1,0 +1,161 @@
+"""The C of a step, compiled and run on this machine, against machine code in single precision: the same bits."""
+
+import ctypes
+import shutil
+import subprocess
+from typing import Any, NamedTuple
+
+import adaptive_ukf
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.trace import exp, isfinite, log, maximum, minimum, sign, sqrt, table, tanh, trace, where
+from ohmward.trace.c_source import c_source, literal, members
+from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.structure import size, structure_of
+
+RNG = np.random.default_rng(3)
+STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-Werror", "-O2"]
+STRICT += ["-ffp-contract=off", "-fno-math-errno"]
+needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+needs_llvm = pytest.mark.skipif(not pytest.importorskip("llvmlite"), reason="llvmlite is not installed")
+
+
+class Memory(NamedTuple):
+    level: Any
+    armed: Any
+    held: Any  # (2,)
+
+
+class Seen(NamedTuple):
+    u: Any
+    on: Any
+    w: Any
+
+
+def every_operation(state: Memory, sample: Seen) -> tuple:
+    u, on, w = sample
+    level = 0.9 * state.level + minimum(u, 1.5) - maximum(w, state.held[0]) / 3.0
+    level = where(on, level, tanh(level) + sign(u))
+    curve = table([0.0, 1.0, 0.5, 3.0], -2.0, 1.5, level, kind="hermite")
+    good = isfinite(w) & ~(u == w) | (u != 2.0)
+    armed = (on & good) | (state.armed & (abs(u) <= 1.0))
+    held = np.array([sqrt(abs(level)), log(1.0 + exp(u)) + np.sin(level) + (w % 0.7) + w // 0.3])
+    return Memory(level, armed, held), (curve, where(armed, -curve, held[1]), armed, held[0])
+
+
+def compiled(source, name, folder):
+    """The C as a function of arrays of bytes."""
+    (folder / f"{name}.h").write_text(source.header)
+    (folder / f"{name}.c").write_text(source.source)
+    library = folder / f"{name}.so"
+    command = ["gcc", *STRICT, "-shared", "-fPIC", "-o", library, folder / f"{name}.c", "-lm"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return getattr(ctypes.CDLL(str(library)), f"{name}_step")
+
+
+def struct_of(structure):
+    kinds = {"float": np.float32, "bool": np.bool_}
+    fields = [(m.name, kinds[m.kind], (m.size,)) if m.size else (m.name, kinds[m.kind]) for m in members(structure)]
+    return np.zeros(1, np.dtype(fields, align=True))
+
+
+def fill(struct, scalars):
+    rest = iter(scalars)
+    for name in struct.dtype.names:
+        for place in np.ndindex(struct[name].shape):
+            struct[name][place] = next(rest)
+
+
+def run_c(program, step, start, columns):
+    """Outputs (T, n) of the compiled C."""
+    before, sample = program.argument_structure.children
+    structs = [struct_of(s) for s in (before, sample, program.result_structure.children[1])]
+    fill(structs[0], start)
+    rows = []
+    for row in zip(*columns, strict=True):
+        fill(structs[1], row)
+        step(*(s.ctypes.data_as(ctypes.c_void_p) for s in structs))
+        rows.append(np.concatenate([np.ravel(structs[2][n]).astype(float) for n in structs[2].dtype.names]))
+    return np.array(rows)
+
+
+def run_llvm(program, start, columns):
+    count = size(program.argument_structure.children[0])
+    state, outputs = np.array(start, float), np.empty((len(program.outputs) - count, len(columns[0])))
+    MachineStep(program, count, "f32", contract=False).one(
+        state, [np.asarray(c, float) for c in columns], list(outputs), None
+    )
+    return outputs.T
+
+
+@needs_gcc
+def test_every_operation_has_the_bits_of_machine_code(tmp_path):
+    program = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    u, w = RNG.normal(0.0, 2.0, (2, 400)).astype(np.float32).astype(float)
+    u[::37], w[::41] = np.nan, np.inf
+    columns, start = [u, RNG.random(400) < 0.5, w], [0.3, 0.0, 0.1, -0.2]
+    in_c = run_c(program, compiled(c_source(program, "all_of_it"), "all_of_it", tmp_path), start, columns)
+    np.testing.assert_array_equal(in_c, run_llvm(program, start, columns))
+
+
+@needs_gcc
+def test_a_whole_filter_has_the_bits_of_machine_code(tmp_path):
+    start = adaptive_ukf.initial()
+    program = trace(adaptive_ukf.step, start, (0.0, 0.0))
+    flat = np.concatenate([np.ravel(x) for x in start]).astype(float)
+    current = np.repeat(RNG.normal(0.0, 3.0, 30), 10).astype(np.float32).astype(float)
+    voltage = (12.5 + 0.02 * current + 0.005 * RNG.standard_normal(300)).astype(np.float32).astype(float)
+    in_c = run_c(program, compiled(c_source(program, "aukf"), "aukf", tmp_path), flat, [current, voltage])
+    np.testing.assert_array_equal(in_c, run_llvm(program, flat, [current, voltage]))
+
+
+def test_the_header_names_members_and_carries_comments():
+    program = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    header = c_source(program, "cell", {"sample.u": "pull [m/s]"}).header
+    assert "    float held[2];\n} cell_state;" in header
+    assert "    float u; /* pull [m/s] */\n    bool on;" in header
+    assert "void cell_step(cell_state *state, const cell_sample *sample, cell_output *output);" in header
+
+
+def test_members_that_would_collide_get_names_of_their_own():
+    class Twice(NamedTuple):
+        a_b: Any
+        a: Any
+
+    class Inner(NamedTuple):
+        b: Any
+
+    names = [m.name for m in members(structure_of(Twice(0.0, Inner(np.zeros(3))), ""))]
+    assert names == ["a_b", "a_b_"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.0, "1.0f"),
+        (-0.1, "(-0.1f)"),
+        (1e-9, "1e-09f"),
+        (16777216.0, "1.6777216e+07f"),
+        (1e300, "INFINITY"),
+        (True, "true"),
+    ],
+)
+def test_literals_are_singles(value, text):
+    assert literal(value) == text
+    if text[0].isdigit():
+        assert np.float32(float(text.rstrip("f"))) == np.float32(value)
+
+
+@pytest.mark.parametrize("name", ["", "Step", "2nd", "a-b", "step()"])
+def test_a_prefix_must_be_a_word(name):
+    program = trace(lambda s, x: (s + x, s), 0.0, 0.0)
+    with pytest.raises(InputError, match="name must be small letters"):
+        c_source(program, name)
+
+
+def test_a_function_that_is_no_step_is_refused():
+    with pytest.raises(InputError, match=r"step\(state, sample\) -> \(state, output\)"):
+        c_source(trace(lambda x: x + 1.0, 0.0), "f")
