@@ -119,7 +119,7 @@ def test_the_same_generator_gives_the_same_readings():
     [
         ({"interval_s": 0.0}, "robot_sensors.interval_s must be > 0"),
         ({"drop_share": 1.5}, "robot_sensors.drop_share must be between 0 and 1"),
-        ({"encoder_wheels": (0, 4)}, "robot_sensors.encoder_wheels must name wheels 0 to 3"),
+        ({"encoder_wheels": (0, -1)}, "robot_sensors.encoder_wheels must number wheels from 0 on"),
         ({"delay_s": -1.0}, "robot_sensors.delay_s must be >= 0"),
     ],
 )

@@ -7,24 +7,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+#: The order of the wheels of a robot on two axles; other robots have that of `Robot.places`, driven wheels first.
 WHEELS = ("front left", "front right", "rear left", "rear right")
 
 
 class RobotTruth(NamedTuple):
-    """One instant; wheels in the order of `WHEELS`. Stacked over time every field gets (T,) in front.
+    """One instant; wheels in the order of the robot. Stacked over time every field gets (T,) in front.
 
     time_s: since the reset [s].
     position_m: (3,) of the robot's centre at axle height, in the world: x uphill, y to the left, z off the ground [m].
     heading_rad: 0 along x, > 0 to the left.
     speed_m_s, lateral_speed_m_s: of the centre, forward and to the left.
     yaw_rate_rad_s: > 0 to the left.
-    wheel_angle_rad, wheel_speed_rad_s: (4,), > 0 forward.
-    torque_N_m: (4,) of the motors on the wheels.
-    wheel_centre_speed_m_s: (4,) forward speed of the wheel's centre, v_f.
-    slip_speed_m_s: (4,) s = r omega - v_f.
-    slip_ratio: (4,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`.
-    traction_N, lateral_N, normal_N: (4,) force of the ground on the wheel, forward, to the left, up.
-    friction: (4,) adhesion under the wheel.
+    wheel_angle_rad, wheel_speed_rad_s: (wheels,), > 0 forward.
+    torque_N_m: (wheels,) of the motors on the wheels.
+    wheel_centre_speed_m_s: (wheels,) forward speed of the wheel's centre, v_f.
+    slip_speed_m_s: (wheels,) s = r omega - v_f.
+    slip_ratio: (wheels,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`.
+    traction_N, lateral_N, normal_N: (wheels,) force of the ground on the wheel, forward, to the left, up.
+    friction: (wheels,) adhesion under the wheel.
     grade_rad: slope of the ground, > 0 where x leads uphill.
     gyro_rad_s: (3,) angular velocity about forward, left, up.
     specific_force_m_s2: (3,) what an ideal accelerometer shows, forward, left, up; 9.81 up at rest on level ground.

@@ -1,0 +1,46 @@
+"""Observer, controller, robot and battery in closed loop on terrains; see docs/simulate.md."""
+
+from ohmward.simulate.closed_loop.account import Account, Work
+from ohmward.simulate.closed_loop.control import Command, Control
+from ohmward.simulate.closed_loop.ground import Grade, Patch
+from ohmward.simulate.closed_loop.loop import Drive, run
+from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
+from ohmward.simulate.closed_loop.observing import Observing
+from ohmward.simulate.closed_loop.run import Run, columns, drive_log
+from ohmward.simulate.closed_loop.scenario import Scenario
+from ohmward.simulate.closed_loop.scenario_file import (
+    find_scenario,
+    load_scenario,
+    packaged,
+    parse_scenario,
+    save_scenario,
+)
+from ohmward.simulate.closed_loop.sensing import ExternalSpeed, Sensing
+from ohmward.simulate.closed_loop.supply import Pack
+from ohmward.simulate.closed_loop.traction_plant import TractionPlant
+
+__all__ = [
+    "Account",
+    "Command",
+    "Control",
+    "Drive",
+    "ExternalSpeed",
+    "Grade",
+    "MujocoRobot",
+    "Observing",
+    "Pack",
+    "Patch",
+    "Run",
+    "Scenario",
+    "Sensing",
+    "TractionPlant",
+    "Work",
+    "columns",
+    "drive_log",
+    "find_scenario",
+    "load_scenario",
+    "packaged",
+    "parse_scenario",
+    "run",
+    "save_scenario",
+]

@@ -1,0 +1,285 @@
+"""What drives the robot: commands over time, and a controller of torque for the driven wheels at its own rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_between, require_finite, require_positive
+from ohmward.errors import InputError
+from ohmward.trace import clip, where
+from ohmward.traction.control import (
+    FuzzySlidingMode,
+    Limits,
+    Measurement,
+    Report,
+    SlidingMode,
+    SlipCommand,
+    SlipController,
+    SlipPid,
+    SlipRatioSlidingMode,
+    SpeedCommand,
+    SpeedController,
+    Uncertainty,
+    WheelSpeedCascade,
+    WheelSpeedDrive,
+    driven_wheel,
+)
+from ohmward.traction.control.law import SlipLaw
+from ohmward.traction.control.slip_controller import choose_memory
+from ohmward.traction.robot import Robot
+
+#: What each mode takes of a command, the first of it without fail.
+MODES: dict[str, tuple[str, ...]] = {
+    "speed": ("speed_m_s", "yaw_rate_rad_s"),
+    "slip": ("slip_ratio", "reverse"),
+    "torque": ("torque_Nm",),
+    "wheel-speed": ("speed_m_s", "yaw_rate_rad_s"),
+    "ramp": ("speed_m_s", "yaw_rate_rad_s"),
+}
+LAWS = ("sliding-mode", "fuzzy", "slip-ratio", "pid", "cascade")
+#: Between two steps of the cascade; drives take a new wheel speed at 50 Hz.
+CASCADE_S = 0.02
+#: A ramp so steep that it is none.
+AT_ONCE_M_S2 = 1e6
+
+
+@dataclass(frozen=True)
+class Command:
+    """What is asked of the robot from a time on; which of it counts, the controller's mode says.
+
+    Attributes:
+        from_s: when it begins, >= 0.
+        speed_m_s: forward, < 0 in reverse; 0 stops.
+        yaw_rate_rad_s: > 0 to the left.
+        slip_ratio: in (-1, 1), < 0 brakes.
+        reverse: drive backwards with that slip.
+        torque_Nm: of each driven wheel.
+    """
+
+    from_s: float = 0.0
+    speed_m_s: float | None = None
+    yaw_rate_rad_s: float | None = None
+    slip_ratio: float | None = None
+    reverse: bool | None = None
+    torque_Nm: float | None = None
+
+    def __post_init__(self) -> None:
+        require_between("commands.from_s", self.from_s, 0.0, math.inf)
+        for name in ("speed_m_s", "yaw_rate_rad_s", "torque_Nm"):
+            if getattr(self, name) is not None:
+                require_finite(f"commands.{name}", getattr(self, name))
+        if self.slip_ratio is not None and not -1 < self.slip_ratio < 1:
+            raise InputError(f"commands.slip_ratio must be between -1 and 1 (0.12 is 12 %), got {self.slip_ratio:g}")
+
+
+@dataclass(frozen=True)
+class Control:
+    """The controller and its limits.
+
+    Attributes:
+        mode: "speed" within slip bounds, "slip", "torque" without feedback, or a wheel-speed PI that knows no slip,
+            "wheel-speed" at once or "ramp".
+        law: in mode "slip": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
+            wheel-speed PI for speeds at 50 Hz.
+        slip_bound: in mode "speed", >= 0.001 and < 1.
+        acceleration_m_s2: of the ramps, > 0.
+        torque_limit_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.
+        friction: that the laws assume, give or take as much, > 0.
+        interval_s: between steps, > 0 and at most 0.02.
+    """
+
+    mode: str = "speed"
+    law: str = "sliding-mode"
+    slip_bound: float = 0.12
+    acceleration_m_s2: float = 0.5
+    torque_limit_Nm: float = 12.0
+    torque_rate_Nm_per_s: float = 5000.0
+    friction: float = 0.5
+    interval_s: float = 0.001
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise InputError(f"controller.mode must be one of {', '.join(MODES)}; got {self.mode!r}")
+        if self.law not in LAWS:
+            raise InputError(f"controller.law must be one of {', '.join(LAWS)}; got {self.law!r}")
+        for name in ("acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"):
+            require_positive(f"controller.{name}", getattr(self, name))
+        require_between("controller.slip_bound", self.slip_bound, 0.001, 0.999)
+        require_between("controller.interval_s", self.interval_s, 1e-4, CASCADE_S)
+
+    def check(self, command: Command) -> None:
+        """Refuse a command that does not fit the mode or the limits.
+
+        Raises:
+            InputError: a key that the mode needs is missing, one that it does not know is there, a torque too large.
+        """
+        used = MODES[self.mode]
+        given = [f.name for f in fields(command) if f.name != "from_s" and getattr(command, f.name) is not None]
+        if used[0] not in given:
+            raise InputError(f'commands.{used[0]} is missing; controller.mode = "{self.mode}" needs it')
+        if unused := [name for name in given if name not in used]:
+            raise InputError(
+                f'commands.{unused[0]} means nothing to controller.mode = "{self.mode}", which takes '
+                f"{', '.join(used)}; remove it or choose another mode"
+            )
+        if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
+            raise InputError(
+                f"commands.torque_Nm must be within +-{self.torque_limit_Nm:g} (controller.torque_limit_Nm), got "
+                f"{command.torque_Nm:g}; lower it or raise the limit"
+            )
+
+
+class Wanted(NamedTuple):
+    """A command as the wheels see it.
+
+    travel_m_s: (driven,) of the wheels' centres.
+    slip_ratio, direction, torque_Nm: numbers.
+    """
+
+    travel_m_s: Any
+    slip_ratio: Any
+    direction: Any
+    torque_Nm: Any
+
+
+class Controller(NamedTuple):
+    """A controller: `init(measurement)` and `step(state, wanted, measurement, dt_s)`.
+
+    step returns the state after it, the torque [N m] to hold, and a `Report`; all of it traces.
+    """
+
+    init: Callable[[Measurement], Any]
+    step: Callable[[Any, Wanted, Measurement, Any], tuple[Any, Any, Report]]
+
+
+def wanted(command: Command, robot: Robot) -> Wanted:
+    """The command for this robot's wheels."""
+    motion = np.zeros(robot.freedoms)
+    motion[0], motion[-1] = command.speed_m_s or 0.0, command.yaw_rate_rad_s or 0.0
+    travel = robot.rolling[: robot.driven] @ motion
+    return Wanted(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, command.torque_Nm or 0.0)
+
+
+def make_controller(control: Control, robot: Robot) -> Controller:
+    """The controller that the settings name, for all driven wheels of this robot."""
+    one = wheel_controller(control, robot)
+
+    def init(m: Measurement) -> tuple:
+        return tuple(one.init(of_wheel(m, k)) for k in range(robot.driven))
+
+    def step(states: tuple, wanted: Wanted, m: Measurement, dt_s: Any) -> tuple[tuple, np.ndarray, Report]:
+        steps = [one.step(state, of_wheel(wanted, k), of_wheel(m, k), dt_s) for k, state in enumerate(states)]
+        after, torques, reports = zip(*steps, strict=True)
+        return tuple(after), np.array(torques), Report(*(np.array(values) for values in zip(*reports, strict=True)))
+
+    return Controller(init, step)
+
+
+def of_wheel(values: Any, k: int) -> Any:
+    """Element k of each field that is an array, the other fields as they are."""
+    return type(values)(*(v[k] if isinstance(v, np.ndarray) else v for v in values))
+
+
+def wheel_controller(control: Control, robot: Robot) -> Controller:
+    """The controller that the settings name, for one driven wheel."""
+    limits = Limits(control.torque_limit_Nm, control.torque_rate_Nm_per_s)
+    if control.mode == "torque":
+        return _open_loop(limits)
+    if control.mode in ("wheel-speed", "ramp"):
+        acceleration = control.acceleration_m_s2 if control.mode == "ramp" else AT_ONCE_M_S2
+        return _wheel_speed_loop(WheelSpeedDrive(limits), robot.wheel.radius_m, acceleration)
+    wheel = driven_wheel(robot)
+    sliding = SlidingMode(Uncertainty(force_N=control.friction * wheel.load_N))
+    if control.mode == "speed":
+        loop = SpeedController(wheel, sliding, limits, acceleration_m_s2=control.acceleration_m_s2)
+        return _speed_loop(loop, control.slip_bound)
+    if control.law == "cascade":
+        return _cascade(WheelSpeedCascade(wheel), WheelSpeedDrive(limits))
+    laws: dict[str, SlipLaw] = {
+        "sliding-mode": sliding,
+        "fuzzy": FuzzySlidingMode(sliding),
+        "slip-ratio": SlipRatioSlidingMode(sliding.uncertainty),
+        "pid": SlipPid(),
+    }
+    return _slip_loop(SlipController(wheel, laws[control.law], limits))
+
+
+def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
+    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SpeedCommand(wanted.travel_m_s, slip_bound), m, dt_s)
+
+    return Controller(loop.init, step)
+
+
+def _slip_loop(loop: SlipController) -> Controller:
+    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SlipCommand(wanted.slip_ratio, wanted.direction), m, dt_s)
+
+    return Controller(loop.init, step)
+
+
+class CascadeLoop(NamedTuple):
+    """States of the cascade and of the drive, the reference [rad/s] and report of its last step, and its age [s]."""
+
+    outer: Any
+    drive: Any
+    reference_rad_s: Any
+    report: Report
+    age_s: Any
+
+
+def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
+    def init(m: Measurement) -> CascadeLoop:
+        state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
+        return CascadeLoop(state, drive.init(zero), state.reference_rad_s, _silent(zero), CASCADE_S)
+
+    def step(state: CascadeLoop, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+        command = SlipCommand(wanted.slip_ratio, wanted.direction)
+        due = state.age_s > CASCADE_S - 0.5 * dt_s
+        fresh = outer.step(state.outer, command, m, CASCADE_S)
+        kept = state.outer, state.reference_rad_s, state.report
+        after, reference, report = (choose_memory(due, new, old) for new, old in zip(fresh, kept, strict=True))
+        motor, torque = drive.step(state.drive, reference, m.wheel_speed_rad_s, dt_s)
+        age_s = where(due, 0.0, state.age_s) + dt_s
+        return CascadeLoop(after, motor, reference, report, age_s), torque, report
+
+    return Controller(init, step)
+
+
+class RampLoop(NamedTuple):
+    """State of the drive, and the rim's speed [m/s] that the ramp has reached."""
+
+    drive: Any
+    rim_m_s: Any
+
+
+def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2: float) -> Controller:
+    def init(m: Measurement) -> RampLoop:
+        return RampLoop(drive.init(m.wheel_speed_rad_s), radius_m * m.wheel_speed_rad_s)
+
+    def step(state: RampLoop, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+        change = acceleration_m_s2 * dt_s
+        rim = clip(wanted.travel_m_s, state.rim_m_s - change, state.rim_m_s + change)
+        motor, torque = drive.step(state.drive, rim / radius_m, m.wheel_speed_rad_s, dt_s)
+        return RampLoop(motor, rim), torque, _silent(torque)
+
+    return Controller(init, step)
+
+
+def _open_loop(limits: Limits) -> Controller:
+    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+        torque = limits.apply(wanted.torque_Nm + 0.0 * state, state, dt_s)
+        return torque, torque, _silent(torque)
+
+    return Controller(lambda m: 0.0 * m.wheel_speed_rad_s, step)
+
+
+def _silent(torque_Nm: Any) -> Report:
+    """The report of a controller that knows no slip."""
+    nothing = math.nan + 0.0 * torque_Nm
+    return Report(nothing, nothing, nothing, nothing, torque_Nm, 0.0 * torque_Nm)

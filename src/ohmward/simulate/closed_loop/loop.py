@@ -1,0 +1,190 @@
+"""The closed loop: sensors, observer, controller, battery, robot and ground, step by step.
+
+readings = sensors(truth)                 at their rates, late, noisy, some lost
+estimate = observer(readings)
+torque   = controller(command, estimate)  every millisecond, within what the battery can feed
+truth    = plant(torque)
+battery gives what the motors took, and what the electronics draw
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ohmward.simulate.closed_loop.account import Account, booked
+from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
+from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
+from ohmward.simulate.closed_loop.observing import Observation, make_observer
+from ohmward.simulate.closed_loop.power_limit import available_torque
+from ohmward.simulate.closed_loop.run import Instant, Row, Run, stacked
+from ohmward.simulate.closed_loop.scenario import Scenario
+from ohmward.simulate.closed_loop.sensing import Sensors
+from ohmward.simulate.closed_loop.supply import Supplied, Supply
+from ohmward.simulate.closed_loop.traction_plant import TractionPlant
+from ohmward.simulate.closed_loop.watch import Watch
+from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.simulate.sensors import Sensor
+from ohmward.trace import Kernel
+from ohmward.traction.control import Measurement, Report
+from ohmward.traction.observers import SpeedObserver
+
+#: Instants of the history, at most, and the shortest time between them.
+_INSTANTS, _SHORTEST_S = 25_000, 0.002
+_PROGRESS_STEPS = 200
+
+#: What measures the battery: a Hall sensor and a divider, averaged over the interval of the log.
+PACK_CURRENT = Sensor(low=-150.0, high=150.0, resolution=0.012, noise_std=0.02, offset=0.02)
+PACK_VOLTAGE = Sensor(low=0.0, high=60.0, resolution=0.004, noise_std=0.004)
+
+Plant = TractionPlant | MujocoRobot
+
+
+def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> Run:
+    """Simulate the whole drive; it ends early where the battery is empty.
+
+    progress: called now and then with (steps done, steps).
+
+    Raises:
+        InputError: the plant cannot be made so, or MuJoCo is not installed.
+    """
+    begun = time.perf_counter()
+    drive = Drive(scenario)
+    steps = round(scenario.duration_s / scenario.controller.interval_s)
+    for k in range(steps):
+        drive.step()
+        if drive.empty:
+            break
+        if progress and k % _PROGRESS_STEPS == 0:
+            progress(k, steps)
+    drive.look()
+    return Run(
+        scenario,
+        stacked(drive.history),
+        stacked(drive.rows),
+        drive.watch.sentences(),
+        time.perf_counter() - begun,
+    )
+
+
+def make_plant(scenario: Scenario) -> Plant:
+    """The plant of a scenario."""
+    kind = {"own": TractionPlant, "mujoco": MujocoRobot}[scenario.plant]
+    return kind(scenario.model, scenario.ground, scenario.grade)
+
+
+class Drive:
+    """A drive under way.
+
+    Args:
+        scenario: which.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.robot = scenario, scenario.model
+        sensors_rng, pack_rng = np.random.default_rng(scenario.seed).spawn(2)
+        self.plant = make_plant(scenario)
+        self.truth: RobotTruth = self.plant.reset()
+        self.supply = Supply(scenario.battery)
+        self.sensors = Sensors(scenario.sensors, self.robot, sensors_rng)
+        self.observation = Observation(_observer(scenario), self.robot)
+        self.pack = PackSensors(pack_rng)
+        self.watch = Watch(scenario)
+        self.account = Account()
+        self._wanted = [wanted(command, self.robot) for command in scenario.commands]
+        self._command, self._steps = -1, 0
+        self._state, self._control = _controller(scenario, self._wanted[0])
+        self._keep_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
+        self._under_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
+        self.history: list[Instant] = []
+        self.rows: list[Row] = []
+
+    @property
+    def empty(self) -> bool:
+        """Whether the battery can no longer feed the electronics."""
+        return self.supply.now.most_W < self.robot.idle_W or self.supply.now.soc <= 0.0
+
+    def look(self) -> None:
+        """Let the sensors sample, and the observer use what has arrived."""
+        arrivals = list(self.sensors.see(self.truth))
+        if self.sensors.sampled:
+            self._under_way[self.truth.time_s] = self.truth, *self.pack.read(), float(self.supply.now.soc)
+        for arrival in arrivals:
+            truth, current_A, voltage_V, soc = self._under_way.pop(arrival.taken_s)
+            estimate = self.observation.take(arrival)
+            row = Row(arrival.taken_s, arrival.sample, estimate, truth, current_A, voltage_V, soc)
+            self.rows.append(row)
+            self._under_way = {t: known for t, known in self._under_way.items() if t > arrival.taken_s}
+
+    def step(self) -> None:
+        """One step of the controller."""
+        dt_s, n = self.scenario.controller.interval_s, self.robot.driven
+        self.look()
+        wheel_speed, travel = self.sensors.drive_speeds(self.truth), self.truth.wheel_centre_speed_m_s[:n]
+        measurement = self.observation.measurement(wheel_speed, travel, self.truth.time_s)
+        self._state, asked, report = self._control(self._state, self._now(), measurement, dt_s)
+        torque = available_torque(asked, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
+        self.truth = self.plant.step(torque, dt_s)
+        work = self.plant.work
+        supplied = self.supply.draw(work.electrical / dt_s + self.robot.idle_W, dt_s)
+        self.account = booked(self.account, work, self.robot.idle_W * dt_s, supplied.power_W * dt_s)
+        self.pack.feel(supplied)
+        self.watch.see(report, asked, torque, dt_s)
+        self._steps += 1
+        self._keep(report, supplied)
+
+    def _now(self) -> Wanted:
+        """The command that holds now, for the wheels."""
+        commands = self.scenario.commands
+        while self._command + 1 < len(commands) and self.truth.time_s > commands[self._command + 1].from_s - 1e-9:
+            self._command += 1
+        return self._wanted[self._command]
+
+    def _keep(self, report: Report, supplied: Supplied) -> None:
+        if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9:
+            battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
+            self.history.append(Instant(self.truth, report, *battery, self.account))
+
+
+class PackSensors:
+    """The battery's current and voltage as its sensors show them, averaged between two readings.
+
+    Args:
+        rng: draws their noise.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._sum, self._count = np.zeros(2), 0
+        self._last = np.full(2, np.nan)
+
+    def feel(self, supplied: Supplied) -> None:
+        """One step of the battery."""
+        self._sum = self._sum + np.array([supplied.current_A, supplied.voltage_V])
+        self._count += 1
+
+    def read(self) -> tuple[float, float]:
+        """Mean current [A] and voltage [V] since the last reading; nan before anything was felt."""
+        mean = self._sum / self._count if self._count else np.full(2, np.nan)
+        self._sum, self._count = np.zeros(2), 0
+        now = np.zeros(1)
+        current = PACK_CURRENT.read(mean[:1], now, self._rng)
+        return float(current[0]), float(PACK_VOLTAGE.read(mean[1:], now, self._rng)[0])
+
+
+def _controller(scenario: Scenario, first: Wanted) -> tuple[Any, Kernel]:
+    """State of the controller before the first step of a robot at rest, and its compiled step."""
+    zero = np.zeros(scenario.model.driven)
+    at_rest = Measurement(zero, zero, 0.0, zero)
+    controller = make_controller(scenario.controller, scenario.model)
+    state = controller.init(at_rest)
+    return state, Kernel(controller.step, state, first, at_rest, 0.0)
+
+
+def _observer(scenario: Scenario) -> SpeedObserver | None:
+    if scenario.observer.method == "true":
+        return None
+    return make_observer(scenario.observer, scenario.sensors, scenario.model, scenario.surface.patches[-1])

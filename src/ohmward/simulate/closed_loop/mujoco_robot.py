@@ -1,0 +1,119 @@
+"""A robot of four wheels on patches of ground in MuJoCo, with an account of its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.simulate.closed_loop.account import Work, work_between
+from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, adhesion, surface
+from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
+from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.traction.chassis import Omni
+from ohmward.traction.robot import Robot
+from ohmward.traction.rolling import RollingResistance
+
+#: Height of the centre of gravity [m] where the robot does not say it.
+HEIGHT_M = 0.17
+
+
+class MujocoRobot:
+    """As `TractionPlant`, by contacts and rigid bodies that are not ours.
+
+    Args:
+        robot: on four wheels, all fixed to the body.
+        patches, grade: of the ground. Rolling resistance is that of the ground that lies under all others.
+
+    Raises:
+        InputError: MuJoCo is not installed, or it cannot be such a robot or such ground.
+    """
+
+    def __init__(self, robot: Robot, patches: Sequence[Patch] = (), grade: Grade | None = None) -> None:
+        self.robot, self.grade = robot, grade or Grade()
+        under = surface(patches, [p.name for p in robot.places])
+        rolling = _rolling(under, robot)
+        self._rolling = np.full(len(robot.places), rolling)
+        self._plant = RlmaPlant(parameters(robot, under.patches[-1], rolling), _ground(under, self.grade, robot))
+        self.reset()
+
+    def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
+        """Put the robot back to the origin; the truth there."""
+        self._before = self._plant.reset(speed_m_s, heading_rad)
+        self.work = Work(*np.zeros(len(Work._fields)))
+        return self._before
+
+    def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
+        """Hold the torque for `dt_s`; the truth at the end. `work` is the step's."""
+        after = self._plant.step(torque_N_m, dt_s)
+        self.work = work_between(self._before, after, self.robot, self._rolling)
+        self._before = after
+        return after
+
+
+def parameters(robot: Robot, patch: Patch, rolling: float) -> RlmaParameters:
+    """The robot as MuJoCo needs it; the wheels are even discs, the body is a box with the robot's yaw inertia.
+
+    Raises:
+        InputError: another chassis than four wheels on two axles, or a drive with losses, which MuJoCo does not have.
+    """
+    motor, chassis = robot.motor, robot.chassis
+    if isinstance(chassis, Omni):
+        raise InputError('plant = "mujoco" has four wheels on two axles, not omni-wheels; take plant = "own"')
+    if motor.gear_efficiency < 1 or motor.friction_Nm or motor.damping_Nms_per_rad:
+        raise InputError('plant = "mujoco" has no losses in the drive; take plant = "own", or drop them from the robot')
+    driven = tuple(k for k, p in enumerate(robot.places) if p.driven)
+    wheel_mass = 2 * robot.wheel.inertia_kg_m2 / robot.wheel.radius_m**2
+    length = chassis.wheelbase_m
+    width = max(chassis.track_m - robot.wheel.width_m, 0.1)
+    return RlmaParameters(
+        mass_kg=robot.mass_kg,
+        wheel_mass_kg=wheel_mass,
+        rotor_inertia_kg_m2=motor.inertia_at_wheel_kg_m2,
+        wheel_radius_m=robot.wheel.radius_m,
+        wheel_width_m=robot.wheel.width_m,
+        front_m=chassis.front_m,
+        rear_m=chassis.rear_m,
+        track_m=chassis.track_m,
+        body_m=_box(robot, wheel_mass, length, width),
+        centre_height_m=robot.height_m or HEIGHT_M,
+        driven=driven,
+        rolling_resistance=rolling,
+        slip_stiffness_s_per_m=patch.slip_stiffness_s_per_m,
+    )
+
+
+def _box(robot: Robot, wheel_mass_kg: float, length_m: float, width_m: float) -> tuple[float, float, float]:
+    """Length, width and height [m] of an even body that gives the robot its yaw inertia, wheels included."""
+    arms = np.array([[p.x_m, p.y_m] for p in robot.places])
+    across = robot.wheel.inertia_kg_m2 / 2 + wheel_mass_kg * robot.wheel.width_m**2 / 12
+    wheels = wheel_mass_kg * float(np.sum(arms * arms)) + len(arms) * across
+    body_kg = robot.mass_kg - len(arms) * wheel_mass_kg
+    wanted = 12 * max(robot.yaw_inertia_kg_m2 - wheels, 0.01 * robot.yaw_inertia_kg_m2) / body_kg
+    scale = float(np.sqrt(wanted / (length_m**2 + width_m**2)))
+    return scale * length_m, scale * width_m, 0.2
+
+
+def _rolling(under: Surface, robot: Robot) -> float:
+    """Resistance over load of the ground that lies under all others.
+
+    Raises:
+        InputError: a patch with another one.
+    """
+    laws = [patch.ground(robot).rolling for patch in under.patches]
+    if not all(isinstance(law, RollingResistance) and law == laws[-1] for law in laws):
+        raise InputError(
+            'plant = "mujoco" knows one rolling resistance; leave ground.rolling out of the patches and soils out of '
+            'the ground, or take plant = "own"'
+        )
+    return laws[-1].a1  # type: ignore[attr-defined]
+
+
+def _ground(under: Surface, grade: Grade, robot: Robot) -> Ground:
+    friction = np.array([adhesion(patch.ground(robot)) for patch in under.patches])
+    return Ground(
+        lambda time_s, position_m: friction[list(under.under(position_m[:, 0].tolist(), time_s))],
+        lambda _, position_m: grade.at(float(position_m[0])),
+    )

@@ -1,0 +1,128 @@
+"""The observer of a scenario: what it believes of robot, ground and noise, and its estimate at every instant."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.simulate.closed_loop.ground import Patch
+from ohmward.simulate.closed_loop.sensing import Arrival, Sensing
+from ohmward.simulate.robot_sensors import GYRO, PITCH
+from ohmward.trace import Kernel
+from ohmward.traction.chassis import Differential, SkidSteer
+from ohmward.traction.control import Measurement
+from ohmward.traction.dynamics import scene
+from ohmward.traction.observers import Estimate, Noise, SpeedObserver, quantisation_std_rad_s
+from ohmward.traction.robot import Robot
+
+METHODS = ("ekf", "aekf", "ukf", "aukf", "true")
+#: How far the speed at the start is from zero: the robot stands.
+_START_STD_M_S = 0.005
+#: Ripple and friction of a drive that no current shows [N m].
+_TORQUE_STD_NM = 0.05
+
+
+@dataclass(frozen=True)
+class Observing:
+    """Which observer, and what it takes the ground for.
+
+    Attributes:
+        method: "ekf", "ukf", with learnt noise "aekf", "aukf"; "true" gives the controller the true speed.
+        terrain, friction, slip_stiffness_s_per_m: the ground that it believes in, as in `Patch`; where neither terrain
+            nor friction is given, the ground that lies under all others.
+    """
+
+    method: str = "ukf"
+    terrain: str | None = None
+    friction: float | None = None
+    slip_stiffness_s_per_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"observer.method must be one of {', '.join(METHODS)}; got {self.method!r}")
+        if self.slip_stiffness_s_per_m is not None:
+            require_positive("observer.slip_stiffness_s_per_m", self.slip_stiffness_s_per_m)
+        try:
+            self.believed(Patch())
+        except InputError as error:
+            raise InputError(str(error).replace("ground", "observer", 1)) from error
+
+    def believed(self, base: Patch) -> Patch:
+        """The ground that the observer believes in; base: the one that lies under all others."""
+        ground = base if self.terrain is None and self.friction is None else Patch(self.terrain, self.friction)
+        stiffness = self.slip_stiffness_s_per_m
+        return ground if stiffness is None else replace(ground, slip_stiffness_s_per_m=stiffness)
+
+
+def make_observer(observing: Observing, sensing: Sensing, robot: Robot, base: Patch) -> SpeedObserver:
+    """The observer that knows the robot, the noise of its sensors, and what it believes of the ground."""
+    believed = free_sideways(robot)
+    return SpeedObserver(
+        scene(believed, observing.believed(base).ground(believed)),
+        noise=noise(sensing, robot),
+        method=observing.method.removeprefix("a"),
+        matching=observing.method.startswith("a"),
+    )
+
+
+def free_sideways(robot: Robot) -> Robot:
+    """The robot as observers can take it: a skid-steered one with wheels that are free sideways."""
+    chassis = robot.chassis
+    if not isinstance(chassis, SkidSteer):
+        return robot
+    return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all"))
+
+
+def noise(sensing: Sensing, robot: Robot) -> Noise:
+    """What the sensors' settings say of their noise."""
+    quantisation = quantisation_std_rad_s(sensing.counts_per_turn, sensing.interval_s)
+    torque = robot.motor.wheel_constant_Nm_per_A * sensing.current_noise_A
+    passive = any(k >= robot.driven for k in sensing.encoder_wheels(robot))
+    return Noise(
+        encoder_std_rad_s=quantisation,
+        torque_std_Nm=math.hypot(torque, _TORQUE_STD_NM),
+        gyro_std_rad_s=math.hypot(GYRO.noise_std, GYRO.offset) if sensing.gyro else None,
+        passive_std_rad_s=quantisation if passive else None,
+        speed_std_m_s=sensing.speed.std_m_s if sensing.speed.interval_s else None,
+        pitch_std_rad=math.hypot(PITCH.noise_std, PITCH.offset) if sensing.pitch else None,
+        initial_speed_std_m_s=_START_STD_M_S,
+    )
+
+
+class Observation:
+    """An observer at work: the last estimate, how old it is, and the speeds of the wheels' centres that follow.
+
+    Args:
+        observer: which; None shows the truth instead.
+        robot: the true one.
+    """
+
+    def __init__(self, observer: SpeedObserver | None, robot: Robot) -> None:
+        self.observer, self._robot = observer, robot
+        self._taken_s, self._travel_m_s, self._std_m_s = 0.0, np.zeros(robot.driven), 0.0
+        self._state: Any = None
+
+    def take(self, arrival: Arrival) -> Estimate | None:
+        """Use a sample; the estimate after it, None without an observer."""
+        if self.observer is None:
+            return None
+        if self._state is None:
+            self._state = self.observer.init(arrival.sample)
+            self._step = Kernel(self.observer.step, self._state, arrival.sample)
+        self._state, estimate = self._step(self._state, arrival.sample)
+        believed = self.observer.scene.robot.wheel.radius_m * estimate.radius_share
+        self._travel_m_s = believed * estimate.wheel_speed_rad_s - estimate.slip_speed_m_s
+        self._taken_s, self._std_m_s = arrival.taken_s, float(estimate.speed_std_m_s)
+        return estimate
+
+    def measurement(self, wheel_speed_rad_s: np.ndarray, travel_m_s: np.ndarray, now_s: float) -> Measurement:
+        """What a controller is told; travel_m_s: (driven,) the truth, told where there is no observer."""
+        std = np.zeros(self._robot.driven)
+        if self.observer is None:
+            return Measurement(wheel_speed_rad_s, travel_m_s, 0.0, std)
+        return Measurement(wheel_speed_rad_s, self._travel_m_s, max(now_s - self._taken_s, 0.0), std + self._std_m_s)

@@ -1,0 +1,130 @@
+"""What a simulated drive leaves: the log that the robot would have written, and what really was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
+from ohmward.simulate.closed_loop.account import Account
+from ohmward.simulate.closed_loop.scenario import Scenario
+from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.traction.control import Report
+from ohmward.traction.observers import Estimate, Sample
+
+
+class Instant(NamedTuple):
+    """One instant of the truth; stacked over time every field has (K,) in front.
+
+    truth: of the robot.
+    report: of the controller.
+    current_A, voltage_V, soc, temperature_degC: of the battery, current > 0 charges.
+    account: of the energy since the start.
+    """
+
+    truth: RobotTruth
+    report: Report
+    current_A: Any
+    voltage_V: Any
+    soc: Any
+    temperature_degC: Any
+    account: Account
+
+
+class Row(NamedTuple):
+    """One row of the log: when it was taken, what was measured, the estimate then, and the truth.
+
+    current_A, voltage_V: of the battery as its sensors show it, means since the row before.
+    estimate: None without an observer.
+    """
+
+    time_s: Any
+    sample: Sample
+    estimate: Estimate | None
+    truth: RobotTruth
+    current_A: Any
+    voltage_V: Any
+    soc: Any
+
+
+class Run(NamedTuple):
+    """A whole drive.
+
+    history: the truth over time, (K, ...).
+    rows: the log, (T, ...).
+    warnings: sentences about what did not go as asked.
+    seconds: of computing, compilation included.
+    """
+
+    scenario: Scenario
+    history: Instant
+    rows: Row
+    warnings: tuple[str, ...]
+    seconds: float
+
+
+def stacked(records: Sequence[Any]) -> Any:
+    """NamedTuples of numbers and arrays, nested, as one with time (T,) in front of every leaf."""
+    first = records[0]
+    if isinstance(first, tuple):
+        return type(first)(*(stacked(column) for column in zip(*records, strict=True)))
+    return None if first is None else np.array(records, dtype=float)
+
+
+def columns(run: Run) -> dict[str, np.ndarray]:
+    """The log as the columns (T,) of a file: what was measured, then the truths."""
+    rows, robot = run.rows, run.scenario.model
+    places = [p.name for p in robot.places]
+    sample = rows.sample
+    measured = {
+        "time_s": rows.time_s,
+        **{f"{p}_wheel_speed_rad_s": sample.wheel_speed_rad_s[:, k] for k, p in enumerate(places)},
+        **{f"{p}_motor_current_A": sample.current_A[:, k] for k, p in enumerate(places[: robot.driven])},
+        "yaw_rate_rad_s": sample.yaw_rate_rad_s,
+        "acceleration_m_s2": sample.acceleration_m_s2,
+        "pitch_rad": sample.pitch_rad,
+        "speed_m_s": sample.speed_m_s,
+        "speed_std_m_s": sample.speed_std_m_s,
+        "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "current_A": rows.current_A,
+        "voltage_V": rows.voltage_V,
+    }
+    seen = {name: values for name, values in measured.items() if np.isfinite(values).any()}
+    return seen | truths(run)
+
+
+def truths(run: Run) -> dict[str, np.ndarray]:
+    """Columns (T,) of what really was."""
+    truth, robot = run.rows.truth, run.scenario.model
+    slips = {f"{p.name}_slip_true": truth.slip_ratio[:, k] for k, p in enumerate(robot.places) if p.driven}
+    sideways = {"lateral_speed_true_m_s": truth.lateral_speed_m_s} if robot.freedoms == 3 else {}
+    return {
+        "speed_true_m_s": truth.speed_m_s,
+        "yaw_rate_true_rad_s": truth.yaw_rate_rad_s,
+        **sideways,
+        **slips,
+        "soc_true": run.rows.soc,
+    }
+
+
+def drive_log(run: Run) -> DriveLog:
+    """The log as `read_drive` would read it from a file."""
+    rows, sample = run.rows, run.rows.sample
+    body = {
+        name: getattr(sample, name) if np.isfinite(getattr(sample, name)).any() else None
+        for name in ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s")
+    }
+    age = None if body["speed_m_s"] is None else columns(run)["speed_age_s"]
+    return DriveLog(
+        run.scenario.name or "simulated drive",
+        rows.time_s,
+        sample.wheel_speed_rad_s,
+        sample.current_A,
+        **body,
+        speed_age_s=age,
+        extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
+        notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
+    )

@@ -1,0 +1,149 @@
+"""A simulated battery as a supply of power: the current that the power takes, the voltage that sags, what is left.
+
+V(i) i = -P,   V(i) = U + R_0 i + B arcsinh(i / i_x)          U: without current, i > 0 charges, P > 0 is drawn
+
+The voltage is that at the beginning of a step and the current is constant in it, so V i dt is what left the terminals,
+exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.thevenin import Input, next_state, ohmic_resistance, voltage, warmth
+from ohmward.checks import require_between
+from ohmward.errors import InputError
+from ohmward.simulate.cells import BATTERIES, SimulatedBattery
+from ohmward.simulate.plant import (
+    Demand,
+    PlantState,
+    accepted_share,
+    current_at,
+    heat,
+    next_temperature,
+    resting_state,
+    terminal_voltage,
+)
+from ohmward.simulate.robot_day import CHEMISTRIES
+from ohmward.trace import Kernel, maximum, minimum, where
+
+_NEWTON_STEPS = 5
+
+
+@dataclass(frozen=True)
+class Pack:
+    """Which battery, and how it starts.
+
+    Attributes:
+        kind: "lfp" or "lead-acid", 12 V and 12 Ah, see `cells.BATTERIES`.
+        start_soc: in (0, 1].
+        temperature_degC: of the battery at first, and of the air.
+    """
+
+    kind: str = "lfp"
+    start_soc: float = 0.8
+    temperature_degC: float = 25.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in CHEMISTRIES:
+            raise InputError(f"battery.kind must be one of {', '.join(CHEMISTRIES)}; got {self.kind!r}")
+        if not 0 < self.start_soc <= 1:
+            raise InputError(f"battery.start_soc must be > 0 and at most 1 (0.8 is 80 %), got {self.start_soc:g}")
+        require_between("battery.temperature_degC", self.temperature_degC, -30.0, 60.0)
+
+    @property
+    def battery(self) -> SimulatedBattery:
+        """The battery itself."""
+        return BATTERIES[self.kind]
+
+
+class Load(NamedTuple):
+    """One step: its length [s], the power drawn in it [W], < 0 where it is given back, the temperature of the air."""
+
+    dt_s: Any
+    power_W: Any
+    ambient_degC: Any
+
+
+class Supplied(NamedTuple):
+    """What the battery did in a step, and what it can do in the next.
+
+    current_A: > 0 charges.
+    voltage_V: at the terminals.
+    power_W: drawn; more than asked for where the battery does not take what is given back.
+    soc: state of charge after the step.
+    temperature_degC: after it.
+    most_W: largest power that can be drawn without going below the lowest voltage.
+    """
+
+    current_A: Any
+    voltage_V: Any
+    power_W: Any
+    soc: Any
+    temperature_degC: Any
+    most_W: Any
+
+
+class Supply:
+    """A battery that is asked for power, step by step.
+
+    Args:
+        pack: which.
+    """
+
+    def __init__(self, pack: Pack) -> None:
+        self.battery, self.ambient_degC = pack.battery, pack.temperature_degC
+        self.state = resting_state(self.battery, pack.start_soc, pack.temperature_degC)
+        self._step = Kernel(step, self.state, Load(0.0, 0.0, 0.0), constants=(self.battery,))
+        self.now: Supplied = self._step(self.state, Load(0.0, 0.0, self.ambient_degC))[1]
+
+    def draw(self, power_W: float, dt_s: float) -> Supplied:
+        """Draw this power for `dt_s`."""
+        self.state, self.now = self._step(self.state, Load(dt_s, power_W, self.ambient_degC))
+        return self.now
+
+
+def step(state: PlantState, load: Load, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
+    """The state after a step of constant power, and what was supplied."""
+    T, x = state.temperature_degC, state.x
+    drawn_W = maximum(load.power_W, -most_power(x, T, 1.0, battery))
+    current_A = current_for_power(drawn_W, x, T, battery)
+    u = Input(current_A, T)
+    volts = terminal_voltage(x, u, battery)
+    after = next_state(x, u, battery.circuit, load.dt_s)
+    after[0] = x[0] + accepted_share(x[0], current_A, battery) * (after[0] - x[0])
+    heat_W = heat(after, u, battery)
+    warm = next_temperature(T, heat_W, Demand(load.dt_s, current_A, load.ambient_degC), battery)
+    most_W = most_power(after, warm, -1.0, battery)
+    state = PlantState(after, warm, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
+    return state, Supplied(current_A, volts, -volts * current_A, after[0], warm, most_W)
+
+
+def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
+    """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
+    u = Input(where(power_W > 0, -1.0, 1.0), temperature_degC)
+    U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[0], u, battery.circuit)
+    exchange_A = battery.exchange_A / warmth(u, battery.circuit)
+    i = -power_W / U
+    for _ in range(_NEWTON_STEPS):
+        V = U + R * i + battery.transfer_V * np.arcsinh(i / exchange_A)
+        slope = R + battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A)
+        i = i - (V * i + power_W) / (V + slope * i)
+    return i
+
+
+def most_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
+    """Power [W], >= 0, that charging (direction 1) or discharging (-1) has at the limit of the voltage."""
+    limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
+    u = Input(direction, temperature_degC)
+    room_V = limit_V - rest_voltage(x, temperature_degC, battery)
+    room_V = maximum(room_V, 0.0) if direction > 0 else minimum(room_V, 0.0)
+    return limit_V * abs(current_at(room_V, u, x[0], battery))
+
+
+def rest_voltage(x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
+    """Voltage [V] without current."""
+    return voltage(x, Input(0.0, temperature_degC), battery.circuit)[0]

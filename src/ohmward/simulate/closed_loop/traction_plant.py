@@ -1,0 +1,234 @@
+"""Our own equations as a plant: any robot, any terrain under each wheel, load transfer; torques in, truth out.
+
+It answers as `mujoco_plant.RlmaPlant` does, so loops and sensors do not know which of the two they drive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.simulate.closed_loop.account import Work
+from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
+from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.trace import Kernel, cos, sin
+from ohmward.traction.dynamics import Forces, Input, Scene, forces, momentum_rates, scene
+from ohmward.traction.implicit_step import Step, step
+from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.slip import slip_ratio
+
+
+class Push(NamedTuple):
+    """What acts on the robot in a step.
+
+    torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
+    grade_rad, bank_rad: of the ground, along the robot and to its left.
+    dt_s: length of the step.
+    """
+
+    torque_Nm: Any
+    grade_rad: Any
+    bank_rad: Any
+    dt_s: Any
+
+
+class Seen(NamedTuple):
+    """What a step leaves to be looked at.
+
+    travel_m_s: (wheels,) of the wheels' centres along their rolling direction.
+    rim_m_s: (wheels,) of the rims.
+    slip_ratio: (wheels,).
+    specific_force_m_s2: (3,) forward, left, up.
+    """
+
+    travel_m_s: Any
+    rim_m_s: Any
+    slip_ratio: Any
+    specific_force_m_s2: Any
+
+
+class TractionPlant:
+    """A robot on patches of ground. Nothing in it is random: the same torques give the same truth.
+
+    Args:
+        robot: any.
+        patches: of the ground, dry asphalt where there are none.
+        grade: along x.
+        longest_step_s: of the implicit step; `step` divides longer ones.
+
+    Raises:
+        InputError: patches that overlap or name wheels that the robot has not.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        patches: Sequence[Patch] = (),
+        grade: Grade | None = None,
+        longest_step_s: float = 1e-3,
+    ) -> None:
+        require_positive("longest_step_s", longest_step_s)
+        self.robot, self.grade = robot, grade or Grade()
+        self.surface = surface(patches, [p.name for p in robot.places])
+        self._terrains = [patch.ground(robot) for patch in self.surface.patches]
+        self._adhesion = np.array([adhesion(terrain) for terrain in self._terrains])
+        self._arms = np.array([[p.x_m, p.y_m] for p in robot.places])
+        self._longest_step_s = longest_step_s
+        self._kernels: dict[tuple[int, ...], Kernel] = {}
+        self.reset()
+
+    def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
+        """Put the robot back to the origin, rolling without slip at `speed_m_s`; the truth there."""
+        robot = self.robot
+        motion = np.zeros(robot.freedoms)
+        motion[0] = speed_m_s
+        rolling = robot.rolling[: robot.driven] @ motion / robot.wheel.radius_m
+        self._x = np.concatenate([motion, rolling])
+        self._time_s, self._position_m, self._heading_rad = 0.0, np.zeros(3), heading_rad
+        self._angle_rad = np.zeros(len(robot.places))
+        self.work = Work(*np.zeros(len(Work._fields)))
+        return self._advance(np.zeros(robot.driven), 0.0)
+
+    def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
+        """Hold the torque for `dt_s`; the truth at the end, its forces still under this torque. `work` is the step's.
+
+        torque_N_m: of each driven wheel, a number or (driven,).
+
+        Raises:
+            InputError: another number of torques, a number that is not finite, dt_s <= 0.
+        """
+        require_positive("dt_s", dt_s)
+        torque = self._torques(torque_N_m)
+        parts = math.ceil(dt_s / self._longest_step_s - 1e-9)
+        self.work = Work(*np.zeros(len(Work._fields)))
+        for _ in range(parts):
+            truth = self._advance(torque, dt_s / parts)
+        return truth
+
+    def _torques(self, torque_N_m: Any) -> np.ndarray:
+        given = np.asarray(torque_N_m, dtype=float)
+        if given.shape not in ((), (self.robot.driven,)):
+            raise InputError(
+                f"torque_N_m must be a number or ({self.robot.driven},), one for each driven wheel, got {given.shape}"
+            )
+        if not np.isfinite(given).all():
+            raise InputError(f"torque_N_m must be finite, got {given.tolist()}")
+        return np.broadcast_to(given, self.robot.driven)
+
+    def _advance(self, torque_Nm: np.ndarray, dt_s: float) -> RobotTruth:
+        under = self._under()
+        slope = self.grade.at(self._position_m[0])
+        push = Push(torque_Nm, *tilt(slope, self._heading_rad), dt_s)
+        before = self._x
+        result, f, seen = self._kernel(under)(before, push)
+        self._x = result.state
+        self._move(before, seen, dt_s)
+        self.work = Work(*(a + b for a, b in zip(self.work, _work(result), strict=True)))
+        return self._truth(torque_Nm, f, seen, self._adhesion[list(under)], slope)
+
+    def _kernel(self, under: tuple[int, ...]) -> Kernel:
+        """The step with these terrains under the wheels, compiled when the robot first stands so."""
+        if under not in self._kernels:
+            place = scene(self.robot, *(self._terrains[k] for k in under))
+            examples = np.zeros(len(self.robot.state_names)), Push(np.zeros(self.robot.driven), 0.0, 0.0, 0.0)
+            self._kernels[under] = Kernel(partial(observed_step, p=place), *examples)
+        return self._kernels[under]
+
+    def _under(self) -> tuple[int, ...]:
+        c, s = math.cos(self._heading_rad), math.sin(self._heading_rad)
+        x_m = self._position_m[0] + self._arms @ np.array([c, -s])
+        return self.surface.under(x_m.tolist(), self._time_s)
+
+    def _move(self, before: np.ndarray, seen: Seen, dt_s: float) -> None:
+        """Place and angles, by the trapezoidal rule."""
+        motion = 0.5 * (before + self._x)[: self.robot.freedoms]
+        forward, left = motion[0], motion[1] if self.robot.freedoms == 3 else 0.0
+        halfway = self._heading_rad + 0.5 * dt_s * motion[-1]
+        c, s = math.cos(halfway), math.sin(halfway)
+        self._position_m = self._position_m + dt_s * np.array([c * forward - s * left, s * forward + c * left, 0.0])
+        self._heading_rad += dt_s * motion[-1]
+        omega = self._wheel_speeds(0.5 * (before + self._x))
+        self._angle_rad = self._angle_rad + dt_s * omega
+        self._time_s += dt_s
+
+    def _wheel_speeds(self, x: np.ndarray) -> np.ndarray:
+        """(wheels,) [rad/s]; wheels that are not driven roll."""
+        rolling = self.robot.rolling @ x[: self.robot.freedoms] / self.robot.wheel.radius_m
+        return np.concatenate([x[self.robot.freedoms :], rolling[self.robot.driven :]])
+
+    def _truth(self, torque: np.ndarray, f: Forces, seen: Seen, friction: np.ndarray, slope: float) -> RobotTruth:
+        robot, x = self.robot, self._x
+        return RobotTruth(
+            time_s=self._time_s,
+            position_m=self._position_m,
+            heading_rad=self._heading_rad,
+            speed_m_s=float(x[0]),
+            lateral_speed_m_s=float(x[1]) if robot.freedoms == 3 else 0.0,
+            yaw_rate_rad_s=float(x[robot.freedoms - 1]),
+            wheel_angle_rad=self._angle_rad,
+            wheel_speed_rad_s=seen.rim_m_s / robot.wheel.radius_m,
+            torque_N_m=np.concatenate([torque, np.zeros(len(robot.places) - robot.driven)]),
+            wheel_centre_speed_m_s=seen.travel_m_s,
+            slip_speed_m_s=f.slip_speed_m_s,
+            slip_ratio=seen.slip_ratio,
+            traction_N=f.traction_N,
+            lateral_N=f.scrub_N,
+            normal_N=f.load_N,
+            friction=friction,
+            grade_rad=slope,
+            gyro_rad_s=np.array([0.0, 0.0, x[robot.freedoms - 1]]),
+            specific_force_m_s2=seen.specific_force_m_s2,
+        )
+
+
+def observed_step(x: np.ndarray, push: Push, p: Scene) -> tuple[Step, Forces, Seen]:
+    """One implicit step, and what can be seen at its end."""
+    robot = p.robot
+    u = Input(push.torque_Nm / robot.motor.wheel_constant_Nm_per_A, push.grade_rad, push.bank_rad)
+    result = step(x, u, p, push.dt_s)
+    f = forces(result.state, u, p)
+    motion = result.state[: robot.freedoms]
+    travel = robot.rolling @ motion
+    rim = np.concatenate([robot.wheel.radius_m * result.state[robot.freedoms :], travel[robot.driven :]])
+    ratio = np.array([slip_ratio(a, b) for a, b in zip(rim, travel, strict=True)])
+    return result, f, Seen(travel, rim, ratio, specific_force(result.state, u, p, f))
+
+
+def specific_force(x: np.ndarray, u: Input, p: Scene, f: Forces) -> np.ndarray:
+    """What an ideal accelerometer shows (3,): acceleration of the body's centre less gravity."""
+    robot = p.robot
+    rates = momentum_rates(x, u, p, f) / robot.inertia
+    yaw_rate = x[robot.freedoms - 1]
+    if robot.freedoms == 3:
+        forward, left = rates[0] - yaw_rate * x[1], rates[1] + yaw_rate * x[0]
+    else:
+        forward, left = rates[0], yaw_rate * x[0]
+    across = GRAVITY * cos(u.grade_rad)
+    return np.array([forward + GRAVITY * sin(u.grade_rad), left + across * sin(u.bank_rad), across * cos(u.bank_rad)])
+
+
+def tilt(slope_rad: float, heading_rad: float) -> tuple[float, float]:
+    """Grade along a robot and bank to its left, on ground that leads up along x by `slope_rad`."""
+    rise = math.sin(slope_rad)
+    grade = math.asin(rise * math.cos(heading_rad))
+    return grade, -math.asin(rise * math.sin(heading_rad) / math.cos(grade))
+
+
+def _work(result: Step) -> Work:
+    flows, energy = result.energy.flows, result.energy
+    return Work(
+        flows.electrical,
+        flows.copper,
+        flows.drive,
+        flows.slip,
+        flows.rolling,
+        flows.climb,
+        energy.kinetic,
+        energy.numerical,
+    )

@@ -1,0 +1,54 @@
+"""What a drive did not do as it was asked, in sentences."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+
+from ohmward.simulate.closed_loop.scenario import Scenario
+from ohmward.traction.control import Flag, Report
+from ohmward.traction.control.limits import SAME_TORQUE
+
+_SENTENCES: dict[IntFlag, str] = {
+    Flag.STALE: "the speed was too old or too uncertain to act on, and the torque went to zero; give the robot another "
+    "sensor (sensors.speed, sensors.encoders, sensors.pitch) or a faster link",
+    Flag.UNREACHABLE: "the slip asked for did not come about although the torque was at its limit: friction or torque "
+    "cannot give it; ask for another slip or raise controller.torque_limit_Nm",
+    Flag.BAD_COMMAND: "the command was not understood, and the torque went to zero",
+}
+
+
+class Watch:
+    """Counts what went wrong, wheel by wheel.
+
+    Args:
+        scenario: that is driven.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._places = [p.name for p in scenario.model.places]
+        self._duration_s = 0.0
+        self._flagged_s = {flag: np.zeros(scenario.model.driven) for flag in _SENTENCES}
+        self._short_s = 0.0
+
+    def see(self, report: Report, asked_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
+        """One step of the controller, and what the battery left of its torque."""
+        self._duration_s += dt_s
+        flags = np.asarray(report.flags).astype(int)
+        for flag, seconds in self._flagged_s.items():
+            seconds += np.where(flags & flag, dt_s, 0.0)
+        if np.abs(asked_Nm - torque_Nm).max() > SAME_TORQUE:
+            self._short_s += dt_s
+
+    def sentences(self) -> tuple[str, ...]:
+        """One for each thing that went wrong."""
+        found = [
+            f"{self._places[k]}, {100 * seconds[k] / self._duration_s:.1f} % of the time: {_SENTENCES[flag]}"
+            for flag, seconds in self._flagged_s.items()
+            for k in np.flatnonzero(seconds)
+        ]
+        if self._short_s:
+            share = 100 * self._short_s / self._duration_s
+            found.append(f"{share:.1f} % of the time: the battery's voltage or power limited the torque")
+        return tuple(found)
