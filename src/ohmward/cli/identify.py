@@ -165,20 +165,19 @@ def initial_soc(text: str) -> tuple[str, float]:
 
 
 def _identify(logs: list[Log], args: argparse.Namespace) -> Identified:
-    from ohmward.battery.identification import identify_in_detail
+    from ohmward.battery.identification import Settings, identify_in_detail
 
+    settings = Settings(
+        args.capacity_ah,
+        args.model,
+        args.chemistry,
+        args.n_series,
+        args.name,
+        _starts(logs, args.initial_soc),
+        args.idle_current,
+    )
     with progress() as report:
-        return identify_in_detail(
-            logs,
-            capacity_Ah=args.capacity_ah,
-            model=args.model,
-            chemistry=args.chemistry,
-            n_series=args.n_series,
-            name=args.name,
-            initial_soc=_starts(logs, args.initial_soc),
-            idle_current_A=args.idle_current,
-            progress=report,
-        )
+        return identify_in_detail(logs, settings, report)
 
 
 def _notes(logs: list[Log]) -> list[str]:

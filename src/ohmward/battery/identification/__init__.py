@@ -5,8 +5,9 @@ from ohmward.battery.identification.identify import (
     MODELS,
     Identified,
     LogDetails,
+    Settings,
     identify,
     identify_in_detail,
 )
 
-__all__ = ["DEFAULT_MODEL", "MODELS", "Identified", "LogDetails", "identify", "identify_in_detail"]
+__all__ = ["DEFAULT_MODEL", "MODELS", "Identified", "LogDetails", "Settings", "identify", "identify_in_detail"]

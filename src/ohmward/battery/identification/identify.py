@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -46,15 +47,15 @@ Progress = Callable[[str, float], None]
 
 
 class Settings(NamedTuple):
-    """What the caller said about the battery; see `identify`."""
+    """What the caller says about the battery; see `identify`."""
 
     capacity_Ah: float
-    model: str
-    chemistry: str
-    n_series: int
-    name: str
-    initial_soc: Mapping[str, float]
-    idle_current_A: float | None
+    model: str = DEFAULT_MODEL
+    chemistry: str = ""
+    n_series: int = 1
+    name: str = ""
+    initial_soc: Mapping[str, float] = MappingProxyType({})
+    idle_current_A: float | None = None
 
 
 class LogDetails(NamedTuple):
@@ -129,46 +130,24 @@ def identify(
     Raises:
         InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
     """
-    return identify_in_detail(
-        logs,
-        capacity_Ah=capacity_Ah,
-        model=model,
-        chemistry=chemistry,
-        n_series=n_series,
-        name=name,
-        initial_soc=initial_soc,
-        idle_current_A=idle_current_A,
-        progress=progress,
-    ).battery
+    settings = Settings(capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A)
+    return identify_in_detail(logs, settings, progress).battery
 
 
-def identify_in_detail(
-    logs: Log | Sequence[Log],
-    *,
-    capacity_Ah: float,
-    model: str = DEFAULT_MODEL,
-    chemistry: str = "",
-    n_series: int = 1,
-    name: str = "",
-    initial_soc: Mapping[str, float] | None = None,
-    idle_current_A: float | None = None,
-    progress: Progress | None = None,
-) -> Identified:
+def identify_in_detail(logs: Log | Sequence[Log], settings: Settings, progress: Progress | None = None) -> Identified:
     """As `identify`, with what every stage found."""
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    settings = Settings(
-        capacity_Ah, model, chemistry, n_series, name or _name(logs), dict(initial_soc or {}), idle_current_A
-    )
     _check(settings, logs)
+    settings = settings._replace(name=settings.name or logs[0].name)
     report = progress or (lambda stage, share: None)
     report("charge, rests and pulses", 0.0)
-    records = tuple(r for log in logs for r in make_records(log, capacity_Ah, idle_current_A or 0.0))
+    records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
     report("open-circuit voltage", 0.05)
     stage = _before_the_fit(records, settings)
     if not stage.records:
         return _curve_alone(stage, records, settings)
     report("circuit", 0.1)
-    if model == "rc":
+    if settings.model == "rc":
         return _rc(stage, records, settings)
     return _thevenin(stage, records, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
 
@@ -380,10 +359,6 @@ def _reference_degC(records: Sequence[Record]) -> float:
 def _temperatures_differ(records: Sequence[Record]) -> bool:
     known = [t for r in records if (t := r.typical_degC()) is not None]
     return bool(known) and max(known) - min(known) > _OTHER_TEMPERATURE_K
-
-
-def _name(logs: Sequence[Log]) -> str:
-    return logs[0].name if logs else ""
 
 
 def _check(settings: Settings, logs: Sequence[Log]) -> None:
