@@ -83,7 +83,7 @@ def test_the_band_covers_robots_whose_sensors_and_models_are_wrong(method, model
     socs, clean_V = simulate_robots(model, current_A, soc + errors.soc, errors, rng)
     shown_A = current_A[:, None] + errors.offset_A + NOISE.current_std_A * rng.standard_normal((steps, RUNS))
     shown_V = clean_V + NOISE.voltage_std_V * rng.standard_normal((steps, RUNS))
-    settings = TheveninFilter(model, NOISE, method, rest_current_A=0.0)
+    settings = TheveninFilter(model, NOISE, method, idle_current_A=0.0)
     first = Sample(0.0, 0.0, np.nan, 25.0)
     start = settings.init(first, soc)
     columns = Sample(np.r_[0.0, np.ones(steps - 1)], shown_A, shown_V, np.full(steps, 25.0))

@@ -43,8 +43,8 @@ def test_every_estimator_runs_streams_alike_and_stays_near_the_truth(name):
 def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
     undeclared = make_estimator("ekf", BOTH)
     declared = make_estimator("ekf", replace(BOTH, idle_current_A=0.0))
-    assert isinstance(undeclared, TheveninFilter) and undeclared.rest_current_A is None
-    assert isinstance(declared, TheveninFilter) and declared.rest_current_A == 0.0
+    assert isinstance(undeclared, TheveninFilter) and undeclared.idle_current_A is None
+    assert isinstance(declared, TheveninFilter) and declared.idle_current_A == 0.0
 
 
 def test_refusals():

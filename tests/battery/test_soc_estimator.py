@@ -23,7 +23,7 @@ TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)
 COLUMNS = samples(TRUTH, 0.03, NOISE)
 LOG = Log("drive", TRUTH.time_s + 100.0, COLUMNS.current_A, COLUMNS.voltage_V)
 ESTIMATORS: dict[str, Estimator] = {
-    "ekf": TheveninFilter(LFP, NOISE, rest_current_A=0.0),
+    "ekf": TheveninFilter(LFP, NOISE, idle_current_A=0.0),
     "ukf": TheveninFilter(LFP, NOISE, "ukf"),
     "aekf": TheveninFilter(LFP, NOISE, "ekf", matching=True),
     "aukf": TheveninFilter(LFP, NOISE, "ukf", matching=True),
@@ -138,7 +138,7 @@ def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
 
 
 def test_the_identity_is_that_of_equal_settings():
-    again = TheveninFilter(LFP, Noise(), rest_current_A=0.0)
+    again = TheveninFilter(LFP, Noise(), idle_current_A=0.0)
     assert snapshot.identity(again) == snapshot.identity(ESTIMATORS["ekf"])
 
 

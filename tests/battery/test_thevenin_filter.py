@@ -120,14 +120,14 @@ def test_on_a_straight_cell_both_methods_agree(method):
 @pytest.mark.parametrize("offset_A", [-0.1, 0.05])
 def test_rest_shows_the_offset_of_the_current_sensor(method, offset_A):
     truth = simulate(LFP, drive(np.random.default_rng(5), 3000), 0.8)
-    _, estimates = scan(TheveninFilter(LFP, NOISE, method, rest_current_A=0.0), samples(truth, offset_A, NOISE), 0.8)
+    _, estimates = scan(TheveninFilter(LFP, NOISE, method, idle_current_A=0.0), samples(truth, offset_A, NOISE), 0.8)
     assert estimates.current_offset_A[-1] == pytest.approx(offset_A, abs=0.008)
     assert np.mean(estimates.flags.astype(int) & Flag.REST > 0) == pytest.approx(1 / 8, abs=0.07)
 
 
 def test_rest_at_the_declared_idle_current_is_no_offset():
     truth = simulate(LFP, np.full(600, -0.4), 0.8)
-    _, estimates = scan(TheveninFilter(LFP, NOISE, rest_current_A=-0.4), samples(truth, 0.03, NOISE), 0.8)
+    _, estimates = scan(TheveninFilter(LFP, NOISE, idle_current_A=-0.4), samples(truth, 0.03, NOISE), 0.8)
     assert estimates.current_offset_A[-1] == pytest.approx(0.03, abs=0.008)
 
 
@@ -140,7 +140,7 @@ def test_without_a_declared_rest_it_learns_no_offset_from_one():
 def test_a_small_true_current_is_no_rest_once_the_offset_is_known():
     current = np.concatenate([np.zeros(900), np.full(900, -0.25)])
     columns = samples(simulate(LFP, current, 0.8), 0.05, NOISE)
-    _, estimates = scan(TheveninFilter(LFP, NOISE, rest_current_A=0.0), columns, 0.8)
+    _, estimates = scan(TheveninFilter(LFP, NOISE, idle_current_A=0.0), columns, 0.8)
     resting = estimates.flags.astype(int) & Flag.REST > 0
     assert resting[100:900].mean() > 0.75
     assert not resting[901:].any()
@@ -190,7 +190,7 @@ def test_a_worn_battery_shows_in_its_capacity_and_resistance():
     hours = np.tile(np.repeat([-0.8, 0.8], 3600), 5)
     truth = simulate(worn, hours, 0.95, hysteresis=0.0)
     noise = replace(NOISE, capacity_std=0.2, resistance_std=0.5)
-    _, estimates = scan(TheveninFilter(NMC, noise, rest_current_A=None), samples(truth, 0.0, NOISE))
+    _, estimates = scan(TheveninFilter(NMC, noise, idle_current_A=None), samples(truth, 0.0, NOISE))
     assert estimates.capacity_share[-1] == pytest.approx(0.8, abs=0.04)
     assert estimates.resistance_share[-1] == pytest.approx(1.5, abs=0.1)
 
@@ -207,7 +207,7 @@ def test_the_voltage_never_hurts(method):
 def test_knowing_the_rest_never_hurts():
     truth = simulate(LFP, drive(np.random.default_rng(8), 3000), 0.8)
     columns = samples(truth, 0.03, NOISE)
-    _, told = scan(TheveninFilter(LFP, NOISE, rest_current_A=0.0), columns, 0.8)
+    _, told = scan(TheveninFilter(LFP, NOISE, idle_current_A=0.0), columns, 0.8)
     _, untold = scan(TheveninFilter(LFP, NOISE), columns, 0.8)
     assert told.soc_std[-1] < untold.soc_std[-1]
 
@@ -259,7 +259,7 @@ def test_names_of_the_belief():
         ({"current_limit_C": math.nan}, "current_limit_C must be finite, got nan"),
         ({"rest_hold_s": -1.0}, "rest_hold_s must be >= 0, got -1"),
         ({"patience_s": -1.0}, "patience_s must be >= 0, got -1"),
-        ({"rest_current_A": math.inf}, "rest_current_A must be finite, got inf"),
+        ({"idle_current_A": math.inf}, "idle_current_A must be finite, got inf"),
     ],
 )
 def test_refuses(settings, message):

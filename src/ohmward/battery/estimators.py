@@ -27,12 +27,12 @@ DEFAULT = "ekf"
 class Settings(NamedTuple):
     """What a user may say about the use of the battery, whatever the estimator.
 
-    rest_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
+    idle_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
         when unknown.
     gap_s: a longer step between two samples says nothing about the current in between [s].
     """
 
-    rest_current_A: float | None = None
+    idle_current_A: float | None = None
     gap_s: float = 600.0
 
 
@@ -92,7 +92,7 @@ def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Theven
             battery.noise,
             method=method,
             matching=matching,
-            rest_current_A=settings.rest_current_A,
+            idle_current_A=settings.idle_current_A,
             gap_s=settings.gap_s,
         )
 

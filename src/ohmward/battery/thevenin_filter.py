@@ -101,7 +101,7 @@ class TheveninFilter:
         method: "ekf" or "ukf" (redrawn sigma points).
         matching: learn R from the residuals (AEKF, AUKF), `noise` being the floor.
         window: effective samples of that; [T] takes 100.
-        rest_current_A: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown,
+        idle_current_A: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown,
             then a rest teaches nothing about the current sensor.
         rest_hold_s: how long the current must look like rest first.
         gap_s: a longer step between two samples says nothing about the current in between.
@@ -115,7 +115,7 @@ class TheveninFilter:
     method: str = "ekf"
     matching: bool = False
     window: float = 100.0
-    rest_current_A: float | None = None
+    idle_current_A: float | None = None
     rest_hold_s: float = 30.0
     gap_s: float = 600.0
     gate: float = 25.0
@@ -130,8 +130,8 @@ class TheveninFilter:
         require_between("window", self.window, 1.0, math.inf)
         require_between("rest_hold_s", self.rest_hold_s, 0.0, math.inf)
         require_between("patience_s", self.patience_s, 0.0, math.inf)
-        if self.rest_current_A is not None:
-            require_finite("rest_current_A", self.rest_current_A)
+        if self.idle_current_A is not None:
+            require_finite("idle_current_A", self.idle_current_A)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -295,9 +295,9 @@ class TheveninFilter:
         It looks like rest where the current is the declared one within three sigma of its noise and two of the offset.
         A wider gate would take another steady current for the declared one, and learn the difference as an offset.
         """
-        if self.rest_current_A is None:
+        if self.idle_current_A is None:
             return 0.0 * reading.dt_s, reading.dt_s < 0.0
-        excess = reading.now.current_A - self.rest_current_A - prior.mean[-4]
+        excess = reading.now.current_A - self.idle_current_A - prior.mean[-4]
         reach = 2.0 * np.sqrt(maximum(prior.cov[-4, -4], 0.0)) + 3.0 * self.noise.current_std_A
         looks = (abs(excess) < reach) & (reading.known > 0.5)
         rest_s = where(looks, state.rest_s + reading.dt_s, 0.0)
@@ -305,12 +305,12 @@ class TheveninFilter:
 
     def zero_current_update(self, belief: Belief, reading: Reading) -> Belief:
         """The belief once the sensor's reading at a known current has been used: it is the offset."""
-        if self.rest_current_A is None:
+        if self.idle_current_A is None:
             return belief
         offset = belief.mean[-4]
         R = self.noise.current_std_A**2
         K = belief.cov[:, -4] / (belief.cov[-4, -4] + R)
-        mean = belief.mean + K * (reading.now.current_A - self.rest_current_A - offset)
+        mean = belief.mean + K * (reading.now.current_A - self.idle_current_A - offset)
         return Belief(mean, mirror_lower(belief.cov - np.outer(K, belief.cov[-4])))
 
     def learn(self, state: FilterState, correction: Correction, residual: np.ndarray) -> adaptive.NoiseEstimate:

@@ -112,7 +112,7 @@ def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:
     from ohmward.battery.soc_estimator import SocEstimator
 
     rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
-    settings = Settings(rest_current_A=None if rest == UNKNOWN else rest)
+    settings = Settings(idle_current_A=None if rest == UNKNOWN else rest)
     estimator = make_estimator(name, task.battery, settings)
     with progress() as report:
         told = (lambda done, total: report(name, done / total)) if report else None
