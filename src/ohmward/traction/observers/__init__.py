@@ -3,20 +3,28 @@
 from ohmward.traction.observers.encoder import wheel_speeds
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
 from ohmward.traction.observers.noise import Noise, quantisation_std_rad_s
+from ohmward.traction.observers.observer_for import FILTERS, Chosen, observer_for
 from ohmward.traction.observers.slip_test import SlipTest
 from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
 from ohmward.traction.observers.states import KNOWN_GROUND, States
+from ohmward.traction.observers.track import SlipEstimator, Track, observe
 
 __all__ = [
+    "FILTERS",
     "KNOWN_GROUND",
+    "Chosen",
     "Estimate",
     "Flag",
     "Noise",
     "ObserverState",
     "Sample",
+    "SlipEstimator",
     "SlipTest",
     "SpeedObserver",
     "States",
+    "Track",
+    "observe",
+    "observer_for",
     "quantisation_std_rad_s",
     "wheel_speeds",
 ]

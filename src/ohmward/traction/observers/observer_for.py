@@ -1,0 +1,210 @@
+"""An observer for a robot and a log of it: which sensors there are, how wrong they are, which states that allows.
+
+What can be seen in the log is measured there: quantisation and noise of encoders, noise of gyro and accelerometer, the
+sampling interval. What cannot (offsets, the torque constant, the ground) keeps the values of `Noise`. Every choice is a
+note.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
+from ohmward.traction.chassis import Differential, SkidSteer
+from ohmward.traction.dynamics import scene
+from ohmward.traction.observers.noise import Noise
+from ohmward.traction.observers.speed_observer import SpeedObserver
+from ohmward.traction.observers.states import States
+from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.terrain import Terrain
+
+#: Filters by name: method, and whether R of the encoders is matched.
+FILTERS = {"ekf": ("ekf", False), "aekf": ("ekf", True), "ukf": ("ukf", False), "aukf": ("ukf", True)}
+
+#: Least standard deviations that a log may claim for its sensors: rad/s of an encoder, rad/s of a gyro with its offset,
+#: m/s^2 of an accelerometer on a robot that shakes, rad of an attitude filter, m/s of a speed from outside.
+LEAST_ENCODER_RAD_S = 0.01
+LEAST_GYRO_RAD_S = 0.01
+LEAST_ACCELEROMETER_M_S2 = 0.2
+PITCH_RAD = math.radians(0.5)
+LEAST_SPEED_M_S = 0.05
+
+#: Where nobody measures the motor currents: the push of a wheel over its load, and for how long [s].
+UNKNOWN_PUSH, PUSH_S = 0.3, 1.0
+
+#: Of the effective radius where a speed from outside can show it, relative: wheels measured with a ruler. Where nothing
+#: can, the radius must be known as well as `Noise` says, and calibrated.
+RADIUS_STD = 0.02
+
+#: Accelerometer offsets that nobody calibrated: mounted 2 degrees off.
+ACCELEROMETER_OFFSET_M_S2 = 0.35
+
+#: A skid-steered robot turns as the ground lets it, not as its wheels say [rad/s over the root of a second].
+SCRUBBING_YAW_WALK = 3.0
+
+#: A step so many times as long as the usual one is a gap.
+GAP_STEPS = 2.5
+
+#: Median absolute deviation to standard deviation of a normal error.
+_MAD = 1.4826
+_FEWEST = 10
+_SAME = 1e-9
+
+
+class Chosen(NamedTuple):
+    """An observer, and what was decided to make it."""
+
+    observer: SpeedObserver
+    notes: tuple[Note, ...]
+
+
+def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf") -> Chosen:
+    """The observer for this robot on this ground with what the log has.
+
+    terrain: the ground that is believed at first.
+    name: "ekf", "aekf", "ukf" or "aukf".
+
+    Raises:
+        InputError: an unknown name.
+    """
+    if name not in FILTERS:
+        raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {name!r}")
+    method, matching = FILTERS[name]
+    rolling, scrubs = without_scrubbing(robot)
+    noise = noise_of(rolling, log)
+    if scrubs:
+        noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
+    states = states_of(noise, log)
+    observer = SpeedObserver(
+        scene(rolling, terrain),
+        states,
+        noise,
+        method,
+        matching,
+        gap_s=max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log)),
+    )
+    ground = Note(f"ground believed to be {terrain.name}; its friction and stiffness are estimated")
+    return Chosen(observer, (ground, *scrubs, *notes_of(noise, log)))
+
+
+def without_scrubbing(robot: Robot) -> tuple[Robot, tuple[Note, ...]]:
+    """The robot as the observer can have it: one that drags its wheels sideways rolls freely and needs a gyro."""
+    chassis = robot.chassis
+    if not isinstance(chassis, SkidSteer):
+        return robot, ()
+    free = Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all")
+    text = (
+        "a skid-steered robot is observed as one whose wheels are free sideways; its turns are the gyro's, not theirs"
+    )
+    return replace(robot, chassis=free), (Note(text),)
+
+
+def noise_of(robot: Robot, log: DriveLog) -> Noise:
+    """How wrong the sensors of this log are, and which there are; the accelerometer serves where currents do not."""
+    driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
+    has = set(log.channels)
+    knows_force = np.isfinite(log.motor_current_A).any()
+    accelerates = "acceleration_m_s2" in has and not knows_force
+    return Noise(
+        encoder_std_rad_s=encoder_std_rad_s(driven),
+        passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
+        gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
+        speed_std_m_s=speed_std_m_s(log) if "speed_m_s" in has else None,
+        pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
+        accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
+        accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
+        radius_std=RADIUS_STD if "speed_m_s" in has else Noise.radius_std,
+        torque_std_Nm=Noise.torque_std_Nm if knows_force else unknown_torque_Nm(robot, usual_step_s(log)),
+        initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
+    )
+
+
+def unknown_torque_Nm(robot: Robot, step_s: float) -> float:
+    """Of a torque that nobody measures: any that the ground takes, for as long as robots push, as white noise."""
+    load_N = robot.mass_kg * GRAVITY / len(robot.places)
+    return UNKNOWN_PUSH * load_N * robot.wheel.radius_m * math.sqrt(max(PUSH_S / max(step_s, _SAME), 1.0))
+
+
+def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
+    """Size of the first speed that the wheels (T, driven) show [m/s]."""
+    known = wheel_speed_rad_s[np.isfinite(wheel_speed_rad_s)]
+    return abs(float(known[0])) * robot.wheel.radius_m if known.size else 0.0
+
+
+def states_of(noise: Noise, log: DriveLog) -> States:
+    """What the log can show: without motor currents there is no force, so the ground is what it is believed to be."""
+    knows_force = bool(np.isfinite(log.motor_current_A).any())
+    return States(
+        friction="one" if knows_force else "known",
+        stiffness=knows_force,
+        grade=knows_force,
+        accelerometer_offset=noise.accelerometer_std_m_s2 is not None,
+    )
+
+
+def encoder_std_rad_s(wheel_speed_rad_s: np.ndarray) -> float:
+    """The largest noise [rad/s] of these wheels (T, wheels): of quantisation or of what else jumps; there is a floor.
+
+    A speed from counts moves in steps q = 2 pi / (counts dt): variance q^2/12 for each of its two counts.
+    """
+    stds = [LEAST_ENCODER_RAD_S]
+    for speed in wheel_speed_rad_s.T:
+        stds += [quantum(speed) / math.sqrt(6), noise_std(speed, 0.0)]
+    return max(stds)
+
+
+def quantum(values: np.ndarray) -> float:
+    """The step in which a channel (T,) moves: the smallest one that is usual among its changes; 0 without changes."""
+    change = np.abs(np.diff(values[np.isfinite(values)]))
+    change = change[change > _SAME]
+    return float(np.quantile(change, 0.01)) if change.size else 0.0
+
+
+def noise_std(values: np.ndarray | None, least: float) -> float:
+    """Standard deviation of the white noise of a channel (T,): of each sample against the line through its neighbours.
+
+    Robust against what the robot really does, as long as that is slow; not below `least`.
+    """
+    known = np.empty(0) if values is None else values[np.isfinite(values)]
+    if known.size < _FEWEST:
+        return max(least, 0.0)
+    off_line = known[1:-1] - 0.5 * (known[:-2] + known[2:])
+    return max(least, _MAD * float(np.median(np.abs(off_line))) / math.sqrt(1.5))
+
+
+def speed_std_m_s(log: DriveLog) -> float:
+    """Of the speed from outside where a sample does not carry its own."""
+    if log.speed_std_m_s is not None and "speed_std_m_s" in log.channels:
+        return float(np.nanmedian(log.speed_std_m_s))
+    return noise_std(log.speed_m_s, LEAST_SPEED_M_S)
+
+
+def usual_step_s(log: DriveLog) -> float:
+    """Median time between samples [s]; 0 with one sample."""
+    return float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
+
+
+def notes_of(noise: Noise, log: DriveLog) -> tuple[Note, ...]:
+    """What the observer takes its sensors to be."""
+    stds = {
+        "encoders": (noise.encoder_std_rad_s, "rad/s"),
+        "encoders of passive wheels": (noise.passive_std_rad_s, "rad/s"),
+        "gyro": (noise.gyro_std_rad_s, "rad/s"),
+        "speed from outside": (noise.speed_std_m_s, "m/s"),
+        "pitch": (noise.pitch_std_rad, "rad"),
+        "accelerometer": (noise.accelerometer_std_m_s2, "m/s2"),
+    }
+    used = ", ".join(f"{name} {std:.2g} {unit}" for name, (std, unit) in stds.items() if std is not None)
+    notes = [Note(f"standard deviations taken from the log: {used}")]
+    if "acceleration_m_s2" in log.channels and noise.accelerometer_std_m_s2 is None:
+        notes.append(Note("the accelerometer is not used: the motor currents tell the same force"))
+    if not np.isfinite(log.motor_current_A).any():
+        text = "no motor currents: any torque up to the grip of the wheels counts as possible, so bands are wide"
+        notes.append(Note(text, "warning"))
+    return tuple(notes)

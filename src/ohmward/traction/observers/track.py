@@ -1,0 +1,148 @@
+"""An observer over a recorded drive, and for people one that remembers its state."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.trace import Kernel, snapshot
+from ohmward.traction.observers.estimate import Estimate, Flag, Sample
+from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
+
+Progress = Callable[[int, int], None]
+
+
+class Track(NamedTuple):
+    """An observer's answer to a whole drive.
+
+    time_s: (T,) the log's.
+    estimates: every field with time (T,) in front: (T,) of the body, (T, driven) of the wheels.
+    seconds: what it took, compilation included.
+    """
+
+    time_s: np.ndarray
+    estimates: Estimate
+    seconds: float
+
+    def counts(self) -> dict[str, int]:
+        """How many samples carry each flag, by name; flags that never occur are left out."""
+        flags = self.estimates.flags.astype(int)
+        counted = {flag.name.lower(): int(np.count_nonzero(flags & flag)) for flag in Flag if flag.name}
+        return {name: count for name, count in counted.items() if count}
+
+
+def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> Track:
+    """What the observer knows at every sample of a drive.
+
+    progress: called now and then with (steps done, T).
+
+    Raises:
+        InputError: the log is of a robot with other wheels.
+    """
+    return SlipEstimator(observer).run(log, progress)
+
+
+class SlipEstimator:
+    """Speed and slip, live or from logs.
+
+    >>> estimator = SlipEstimator(SpeedObserver(scene(RLMA, hard_terrain("gravel"))))    # doctest: +SKIP
+    >>> estimator.update(Sample(0.01, np.array([1.0, 1.0, nan, nan]), np.array([0.5, 0.5]))).speed_m_s
+    0.119
+
+    Args:
+        observer: settings; `observer_for` finds some for a robot and a log.
+    """
+
+    def __init__(self, observer: SpeedObserver):
+        self.observer = observer
+        self.state: ObserverState | None = None
+        self.time_s = math.nan
+        self._kernel: Kernel | None = None
+
+    def update(self, sample: Sample) -> Estimate:
+        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`."""
+        if self.state is None:
+            self._start(sample)
+        self.time_s = _later(self.time_s, sample.dt_s)
+        self.state, estimate = self.kernel(self.state, sample)
+        return estimate
+
+    def run(self, log: DriveLog, progress: Progress | None = None) -> Track:
+        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
+        began = time.perf_counter()
+        samples = samples_of(log, self.observer, self.time_s)
+        if self.state is None:
+            self._start(first_of(samples))
+        self.state, estimates = self.kernel.scan(self.state, samples, progress)
+        self.time_s = float(log.time_s[-1])
+        return Track(log.time_s, estimates, time.perf_counter() - began)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+
+        Raises:
+            InputError: there is no state before the first sample.
+        """
+        if self.state is None:
+            raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
+        return snapshot.take(self.observer, self.state, self.time_s)
+
+    def restore(self, taken: Mapping[str, Any]) -> None:
+        """Go on from a snapshot.
+
+        Raises:
+            InputError: it is of another version, another robot, ground or other settings, or damaged.
+        """
+        example = self.observer.init(self.observer.no_sample())
+        self.state, self.time_s = snapshot.resume(self.observer, example, taken)
+
+    @property
+    def kernel(self) -> Kernel:
+        """The compiled step."""
+        if self._kernel is None:
+            self._kernel = Kernel(self.observer.step, self.state, self.observer.no_sample())
+        return self._kernel
+
+    def _start(self, first: Sample) -> None:
+        self.state = self.observer.init(first)
+
+
+def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> Sample:
+    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+
+    Raises:
+        InputError: the log has other wheels than the observer's robot.
+    """
+    robot, found = observer.scene.robot, (log.wheel_speed_rad_s.shape[1], log.motor_current_A.shape[1])
+    if found != (len(robot.places), robot.driven):
+        raise InputError(
+            f"log {log.name!r} has {found[0]} wheels and {found[1]} motors, robot {robot.name!r} has "
+            f"{len(robot.places)} and {robot.driven}; read the log for this robot"
+        )
+    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
+    nothing = np.full(len(log), math.nan)
+    given = {name: nothing if (values := getattr(log, name)) is None else values for name in Sample._fields[3:]}
+    return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
+
+
+def first_of(samples: Sample) -> Sample:
+    """A sample to start from: of every wheel and motor the first value that was measured."""
+    wheels, currents = _first_known(samples.wheel_speed_rad_s), _first_known(samples.current_A)
+    return Sample(0.0, wheels, currents)
+
+
+def _first_known(values: np.ndarray) -> np.ndarray:
+    """(N,) of each column of (T, N) the first finite value, nan where there is none."""
+    rows = np.argmax(np.isfinite(values), axis=0)
+    return values[rows, np.arange(values.shape[1])]
+
+
+def _later(time_s: float, dt_s: float) -> float:
+    """The clock after a step; it begins at 0 and does not run backwards."""
+    return max(dt_s, 0.0) + (0.0 if math.isnan(time_s) else time_s)
