@@ -15,7 +15,7 @@ from ohmward.traction.dynamics import weight_along_ground
 from ohmward.traction.laws import CoulombCreep, contact
 from ohmward.traction.motor import wheel_torque
 from ohmward.traction.robot import GRAVITY
-from traction.examples import HARD, LOSSY, ROBOTS, SLIPPERY, TERRAINS
+from traction.examples import HARD, LOSSY, LOW, ROBOTS, SLIPPERY, TERRAINS
 
 LOAD = 42.0 * GRAVITY / 4
 SKID = ROBOTS["skid-steer"]
@@ -35,7 +35,7 @@ def test_straight_ahead_it_is_one_wheel_twice(v, omega, current):
     rolling = -LOAD * np.sign(v) * (0.0075 * (1 - np.exp(-50 * abs(v))) + 0.02 * abs(v))
     acceleration = (2 * traction + 4 * rolling) / (42.0 + 2 * 0.0108 / 0.12**2)
     wheel = (0.517 * current - 0.12 * traction) / 0.0108
-    found = rates(np.array([v, 0.0, omega, omega]), Input(np.full(2, current)), scene(RLMA, HARD))
+    found = rates(np.array([v, 0.0, omega, omega]), Input(np.full(2, current)), scene(LOW, HARD))
     np.testing.assert_allclose(found, [acceleration, 0.0, wheel, wheel], rtol=1e-9, atol=1e-6)
 
 
@@ -69,7 +69,7 @@ def test_value_and_jacobian_are_those_of_casadi(x, current):
     symbol = casadi.SX.sym("x", 4)
     expression = casadi_rates(symbol, current, *RLMA.inertia[:2])
     oracle = casadi.Function("f", [symbol], [expression, casadi.jacobian(expression, symbol)])
-    value, J = linearize(lambda x: rates(x, Input(current), scene(RLMA, HARD)), x)
+    value, J = linearize(lambda x: rates(x, Input(current), scene(LOW, HARD)), x)
     expected_value, expected_J = (np.array(out) for out in oracle(x))
     np.testing.assert_allclose(value, expected_value.ravel(), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(J, expected_J, rtol=1e-9, atol=1e-8)

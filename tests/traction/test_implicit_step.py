@@ -13,10 +13,10 @@ from ohmward.traction import ALEXANDER, EULER, RLMA, Input, RollingResistance, T
 from ohmward.traction.implicit_step import solve
 from ohmward.traction.laws import CoulombCreep
 from ohmward.traction.power import kinetic_energy, losses
-from traction.examples import HARD, ROBOTS, SLIPPERY, TERRAINS
+from traction.examples import HARD, LOW, ROBOTS, SLIPPERY, TERRAINS
 
 METHODS = {"euler": EULER, "alexander": ALEXANDER}
-P = scene(RLMA, HARD)
+P = scene(LOW, HARD)
 
 
 @cache
@@ -76,7 +76,7 @@ def test_explicit_steps_of_ten_milliseconds_blow_the_slip_up():
 @pytest.mark.parametrize("method", METHODS)
 def test_on_a_linear_law_it_is_the_methods_own_function_of_the_matrix(method):
     frictionless = Terrain("creep", CoulombCreep(10.0, 14.0), RollingResistance(0.0, 1.0, 0.0), "tests")
-    p, h = scene(RLMA, frictionless), 0.01
+    p, h = scene(LOW, frictionless), 0.01
     A = np.column_stack([rates(e, Input(np.zeros(2)), p) for e in 1e-3 * np.eye(4)]) / 1e-3
     x = np.array([0.3, 0.1, 2.0, 3.0])
     gamma = 1 - 1 / np.sqrt(2)

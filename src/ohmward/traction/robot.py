@@ -153,15 +153,26 @@ def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> fl
     return mass_kg * (length_m**2 + width_m**2) / 12
 
 
-#: The robot of [T]. Mass, axles, track, radius and box are given there; wheels are taken as even discs of 1.5 kg and
-#: the motors as 6.5-inch hub motors (16 rpm/V, 0.179 ohm), which [T] does not describe.
+def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
+    """Yaw inertia [kg m2] of a wheel, an even disc that stands so far from the centre of gravity."""
+    return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
+
+
+_RLMA_WHEEL_KG = 1.5
+_RLMA_WHEEL = Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=_RLMA_WHEEL_KG * 0.12**2 / 2)
+
+#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Wheels are taken as even
+#: discs of 1.5 kg, the box as even and 8 cm clear of the ground, the motors as 6.5-inch hub motors (16 rpm/V,
+#: 0.179 ohm): [T] describes none of them.
 RLMA = Robot(
     name="RLMA",
     mass_kg=42.0,
-    yaw_inertia_kg_m2=solid_box_yaw_inertia(42.0, 0.68, 0.38),
+    yaw_inertia_kg_m2=solid_box_yaw_inertia(42.0 - 4 * _RLMA_WHEEL_KG, 0.68, 0.38)
+    + 4 * disc_yaw_inertia(_RLMA_WHEEL_KG, _RLMA_WHEEL, math.hypot(0.314, 0.15)),
     chassis=Differential(front_m=0.314, rear_m=0.314, track_m=0.30),
-    wheel=Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=1.5 * 0.12**2 / 2),
+    wheel=_RLMA_WHEEL,
     motor=Motor(torque_constant_Nm_per_A=0.517, resistance_ohm=0.179),
+    height_m=0.17,
 )
 
 #: Festo's Robotino as measured at Tomsk Polytechnic University (mass from the wheel loads); inertias and efficiency are

@@ -53,7 +53,7 @@ class RlmaParameters:
     rear_m: float = _CHASSIS.rear_m
     track_m: float = _CHASSIS.track_m
     body_m: tuple[float, float, float] = (0.68, 0.38, 0.20)
-    centre_height_m: float = 0.17
+    centre_height_m: float = RLMA.height_m
     driven: tuple[int, ...] = FRONT
     rolling_resistance: float = 0.01
     drag_N_s2_per_m2: float = 0.0
