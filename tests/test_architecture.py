@@ -45,6 +45,7 @@ ON_BOARD = [
     "ohmward.filters",
     "ohmward.trace",
     "ohmward.logs",
+    "ohmward.energy",
 ]
 
 #: What an on-board core must not pull in, however it is installed.

@@ -1,0 +1,345 @@
+"""Energy that a robot takes, by terrain, speed, slope and load: a linear model learned with its uncertainty.
+
+A stretch of time t, distance d, mean speed v, heights climbed and lost h+ and h-, and load share q = m / m_0 takes
+
+E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a m g h+ - b m g h- + e,     e ~ N(0, sigma^2 E_0)
+
+f_k [N] is the resistance of terrain k, losses of the drive included. `load` and `own_k` are what is different on this
+drive: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So what was learned on many
+drives is told apart from what this one shows, a mission under way sees its own day, and the next day is as uncertain as
+days are. E_0 is the energy expected before anything was learned: scatter comes in lumps, and long stretches average it.
+
+Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that what is predicted follows Student's t. For known
+variances this is exact Bayesian regression. The variances are learned from the part of each surprise that the update
+leaves to them (MacKay's count of well-determined parameters): with known coefficients that is the conjugate
+normal-inverse-gamma rule. The fully conjugate prior is not used, because there a smooth floor would make the robot
+sure of terrains that it has never seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_between, require_positive
+from ohmward.energy.leg import Stretch
+from ohmward.errors import InputError
+from ohmward.traction.robot import GRAVITY
+
+#: What every terrain shares, in the order of the vector; then `force` and `own` of each terrain.
+SHARED = ("idle_W", "speed_N_s_per_m", "climb", "descent", "load")
+LOAD = SHARED.index("load")
+_DAYS_PER_MONTH = 30.0
+#: A drive tells of its own day only where it has narrowed it by this share.
+_LEAST_INFORMATION = 0.02
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed of a robot before it has driven, and of a terrain before it was met.
+
+    Attributes:
+        mass_kg: to which `force_N` belongs, > 0.
+        idle_W, idle_std_W: of everything but the drives.
+        force_N, force_std_N: resistance of an unknown terrain, at the battery.
+        speed_N_s_per_m, speed_std_N_s_per_m: how it grows with speed.
+        climb, climb_std: energy from the battery over the potential energy won, about 1/efficiency.
+        descent, descent_std: energy saved or regained over the potential energy lost.
+        scatter_J: sigma^2, variance of a stretch over its expected energy.
+        day_std: tau, how much the resistance differs from drive to drive, as a share.
+        drift_std: change of forces and idle power in a month, as a share of the prior's.
+        dof: degrees of freedom that the last two variances are believed with, >= 3.
+        terrain_force_N: resistance of terrains of which something is known before, by name.
+    """
+
+    mass_kg: float
+    idle_W: float
+    idle_std_W: float
+    force_N: float
+    force_std_N: float
+    speed_N_s_per_m: float = 0.0
+    speed_std_N_s_per_m: float = 0.0
+    climb: float = 1.3
+    climb_std: float = 0.25
+    descent: float = 0.6
+    descent_std: float = 0.3
+    scatter_J: float = 10.0
+    day_std: float = 0.15
+    drift_std: float = 0.05
+    dof: float = 4.0
+    terrain_force_N: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("mass_kg", "force_N", "force_std_N", "scatter_J", "day_std"):
+            require_positive(f"prior.{name}", getattr(self, name))
+        for name in ("idle_W", "idle_std_W", "speed_std_N_s_per_m", "climb_std", "descent_std", "drift_std"):
+            require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
+        for name in ("climb", "descent", "speed_N_s_per_m"):
+            require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
+        require_between("prior.dof", self.dof, 3.0, np.inf)
+        for name, force_N in self.terrain_force_N.items():
+            require_positive(f"prior.terrain_force_N.{name}", force_N)
+
+    def force_of(self, terrain: str) -> float:
+        """Resistance [N] that is expected of a terrain before it was met."""
+        return self.terrain_force_N.get(terrain, self.force_N)
+
+
+class Variance(NamedTuple):
+    """A variance with an inverse-gamma distribution: scale / dof its usual value, dof how surely it is known."""
+
+    dof: float
+    scale: float
+
+    @property
+    def value(self) -> float:
+        """The variance to compute with."""
+        return self.scale / self.dof
+
+    def learned(self, square: float, share: float) -> Variance:
+        """After an observation whose surprise leaves `share` of a degree of freedom to it, and this square."""
+        return Variance(float(self.dof + share), float(self.scale + square))
+
+
+class Visits(NamedTuple):
+    """How much was driven on a terrain."""
+
+    drives: int = 0
+    distance_m: float = 0.0
+    time_s: float = 0.0
+    energy_J: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Consumption:
+    """What is known of a robot's consumption. Immutable: `learn` and `begin_drive` return a new one.
+
+    Attributes:
+        prior: what was believed at the start.
+        terrains: (K,) names, in the order in which they were met.
+        mean: (5 + 2 K,) coefficients: `SHARED`, then force [N] and own share of each terrain.
+        cov: their covariance.
+        reference_N: (K,) forces to which the shares of this drive belong.
+        scatter: sigma^2 [J].
+        day: tau^2.
+        visits: (K,) what was driven there.
+        on_this_drive: terrains of the drive under way.
+        last_drive_unix_s: when the last drive ended, where its log had a wall clock.
+    """
+
+    prior: Prior
+    terrains: tuple[str, ...]
+    mean: np.ndarray
+    cov: np.ndarray
+    reference_N: tuple[float, ...]
+    scatter: Variance
+    day: Variance
+    visits: tuple[Visits, ...] = ()
+    on_this_drive: tuple[str, ...] = ()
+    last_drive_unix_s: float | None = None
+
+    def __post_init__(self) -> None:
+        n = len(SHARED) + 2 * len(self.terrains)
+        if self.mean.shape != (n,) or self.cov.shape != (n, n):
+            raise InputError(
+                f"consumption of {len(self.terrains)} terrains needs mean ({n},) and cov ({n}, {n}), "
+                f"got {self.mean.shape} and {self.cov.shape}"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coefficients."""
+        return SHARED + tuple(f"{kind}:{name}" for name in self.terrains for kind in ("force_N", "own"))
+
+    def force_index(self, terrain: str) -> int:
+        """Where the force of a terrain stands; its own share of this drive follows."""
+        return len(SHARED) + 2 * self.terrains.index(terrain)
+
+
+class Need(NamedTuple):
+    """Energy that stretches will take: mean, and variances by what is not known.
+
+    mean_J: expected.
+    learned_J2: what more drives would teach.
+    day_J2: what differs from drive to drive.
+    scatter_J2: what differs from place to place.
+    day_dof, scatter_dof: how well the last two are known.
+    """
+
+    mean_J: float
+    learned_J2: float
+    day_J2: float
+    scatter_J2: float
+    day_dof: float
+    scatter_dof: float
+
+    @property
+    def std_J(self) -> float:
+        """Standard deviation of all together."""
+        return float(np.sqrt(self.learned_J2 + self.day_J2 + self.scatter_J2))
+
+
+def start(prior: Prior) -> Consumption:
+    """What is known before the first drive."""
+    mean = np.array([prior.idle_W, prior.speed_N_s_per_m, prior.climb, prior.descent, 0.0])
+    std = [prior.idle_std_W, prior.speed_std_N_s_per_m, prior.climb_std, prior.descent_std, 0.0]
+    day = Variance(prior.dof, prior.dof * prior.day_std**2)
+    scatter = Variance(prior.dof, prior.dof * prior.scatter_J)
+    return begin_drive(Consumption(prior, (), mean, np.diag(np.square(std)), (), scatter, day))
+
+
+def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
+    """A new drive after so many days: the last one teaches how much drives differ, and what it was is forgotten."""
+    require_between("days", days, 0.0, np.inf)
+    day = _learn_day(c)
+    shares = [LOAD, *(c.force_index(name) + 1 for name in c.terrains)]
+    mean, cov = c.mean.copy(), c.cov.copy()
+    mean[shares] = 0.0
+    cov[shares, :] = cov[:, shares] = 0.0
+    cov[shares, shares] = day.value / 2
+    cov += np.diag(_drift_variance(c, days))
+    reference = tuple(max(mean[c.force_index(name)], 0.0) for name in c.terrains)
+    return replace(c, mean=mean, cov=cov, reference_N=reference, day=day, on_this_drive=())
+
+
+def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
+    """What is known after a stretch took this much from the battery.
+
+    Raises:
+        InputError: a time, distance or height below zero, or an energy that is no number.
+    """
+    _check(stretch, energy_J)
+    c = with_terrain(c, stretch.terrain) if stretch.terrain else c
+    x, expected_J = features(c, stretch), prior_energy_J(c.prior, stretch)
+    if expected_J <= 0.0:
+        return c
+    noise_J2 = c.scatter.value * expected_J
+    spread_J2 = x @ c.cov @ x + noise_J2
+    surprise_J = energy_J - x @ c.mean
+    gain = c.cov @ x / spread_J2
+    keep = np.eye(len(x)) - np.outer(gain, x)
+    left_J = surprise_J * noise_J2 / spread_J2
+    c = replace(
+        c,
+        mean=c.mean + gain * surprise_J,
+        cov=keep @ c.cov @ keep.T + noise_J2 * np.outer(gain, gain),
+        scatter=c.scatter.learned(left_J**2 / expected_J, noise_J2 / spread_J2),
+    )
+    return _visited(c, stretch, energy_J) if stretch.terrain else c
+
+
+def need(c: Consumption, stretches: Sequence[Stretch]) -> Need:
+    """Energy that stretches of the drive under way will take; for another day call `begin_drive` first.
+
+    Raises:
+        InputError: a terrain that is not known; `with_terrain` adds one with the prior's uncertainty.
+    """
+    x = np.sum([features(c, s) for s in stretches], axis=0)
+    shares = np.zeros(len(x), dtype=bool)
+    shares[[LOAD, *(c.force_index(name) + 1 for name in c.terrains)]] = True
+    all_J2, day_J2 = x @ c.cov @ x, x[shares] @ c.cov[np.ix_(shares, shares)] @ x[shares]
+    expected_J = sum(prior_energy_J(c.prior, s) for s in stretches)
+    return Need(
+        float(x @ c.mean),
+        float(max(all_J2 - day_J2, 0.0)),
+        float(min(day_J2, all_J2)),
+        c.scatter.value * expected_J,
+        c.day.dof,
+        c.scatter.dof,
+    )
+
+
+def with_terrain(c: Consumption, name: str) -> Consumption:
+    """The same with a terrain that has not been met; unchanged where it has."""
+    if name in c.terrains:
+        return c
+    force_N = c.prior.force_of(name)
+    std_N = c.prior.force_std_N * force_N / c.prior.force_N
+    n = len(c.mean)
+    cov = np.zeros((n + 2, n + 2))
+    cov[:n, :n] = c.cov
+    cov[n, n], cov[n + 1, n + 1] = std_N**2, c.day.value / 2
+    return replace(
+        c,
+        terrains=(*c.terrains, name),
+        mean=np.concatenate([c.mean, [force_N, 0.0]]),
+        cov=cov,
+        reference_N=(*c.reference_N, force_N),
+        visits=(*c.visits, Visits()),
+    )
+
+
+def features(c: Consumption, stretch: Stretch) -> np.ndarray:
+    """What each coefficient is multiplied by (5 + 2 K,) on this stretch."""
+    x = np.zeros(len(c.mean))
+    mass_kg = c.prior.mass_kg + stretch.payload_kg
+    loaded = mass_kg / c.prior.mass_kg
+    lift_N = mass_kg * GRAVITY
+    x[:LOAD] = (
+        stretch.time_s,
+        loaded * stretch.speed_distance_m2_s,
+        lift_N * stretch.climb_m,
+        -lift_N * stretch.descent_m,
+    )
+    if stretch.terrain:
+        _require_known(c, stretch.terrain)
+        k = c.force_index(stretch.terrain)
+        share_J = c.reference_N[c.terrains.index(stretch.terrain)] * loaded * stretch.distance_m
+        x[[k, k + 1, LOAD]] = loaded * stretch.distance_m, share_J, share_J
+    return x
+
+
+def prior_energy_J(prior: Prior, stretch: Stretch) -> float:
+    """E_0: what the stretch was expected to take before anything was learned, the slope left out."""
+    loaded = (prior.mass_kg + stretch.payload_kg) / prior.mass_kg
+    force_N = prior.force_of(stretch.terrain)
+    driven_J = force_N * stretch.distance_m + prior.speed_N_s_per_m * stretch.speed_distance_m2_s
+    return prior.idle_W * stretch.time_s + loaded * driven_J
+
+
+def _learn_day(c: Consumption) -> Variance:
+    """tau^2 after the drive that ends: each share has the variance tau^2 / 2, as far as the drive has shown it."""
+    day = c.day
+    shares = [c.force_index(name) + 1 for name in c.on_this_drive]
+    for k in [LOAD, *shares] if shares else []:
+        information = 1.0 - c.cov[k, k] / (c.day.value / 2)
+        if information > _LEAST_INFORMATION:
+            day = day.learned(2 * c.mean[k] ** 2, information)
+    return day
+
+
+def _drift_variance(c: Consumption, days: float) -> np.ndarray:
+    """What the coefficients have changed in so many days: a random walk."""
+    std = np.zeros(len(c.mean))
+    std[SHARED.index("idle_W")] = c.prior.drift_std * c.prior.idle_W
+    for name in c.terrains:
+        std[c.force_index(name)] = c.prior.drift_std * c.prior.force_of(name)
+    return std**2 * days / _DAYS_PER_MONTH
+
+
+def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
+    """With the counts of its terrain after a stretch."""
+    k, first = c.terrains.index(stretch.terrain), stretch.terrain not in c.on_this_drive
+    v = c.visits[k]
+    now = Visits(v.drives + first, v.distance_m + stretch.distance_m, v.time_s + stretch.time_s, v.energy_J + energy_J)
+    drive = (*c.on_this_drive, stretch.terrain) if first else c.on_this_drive
+    return replace(c, visits=(*c.visits[:k], now, *c.visits[k + 1 :]), on_this_drive=drive)
+
+
+def _require_known(c: Consumption, terrain: str) -> None:
+    if terrain not in c.terrains:
+        known = ", ".join(c.terrains) or "none yet"
+        raise InputError(
+            f"terrain {terrain!r} is not in the consumption table, which knows: {known}; name one of these, or drive "
+            "there once and learn it"
+        )
+
+
+def _check(stretch: Stretch, energy_J: float) -> None:
+    for name, value in zip(Stretch._fields[1:], stretch[1:], strict=True):
+        require_between(f"stretch.{name}", value, 0.0, np.inf)
+    if not np.isfinite(energy_J):
+        raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")

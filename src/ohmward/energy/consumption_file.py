@@ -1,0 +1,130 @@
+"""The consumption table: what a robot has learned about its energy, as TOML. It is the snapshot too."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ohmward.energy.consumption import SHARED, Consumption, Prior, Variance, Visits
+from ohmward.errors import InputError
+
+FORMAT = "ohmward-consumption/1"
+_HEADER = """\
+# What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
+# what is read back; these lines are for people, and written anew each time.
+"""
+_TABLES = ("prior", "scatter", "day", "terrain", "coefficients")
+
+
+def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
+    """Write the table; the file is either whole or not there.
+
+    Raises:
+        OhmwardError: the file cannot be written.
+    """
+    from ohmward.atomic import replacing
+
+    with replacing(Path(path)) as temporary:
+        temporary.write_text(dump_consumption(c), encoding="utf-8")
+
+
+def load_consumption(path: str | PathLike[str]) -> Consumption:
+    """The table in a file.
+
+    Raises:
+        InputError: the file cannot be read or is no consumption table; names file, key, rule and fix.
+    """
+    try:
+        return parse_consumption(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not text in UTF-8; is it a consumption table?") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def dump_consumption(c: Consumption) -> str:
+    """The text of the table; every digit is kept, so reading it back goes on to the bit."""
+    import tomli_w
+
+    clock = {} if c.last_drive_unix_s is None else {"last_drive_unix_s": float(c.last_drive_unix_s)}
+    data = {
+        "format": FORMAT,
+        **clock,
+        "prior": asdict(c.prior),
+        "scatter": _variance(c.scatter),
+        "day": _variance(c.day),
+        "terrain": [_terrain(c, k) for k in range(len(c.terrains))],
+        "coefficients": {"names": list(c.names), "mean": c.mean.tolist(), "cov": c.cov.tolist()},
+    }
+    lines = [_line(c, name) for name in c.terrains]
+    return "\n".join([_HEADER + "#", *lines, "", tomli_w.dumps(data)])
+
+
+def parse_consumption(text: str) -> Consumption:
+    """The table in a text.
+
+    Raises:
+        InputError: not TOML, another format, a key that is missing or of another kind.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is not valid TOML: {error}; correct the line") from error
+    if (found := data.get("format")) != FORMAT:
+        raise InputError(f'format must be "{FORMAT}", got {found!r}; a consumption table starts with that line')
+    if unknown := sorted(set(data) - {"format", "last_drive_unix_s", *_TABLES}):
+        raise InputError(f"{unknown[0]} is not a key of a consumption table; there are: {', '.join(_TABLES)}")
+    try:
+        return _from_tables(data)
+    except KeyError as error:
+        raise InputError(f"the key {error.args[0]} is missing; learn the table again") from error
+    except (TypeError, ValueError) as error:
+        raise InputError(f"holds something of another kind than expected ({error}); learn the table again") from error
+
+
+def _from_tables(data: Mapping[str, Any]) -> Consumption:
+    terrains = data.get("terrain", [])
+    c = Consumption(
+        Prior(**data["prior"]),
+        tuple(str(t["name"]) for t in terrains),
+        np.array(data["coefficients"]["mean"], dtype=float),
+        np.array(data["coefficients"]["cov"], dtype=float),
+        tuple(float(t["reference_N"]) for t in terrains),
+        Variance(float(data["scatter"]["dof"]), float(data["scatter"]["sum"])),
+        Variance(float(data["day"]["dof"]), float(data["day"]["sum"])),
+        tuple(Visits(*(t[name] for name in Visits._fields)) for t in terrains),
+        tuple(t["name"] for t in terrains if t["on_this_drive"]),
+        data.get("last_drive_unix_s"),
+    )
+    if list(c.names) != data["coefficients"]["names"]:
+        raise InputError(
+            f"coefficients.names must be {', '.join(SHARED)} and two for each terrain in their order; "
+            "learn the table again"
+        )
+    return c
+
+
+def _terrain(c: Consumption, k: int) -> dict[str, Any]:
+    name = c.terrains[k]
+    there = {"reference_N": c.reference_N[k], "on_this_drive": name in c.on_this_drive}
+    return {"name": name, **c.visits[k]._asdict(), **there}
+
+
+def _variance(v: Variance) -> dict[str, float]:
+    return {"dof": v.dof, "sum": v.scale}
+
+
+def _line(c: Consumption, name: str) -> str:
+    k, v = c.force_index(name), c.visits[c.terrains.index(name)]
+    std_N = np.sqrt(c.cov[k, k])
+    driven = f"{v.distance_m:.0f} m in {v.drives} drives"
+    measured = f", {v.energy_J / v.distance_m:.3g} J/m measured" if v.distance_m else ""
+    return f"#   {name}: resistance {c.mean[k]:.3g} N, std {std_N:.2g} N; {driven}{measured}"

@@ -1,0 +1,122 @@
+"""Whether a plan can be driven with the reserve left, how the battery fares on the way, and where to turn round."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.checks import require_between
+from ohmward.energy.consumption import Consumption, need
+from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
+from ohmward.energy.points import Quantiles, normal_points, quantiles
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J
+from ohmward.energy.usable_energy import Charge, discharge, soc_after, usable_J
+from ohmward.errors import InputError
+
+#: Halvings of the way out when the latest point of return is looked for.
+_HALVINGS = 20
+
+
+class Milestone(NamedTuple):
+    """The end of a leg.
+
+    distance_m, time_s: since the start of the plan.
+    energy_J: taken until here.
+    soc: state of charge here; the end of the battery where it does not reach.
+    probability: that the robot gets here with the reserve left.
+    """
+
+    distance_m: float
+    time_s: float
+    energy_J: Quantiles
+    soc: Quantiles
+    probability: float
+
+
+class Outlook(NamedTuple):
+    """What becomes of a plan.
+
+    probability: of driving all of it with the reserve left.
+    milestones: one for each leg.
+    usable_J: energy above the reserve at the start.
+    power_W: mean of the plan.
+    point_of_return_m: farthest distance along the plan from which the way back, over the same ground, can still be
+        driven with the confidence asked for; 0 where not even that is.
+    """
+
+    probability: float
+    milestones: tuple[Milestone, ...]
+    usable_J: Quantiles
+    power_W: float
+    point_of_return_m: float
+
+
+def get_home(
+    c: Consumption, plan: Sequence[Leg], battery: Battery, charge: Charge, confidence: float = 0.95
+) -> Outlook:
+    """The outlook of a plan, driven as the drive under way; call `begin_drive` first for a drive of its own.
+
+    Raises:
+        InputError: an empty plan, a terrain that is not known, a confidence outside 0.5 to 0.999.
+    """
+    require_between("confidence", confidence, 0.5, 0.999)
+    if not plan:
+        raise InputError("the plan has no leg; add at least one [[leg]]")
+    stretches = [stretch_of(leg) for leg in plan]
+    z = normal_points(DIMENSIONS)
+    power_W = need(c, stretches).mean_J / total_time_s(stretches)
+    battery_points = discharge(battery, charge, power_W, z[BATTERY])
+    usable = usable_J(battery_points)
+
+    def milestone(upto: list[Stretch]) -> Milestone:
+        energy = needed_J(need(c, upto), z)
+        soc = soc_after(battery_points, np.maximum(energy, 0.0))
+        return Milestone(
+            total_distance_m(upto),
+            total_time_s(upto),
+            quantiles(energy),
+            quantiles(soc),
+            float(np.mean(energy <= usable)),
+        )
+
+    milestones = tuple(milestone(upto) for upto in accumulate([s] for s in stretches))
+    turn_m = point_of_return(c, stretches, usable, confidence)
+    return Outlook(milestones[-1].probability, milestones, quantiles(usable), power_W, turn_m)
+
+
+def point_of_return(c: Consumption, plan: Sequence[Stretch], usable: np.ndarray, confidence: float) -> float:
+    """Farthest distance [m] along the plan from which the robot comes back over the same ground, by bisection.
+
+    usable: (N,) energy [J] that the battery gives, at the points of `normal_points`.
+    """
+    z = normal_points(DIMENSIONS)
+    length_m = total_distance_m(plan)
+
+    def returns(distance_m: float) -> bool:
+        out = beginning(plan, distance_m)
+        energy = needed_J(need(c, [*out, *map(way_back, out)]), z)
+        return float(np.mean(energy <= usable)) >= confidence
+
+    if returns(length_m):
+        return length_m
+    near, far = 0.0, length_m
+    for _ in range(_HALVINGS):
+        middle = (near + far) / 2
+        near, far = (middle, far) if returns(middle) else (near, middle)
+    return near
+
+
+def beginning(plan: Sequence[Stretch], distance_m: float) -> list[Stretch]:
+    """The first metres of a plan, never empty."""
+    taken, left_m = [], distance_m
+    for s in plan:
+        share = 1.0 if s.distance_m <= left_m else left_m / s.distance_m
+        taken.append(part_of(s, share))
+        left_m -= share * s.distance_m
+        if share < 1.0:
+            break
+    return taken

@@ -1,0 +1,98 @@
+"""A stretch of ground, driven or planned, as the consumption sees it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
+
+#: Steepest slope [rad] that a wheeled robot is believed to be planned on: 45 degrees.
+STEEPEST_RAD = math.pi / 4
+
+
+class Stretch(NamedTuple):
+    """What was or will be driven on one terrain.
+
+    terrain: its name; "" where the robot only stands.
+    time_s: with all stops.
+    distance_m: along the ground, >= 0, forward or backward.
+    speed_distance_m2_s: integral of speed over distance; speed times distance at constant speed.
+    climb_m, descent_m: height won and height lost, both >= 0.
+    payload_kg: on top of the robot's mass.
+    """
+
+    terrain: str
+    time_s: float
+    distance_m: float = 0.0
+    speed_distance_m2_s: float = 0.0
+    climb_m: float = 0.0
+    descent_m: float = 0.0
+    payload_kg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg of a plan, driven at constant speed.
+
+    Attributes:
+        distance_m: >= 0; 0 with `stop_s` is a stop.
+        terrain: its name.
+        speed_m_s: > 0.
+        grade_rad: slope, > 0 uphill.
+        stop_s: standing time at its end.
+        payload_kg: on top of the robot's mass.
+    """
+
+    distance_m: float
+    terrain: str
+    speed_m_s: float
+    grade_rad: float = 0.0
+    stop_s: float = 0.0
+    payload_kg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.terrain:
+            raise InputError("leg.terrain must be a name, got an empty text")
+        require_positive("leg.speed_m_s", self.speed_m_s)
+        require_between("leg.grade_rad", self.grade_rad, -STEEPEST_RAD, STEEPEST_RAD)
+        for name in ("distance_m", "stop_s", "payload_kg"):
+            require_between(f"leg.{name}", getattr(self, name), 0.0, math.inf)
+
+
+def stretch_of(leg: Leg) -> Stretch:
+    """What a planned leg amounts to."""
+    rise_m = leg.distance_m * math.sin(leg.grade_rad)
+    return Stretch(
+        leg.terrain,
+        leg.distance_m / leg.speed_m_s + leg.stop_s,
+        leg.distance_m,
+        leg.distance_m * leg.speed_m_s,
+        max(rise_m, 0.0),
+        max(-rise_m, 0.0),
+        leg.payload_kg,
+    )
+
+
+def part_of(stretch: Stretch, share: float) -> Stretch:
+    """A share of a stretch, by distance and time alike."""
+    scaled = (share * value for value in stretch[1:6])
+    return Stretch._make((stretch.terrain, *scaled, stretch.payload_kg))
+
+
+def way_back(stretch: Stretch) -> Stretch:
+    """The same ground in the other direction."""
+    return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m)
+
+
+def total_distance_m(stretches: Sequence[Stretch]) -> float:
+    """Length [m] of all stretches together."""
+    return sum(s.distance_m for s in stretches)
+
+
+def total_time_s(stretches: Sequence[Stretch]) -> float:
+    """Time [s] of all stretches together."""
+    return sum(s.time_s for s in stretches)

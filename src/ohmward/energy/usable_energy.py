@@ -1,0 +1,165 @@
+"""The energy that a battery can still give above a reserve, at constant power, with its uncertainty.
+
+At power P the battery delivers the current I that solves (U(z) - R(z) I) I = P, so that its terminals show
+V(z) = [U + sqrt(U^2 - 4 R P)] / 2, and from state of charge z0 down to z1 it gives
+
+E = Q * integral of V dz = Q * integral of (U - R I) dz,
+
+down to the reserve, or to where V falls below the cut-off voltage or the power cannot be had (4 R P > U^2). U is the
+open-circuit voltage of the discharge branch, R the resistance after all RC pairs have settled.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery import thevenin
+from ohmward.battery.battery import Battery
+from ohmward.battery.rc import RcModel
+from ohmward.checks import require_between, require_positive
+from ohmward.energy.points import Quantiles, normal_points, quantiles
+from ohmward.errors import InputError
+
+#: Points of the state of charge from 0 to 1.
+_GRID = 501
+_SECONDS_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Charge:
+    """What is known of a battery at an instant.
+
+    Attributes:
+        soc, soc_std: state of charge in [0, 1] and its standard deviation.
+        capacity_share, capacity_std: capacity over the battery file's.
+        resistance_share, resistance_std: resistance over the battery file's.
+        temperature_degC: of the battery.
+        reserve_soc: state of charge that is to be left.
+        cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
+    """
+
+    soc: float
+    soc_std: float = 0.0
+    capacity_share: float = 1.0
+    capacity_std: float = 0.0
+    resistance_share: float = 1.0
+    resistance_std: float = 0.0
+    temperature_degC: float = 25.0
+    reserve_soc: float = 0.0
+    cutoff_V: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("soc", "reserve_soc"):
+            require_between(name, getattr(self, name), 0.0, 1.0)
+        for name in ("soc_std", "capacity_std", "resistance_std", "cutoff_V"):
+            require_between(name, getattr(self, name), 0.0, math.inf)
+        for name in ("capacity_share", "resistance_share"):
+            require_positive(name, getattr(self, name))
+        require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
+        if self.reserve_soc >= self.soc:
+            raise InputError(
+                f"reserve_soc must be below soc = {self.soc:g}, got {self.reserve_soc:g}: nothing above the reserve is "
+                "left; charge, or lower the reserve"
+            )
+
+
+class Discharge(NamedTuple):
+    """A battery emptied at constant power, for N batteries that might be this one.
+
+    soc: (K,) grid from 0 to 1.
+    energy_J: (K, N) given between the end and each state of charge; 0 below the end.
+    start_soc: (N,) where each of them stands.
+    """
+
+    soc: np.ndarray
+    energy_J: np.ndarray
+    start_soc: np.ndarray
+
+
+def usable_energy(battery: Battery, charge: Charge, power_W: float) -> Quantiles:
+    """Energy [J] above the reserve at this mean power [W], P10/P50/P90."""
+    return quantiles(usable_J(discharge(battery, charge, power_W, normal_points(3))))
+
+
+def discharge(battery: Battery, charge: Charge, power_W: float, z: np.ndarray) -> Discharge:
+    """The batteries that this one might be, emptied.
+
+    z: (3, N) standard normal points of state of charge, capacity and resistance.
+    """
+    soc = np.linspace(0.0, 1.0, _GRID)
+    ocv_V, r_ohm = discharge_curves(battery, soc, charge.temperature_degC)
+    capacity = np.maximum(charge.capacity_share + charge.capacity_std * z[1], 0.0)
+    resistance = np.maximum(charge.resistance_share + charge.resistance_std * z[2], 0.0)
+    voltage_V, holds = loaded_voltage(ocv_V[:, None], r_ohm[:, None] * resistance, power_W)
+    holds &= voltage_V >= charge.cutoff_V
+    start = np.clip(charge.soc + charge.soc_std * z[0], 0.0, 1.0)
+    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * capacity * _integral(voltage_V, 1.0 / (_GRID - 1))
+    at_reserve_J = _at(soc, whole_J, np.full(start.shape, charge.reserve_soc))
+    end_J = np.maximum(at_reserve_J, _at_end(whole_J, holds, soc, start))
+    return Discharge(soc, np.maximum(whole_J - end_J, 0.0), start)
+
+
+def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
+    """Terminal voltage [V] at this power, and whether the power can be had; a power below zero counts as zero."""
+    square = ocv_V**2 - 4 * r_ohm * max(power_W, 0.0)
+    return 0.5 * (ocv_V + np.sqrt(np.maximum(square, 0.0))), square >= 0.0
+
+
+def usable_J(found: Discharge) -> np.ndarray:
+    """(N,) energy [J] that each of the batteries gives from where it stands."""
+    return _at(found.soc, found.energy_J, found.start_soc)
+
+
+def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
+    """(N,) state of charge of each battery once it has given this energy (N,); its end where it cannot."""
+    left_J = usable_J(found) - energy_J
+    above = np.clip(np.sum(found.energy_J <= left_J, axis=0), 1, len(found.soc) - 1)
+    low, high = (np.take_along_axis(found.energy_J, k[None], axis=0)[0] for k in (above - 1, above))
+    share = np.clip((left_J - low) / np.where(high > low, high - low, np.inf), 0.0, 1.0)
+    return found.soc[above - 1] + share * (found.soc[1] - found.soc[0])
+
+
+def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float) -> tuple[np.ndarray, np.ndarray]:
+    """Open-circuit voltage [V] of the discharge branch and settled resistance [ohm] at each state of charge (K,)."""
+    model: Any = battery.thevenin or battery.rc
+    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.half_gap_V(soc)
+    if isinstance(model, RcModel):
+        return ocv_V, np.full(soc.shape, rc_resistance(model))
+    u = thevenin.Input(-1.0, temperature_degC)
+    parts = [thevenin.ohmic_resistance(soc, u, model), *thevenin.pair_resistances(soc, u, model)]
+    return ocv_V, sum(parts) + np.zeros(soc.shape)
+
+
+def rc_resistance(p: RcModel) -> float:
+    """Resistance [ohm] of the RC model once both capacitors fall at one rate: R_t + R_b (1 - s), s = C_s/(C_b + C_s).
+
+    From d = V_cs - V_cb = (R_b - s D) i and V - V_cb = (R_b/D) d + (R_t + R_b R_s/D) i, with D = R_b + R_s.
+    """
+    surface_share = p.c_surface_F / (p.c_bulk_F + p.c_surface_F)
+    return p.r_terminal_ohm + p.r_bulk_ohm * (1 - surface_share)
+
+
+def _integral(values: np.ndarray, step: float) -> np.ndarray:
+    """Running integral (K, N) along the grid by trapezoids, 0 at its start."""
+    inner = 0.5 * step * (values[1:] + values[:-1])
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(inner, axis=0)])
+
+
+def _at_end(whole_J: np.ndarray, holds: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(N,) running integral where a battery that comes down from its start has to stop."""
+    fails = ~holds & (soc[:, None] <= start)
+    first_good = len(soc) - np.argmax(fails[::-1], axis=0)
+    first_good = np.where(fails.any(axis=0), first_good, 0)
+    return np.take_along_axis(whole_J, np.minimum(first_good, len(soc) - 1)[None], axis=0)[0]
+
+
+def _at(grid: np.ndarray, columns: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(N,) linear interpolation in each column (K, N) at its own x (N,)."""
+    position = x * (len(grid) - 1)
+    below = np.minimum(position.astype(int), len(grid) - 2)
+    low, high = (np.take_along_axis(columns, k[None], axis=0)[0] for k in (below, below + 1))
+    return low + (position - below) * (high - low)

@@ -1,0 +1,180 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from energy.examples import PRIOR, certain, learned
+from ohmward.energy.consumption import (
+    Consumption,
+    Prior,
+    Variance,
+    begin_drive,
+    features,
+    learn,
+    need,
+    prior_energy_J,
+    start,
+    with_terrain,
+)
+from ohmward.energy.leg import Leg, Stretch, stretch_of
+from ohmward.errors import InputError
+
+SURE = 1e15
+
+
+def known_variances(c: Consumption, scatter_J: float, day_std: float) -> Consumption:
+    return begin_drive(replace(c, scatter=Variance(SURE, SURE * scatter_J), day=Variance(SURE, SURE * day_std**2)))
+
+
+def some_stretches(seed, count):
+    rng = np.random.default_rng(seed)
+    names = rng.choice(["grass", "gravel"], count)
+    return [
+        stretch_of(Leg(rng.uniform(5, 80), name, rng.uniform(0.2, 1.0), rng.normal(0, 0.03), rng.uniform(0, 30), 5.0))
+        for name in names
+    ]
+
+
+def test_one_drive_against_the_joint_gaussian():
+    c = known_variances(with_terrain(with_terrain(start(PRIOR), "grass"), "gravel"), 12.0, 0.15)
+    stretches = some_stretches(1, 9)
+    y = np.random.default_rng(2).normal(2000.0, 300.0, 9)
+    X = np.array([features(c, s) for s in stretches])
+    R = np.diag([12.0 * prior_energy_J(PRIOR, s) for s in stretches])
+    gain = c.cov @ X.T @ np.linalg.inv(X @ c.cov @ X.T + R)
+    mean, cov = c.mean + gain @ (y - X @ c.mean), c.cov - gain @ X @ c.cov
+    for s, energy_J in zip(stretches, y, strict=True):
+        c = learn(c, s, energy_J)
+    assert c.mean == pytest.approx(mean, rel=1e-9)
+    assert c.cov == pytest.approx(cov, rel=1e-7, abs=1e-12)
+
+
+def test_several_drives_against_regression_with_an_effect_of_each_drive():
+    # forces of the prior are those of each drive, so the effects of the drives are linear with known sizes
+    scatter_J, day_std = 8.0, 0.2
+    c = known_variances(with_terrain(start(PRIOR), "grass"), scatter_J, day_std)
+    shared = [0, 1, 2, 3, 5]
+    rows, effects, noise, y = [], [], [], []
+    rng = np.random.default_rng(3)
+    for drive in range(4):
+        c = begin_drive(c)
+        c = replace(c, reference_N=(20.0,))
+        for s in some_stretches(drive, 4):
+            s = s._replace(terrain="grass")
+            x, energy_J = features(c, s), rng.normal(2000.0, 200.0)
+            rows.append(x[shared])
+            effects.append(x[6] * np.eye(4)[drive])
+            noise.append(scatter_J * prior_energy_J(PRIOR, s))
+            y.append(energy_J)
+            c = learn(c, s, energy_J)
+    X, Z, first = np.array(rows), np.array(effects), with_terrain(start(PRIOR), "grass")
+    # load and own: together tau^2, new in each drive
+    V = np.diag(noise) + day_std**2 * Z @ Z.T
+    P0 = first.cov[np.ix_(shared, shared)]
+    P = np.linalg.inv(np.linalg.inv(P0) + X.T @ np.linalg.inv(V) @ X)
+    mean = P @ (np.linalg.inv(P0) @ first.mean[shared] + X.T @ np.linalg.inv(V) @ np.array(y))
+    assert c.mean[shared] == pytest.approx(mean, rel=1e-6)
+    assert c.cov[np.ix_(shared, shared)] == pytest.approx(P, rel=1e-6, abs=1e-12)
+
+
+def test_a_terrain_may_be_added_at_any_time():
+    early = with_terrain(with_terrain(start(PRIOR), "grass"), "gravel")
+    late = with_terrain(start(PRIOR), "grass")
+    for s in some_stretches(5, 6):
+        s = s._replace(terrain="grass")
+        early, late = learn(early, s, 2000.0), learn(late, s, 2000.0)
+    late = with_terrain(late, "gravel")
+    assert late.mean == pytest.approx(early.mean)
+    assert late.cov == pytest.approx(early.cov)
+
+
+def test_with_known_coefficients_the_scatter_is_learned_by_the_conjugate_rule():
+    c = replace(certain(idle_W=10.0), scatter=Variance(4.0, 40.0))
+    standing = Stretch("", 100.0)  # expected 10 W * 100 s, E_0 = 1000 J
+    for error_J in (50.0, -30.0, 80.0):
+        c = learn(c, standing, 1000.0 + error_J)
+    assert c.scatter == pytest.approx((7.0, 40.0 + (2500.0 + 900.0 + 6400.0) / 1000.0))
+
+
+def test_the_variances_are_found():
+    rng, c = np.random.default_rng(6), start(replace(PRIOR, scatter_J=3.0))
+    for _ in range(150):
+        c = begin_drive(c)
+        load = rng.normal(0.0, 0.2 / np.sqrt(2))
+        own = {name: rng.normal(0.0, 0.2 / np.sqrt(2)) for name in ("grass", "gravel")}
+        for s in some_stretches(rng.integers(1 << 30), 8):
+            force_N = {"grass": 30.0, "gravel": 15.0}[s.terrain] * (1 + load + own[s.terrain])
+            x = features(with_terrain(c, s.terrain), s)
+            expected = 12.0 * x[0] + 4.0 * x[1] + 1.4 * x[2] + 0.5 * x[3] + force_N * s.distance_m * 45.0 / 40.0
+            c = learn(c, s, expected + rng.normal(0.0, np.sqrt(20.0 * prior_energy_J(PRIOR, s))))
+    assert c.scatter.value == pytest.approx(20.0, rel=0.12)
+    assert np.sqrt(c.day.value) == pytest.approx(0.2, rel=0.2)
+    assert c.mean[[0, 2, 3]] == pytest.approx([12.0, 1.4, 0.5], abs=0.4)
+    assert c.mean[c.force_index("grass")] == pytest.approx(30.0, rel=0.05)
+
+
+def test_what_is_predicted_of_a_day():
+    c = certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=4.0, climb=1.5, descent=0.5)
+    up = need(c, [stretch_of(Leg(100.0, "grass", 0.5, 0.1, stop_s=20.0, payload_kg=4.0))])
+    lift_J = 44.0 * 9.80665 * 100.0 * np.sin(0.1)
+    assert up.mean_J == pytest.approx(10.0 * 220.0 + 1.1 * (20.0 * 100.0 + 4.0 * 0.5 * 100.0) + 1.5 * lift_J)
+    down = need(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.1, stop_s=20.0, payload_kg=4.0))])
+    assert up.mean_J - down.mean_J == pytest.approx(2.0 * lift_J)
+
+
+def test_this_drive_is_known_better_than_the_next():
+    c = learned()
+    leg = [stretch_of(Leg(1000.0, "grass", 0.5))]
+    before = need(c, leg)
+    for _ in range(10):
+        c = learn(c, stretch_of(Leg(40.0, "grass", 0.5)), 40.0 * 60.0)
+    now, tomorrow = need(c, leg), need(begin_drive(c), leg)
+    assert now.std_J < 0.6 * before.std_J
+    assert tomorrow.std_J > 1.5 * now.std_J
+
+
+def test_a_heavy_day_shows_on_the_other_terrain_too():
+    c = learned(8)
+    gravel = [stretch_of(Leg(1000.0, "gravel", 0.5))]
+    light = need(c, gravel).mean_J
+    for _ in range(10):
+        s = stretch_of(Leg(40.0, "grass", 0.5))
+        c = learn(c, s, 1.4 * need(c, [s]).mean_J)
+    assert need(c, gravel).mean_J > 1.02 * light
+
+
+def test_months_make_unsure():
+    c = learned()
+    k = c.force_index("grass")
+    later = begin_drive(c, days=300.0)
+    assert later.cov[k, k] - c.cov[k, k] == pytest.approx(10 * (0.05 * 20.0) ** 2)
+    assert later.mean[k] == c.mean[k]
+
+
+def test_a_smooth_floor_teaches_nothing_of_other_terrains():
+    c = start(PRIOR)
+    for _ in range(50):
+        s = stretch_of(Leg(40.0, "floor", 0.5))
+        c = learn(c, s, need(with_terrain(c, "floor"), [s]).mean_J)
+    new = with_terrain(c, "mud")
+    k = new.force_index("mud")
+    assert new.cov[k, k] == PRIOR.force_std_N**2
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: need(learned(), [stretch_of(Leg(1.0, "ice", 1.0))]), "terrain 'ice' is not .* knows: grass, gravel"),
+        (lambda: learn(learned(), Stretch("grass", 1.0, -2.0), 1.0), "stretch.distance_m must be >= 0, got -2"),
+        (lambda: learn(learned(), Stretch("grass", 1.0, 2.0), np.nan), "energy_J must be finite"),
+        (lambda: Prior(0.0, 1.0, 1.0, 1.0, 1.0), "prior.mass_kg must be > 0"),
+        (lambda: begin_drive(learned(), -1.0), "days must be >= 0"),
+        (lambda: Leg(-5.0, "grass", 0.5), "leg.distance_m must be >= 0, got -5"),
+        (lambda: Leg(5.0, "grass", 0.0), "leg.speed_m_s must be > 0"),
+        (lambda: Leg(5.0, "", 0.5), "leg.terrain must be a name"),
+        (lambda: Leg(5.0, "grass", 0.5, 10.0), "leg.grade_rad must be between"),
+    ],
+)
+def test_what_is_refused(call, message):
+    with pytest.raises(InputError, match=message):
+        call()

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from ohmward.energy.recorded import Cut, bridged, cut_drive
+from ohmward.errors import InputError
+
+T = np.arange(0.0, 301.0)
+
+
+def test_a_drive_on_two_terrains_with_a_stop():
+    speed = np.where(T < 100, 0.5, np.where(T < 160, 0.0, 0.8))
+    power = np.where(speed > 0, 30.0, 8.0)
+    terrain = np.where(T < 200, "grass", "gravel")
+    found = cut_drive(T, speed, power, terrain)
+    assert {d.stretch.terrain for d in found} == {"grass", "gravel", ""}
+    assert sum(d.stretch.time_s for d in found) == pytest.approx(300.0)
+    assert sum(d.energy_J for d in found) == pytest.approx(np.trapezoid(power, T))
+    assert sum(d.stretch.distance_m for d in found) == pytest.approx(np.trapezoid(speed, T))
+    assert sum(d.stretch.speed_distance_m2_s for d in found) == pytest.approx(np.trapezoid(speed**2, T))
+    standing = [d for d in found if not d.stretch.terrain]
+    assert sum(d.stretch.time_s for d in standing) == pytest.approx(59.0)
+    assert max(d.stretch.time_s for d in found) <= 60.0
+
+
+def test_short_stops_belong_to_the_drive():
+    speed = np.where((T > 50) & (T < 54), 0.0, 0.5)
+    assert all(d.stretch.terrain for d in cut_drive(T, speed, np.full(301, 20.0), "grass"))
+
+
+def test_heights_of_a_hill_without_the_noise_of_the_pitch():
+    noise = 0.03 * np.random.default_rng(0).standard_normal(301)
+    grade = np.where(T < 150, 0.1, -0.05) + noise
+    found = cut_drive(T, np.full(301, 0.5), np.full(301, 20.0), "grass", grade)
+    assert sum(d.stretch.climb_m for d in found) == pytest.approx(7.5 * np.sin(0.1) * 10, rel=0.08)
+    assert sum(d.stretch.descent_m for d in found) == pytest.approx(7.5 * np.sin(0.05) * 10, rel=0.15)
+
+
+def test_backward_up_a_hill_the_nose_is_down():
+    found = cut_drive(T, np.full(301, -0.5), np.full(301, 20.0), "grass", np.full(301, -0.1))
+    assert sum(d.stretch.climb_m for d in found) == pytest.approx(150.0 * np.sin(0.1))
+    assert sum(d.stretch.distance_m for d in found) == pytest.approx(150.0)
+
+
+def test_gaps_are_left_out_and_short_ones_bridged():
+    power = np.full(301, 20.0)
+    power[100:150] = np.nan
+    power[200:203] = np.nan
+    found = cut_drive(T, np.full(301, 0.5), power, "grass")
+    assert sum(d.stretch.time_s for d in found) == pytest.approx(300.0 - 51.0, abs=11.0)
+
+
+def test_bridging_is_a_straight_line():
+    values = np.array([1.0, np.nan, 3.0, np.nan, np.nan, np.nan, np.nan, 8.0])
+    assert bridged(np.arange(8.0), values, 3.0) == pytest.approx(
+        [1.0, 2.0, 3.0, 4.0, np.nan, np.nan, 7.0, 8.0], nan_ok=True
+    )
+
+
+def test_the_payload_is_that_of_the_drive():
+    assert all(d.stretch.payload_kg == 5.0 for d in cut_drive(T, T * 0 + 0.5, T * 0 + 9.0, "a", payload_kg=5.0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((T, T[1:], T, "grass"), "length of time_s"),
+        ((T[:1], T[:1], T[:1], "grass"), "at least 2 samples"),
+        ((T, T, np.full(301, np.nan), "grass"), "no stretch in which speed and battery power"),
+    ],
+)
+def test_what_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        cut_drive(*arguments)
+
+
+def test_impossible_cuts():
+    with pytest.raises(InputError, match=r"cut\.longest_s must be > 0"):
+        Cut(longest_s=0.0)
