@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs import recording
 from ohmward.logs.log import Note
 
 #: Channels of the body: optional, (T,) each.
@@ -48,12 +49,11 @@ class DriveLog:
     notes: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("time_s", "wheel_speed_rad_s", "motor_current_A", *BODY):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _frozen(getattr(self, name)))
-        object.__setattr__(self, "extra", {name: _frozen(values) for name, values in self.extra.items()})
-        object.__setattr__(self, "notes", tuple(self.notes))
-        _check(self)
+        recording.freeze(self, ("time_s", "wheel_speed_rad_s", "motor_current_A", *BODY))
+        recording.require_time(self)
+        recording.require_lengths(self, BODY)
+        for name in ("wheel_speed_rad_s", "motor_current_A"):
+            self._require_row_for_each_time(name)
 
     def __len__(self) -> int:
         return self.time_s.size
@@ -71,53 +71,19 @@ class DriveLog:
 
     def select(self, rows: slice | np.ndarray) -> DriveLog:
         """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
-        extra = {name: values[rows] for name, values in self.extra.items()}
-        return replace(self, **{name: values[rows] for name, values in arrays.items()}, extra=extra)
+        return recording.select(self, rows)
 
     def between(self, start_s: float, stop_s: float) -> DriveLog:
         """The samples with start_s <= time_s < stop_s; the clock keeps its zero."""
-        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
-        if first == last:
-            raise InputError(
-                f"log {self.name!r} has no sample in {start_s:g} s <= time < {stop_s:g} s; "
-                f"it spans {self.time_s[0]:g} s to {self.time_s[-1]:g} s"
-            )
-        return self.select(slice(first, last))
+        return recording.between(self, start_s, stop_s)
 
     def with_notes(self, *notes: Note) -> DriveLog:
         """The same log with more notes."""
         return replace(self, notes=self.notes + notes)
 
-
-def _frozen(values) -> np.ndarray:
-    """A read-only float64 view; what the caller owns stays as it is."""
-    array = np.asarray(values, dtype=float).view()
-    array.flags.writeable = False
-    return array
-
-
-def _check(log: DriveLog) -> None:
-    shape = log.time_s.shape
-    if len(shape) != 1 or shape[0] == 0:
-        raise InputError(f"DriveLog {log.name!r}: time_s must be (T,) with at least one sample, not {shape}")
-    for name in ("wheel_speed_rad_s", "motor_current_A"):
-        found = getattr(log, name).shape
-        if len(found) != 2 or found[0] != shape[0]:
+    def _require_row_for_each_time(self, name: str) -> None:
+        shape = getattr(self, name).shape
+        if len(shape) != 2 or shape[0] != len(self):
             raise InputError(
-                f"DriveLog {log.name!r}: {name} must be ({shape[0]}, wheels), one row for each time, not {found}"
+                f"DriveLog {self.name!r}: {name} must be ({len(self)}, wheels), one row for each time, not {shape}"
             )
-    body = {name: getattr(log, name) for name in BODY}
-    for name, values in {**body, **log.extra}.items():
-        if values is not None and values.shape != shape:
-            raise InputError(
-                f"DriveLog {log.name!r}: {name} has shape {values.shape}, time_s has {shape}; give equal lengths"
-            )
-    if not np.isfinite(log.time_s).all():
-        raise InputError(f"DriveLog {log.name!r}: time_s must be finite; drop the samples without a time")
-    if (falls := np.flatnonzero(np.diff(log.time_s) <= 0)).size:
-        i = int(falls[0])
-        raise InputError(
-            f"DriveLog {log.name!r}: time_s must increase strictly, but sample {i + 1} ({log.time_s[i + 1]:g} s) does "
-            f"not come after sample {i} ({log.time_s[i]:g} s); sort the samples and merge equal times"
-        )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.errors import InputError
+from ohmward.logs import recording
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -54,13 +54,11 @@ class Log:
     notes: tuple[Note, ...] = ()
     start_unix_s: float | None = None
 
-    def __post_init__(self):
-        for name in ("time_s", "current_A", "voltage_V", "temperature_degC"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _frozen(getattr(self, name)))
-        object.__setattr__(self, "extra", {k: _frozen(v) for k, v in self.extra.items()})
-        object.__setattr__(self, "notes", tuple(self.notes))
-        _check(self)
+    def __post_init__(self) -> None:
+        columns = ("current_A", "voltage_V", "temperature_degC")
+        recording.freeze(self, ("time_s", *columns))
+        recording.require_time(self)
+        recording.require_lengths(self, columns)
 
     def __len__(self) -> int:
         return self.time_s.size
@@ -77,26 +75,11 @@ class Log:
 
     def select(self, rows: slice | np.ndarray) -> Log:
         """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
-        temperature = None if self.temperature_degC is None else self.temperature_degC[rows]
-        extra = {name: values[rows] for name, values in self.extra.items()}
-        return replace(
-            self,
-            time_s=self.time_s[rows],
-            current_A=self.current_A[rows],
-            voltage_V=self.voltage_V[rows],
-            temperature_degC=temperature,
-            extra=extra,
-        )
+        return recording.select(self, rows)
 
     def between(self, start_s: float, stop_s: float) -> Log:
         """The samples with start_s <= time_s < stop_s; the clock keeps its zero."""
-        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
-        if first == last:
-            raise InputError(
-                f"log {self.name!r} has no sample in {start_s:g} s <= time < {stop_s:g} s; "
-                f"it spans {self.time_s[0]:g} s to {self.time_s[-1]:g} s"
-            )
-        return self.select(slice(first, last))
+        return recording.between(self, start_s, stop_s)
 
     def with_notes(self, *notes: Note) -> Log:
         """The same log with more notes."""
@@ -123,35 +106,6 @@ class Log:
         if self.extra:
             lines.append(f"  also: {', '.join(self.extra)}")
         return "\n".join(lines + [f"  {note}" for note in self.notes])
-
-
-def _frozen(values) -> np.ndarray:
-    """A read-only float64 view; what the caller owns stays as it is."""
-    array = np.asarray(values, dtype=float).view()
-    array.flags.writeable = False
-    return array
-
-
-def _check(log: Log) -> None:
-    shape = log.time_s.shape
-    if len(shape) != 1 or shape[0] == 0:
-        raise InputError(f"Log {log.name!r}: time_s must be one-dimensional with at least one sample, not {shape}")
-    columns = {"current_A": log.current_A, "voltage_V": log.voltage_V, **log.extra}
-    if log.temperature_degC is not None:
-        columns["temperature_degC"] = log.temperature_degC
-    for name, values in columns.items():
-        if values.shape != shape:
-            raise InputError(
-                f"Log {log.name!r}: {name} has shape {values.shape}, time_s has {shape}; give equal lengths"
-            )
-    if not np.isfinite(log.time_s).all():
-        raise InputError(f"Log {log.name!r}: time_s must be finite; drop the samples without a time")
-    if (falls := np.flatnonzero(np.diff(log.time_s) <= 0)).size:
-        i = int(falls[0])
-        raise InputError(
-            f"Log {log.name!r}: time_s must increase strictly, but sample {i + 1} ({log.time_s[i + 1]:g} s) does not "
-            f"come after sample {i} ({log.time_s[i]:g} s); sort the samples and merge equal times"
-        )
 
 
 def _interval(log: Log) -> str:
