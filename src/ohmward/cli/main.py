@@ -8,23 +8,25 @@ import sys
 from collections.abc import Sequence
 
 from ohmward import __version__
-from ohmward.cli import compare, demo, doctor, generic, identify, soc
+from ohmward.cli import compare, demo, doctor, generic, identify, simulate, soc
 from ohmward.cli.outcome import Outcome, check_output, show, write_page
 from ohmward.cli.parser import Parser
 from ohmward.errors import OhmwardError
 
-COMMANDS = (doctor, identify, generic, soc, compare, demo)
+COMMANDS = (doctor, identify, generic, soc, compare, simulate, demo)
 REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _EPILOG = """\
 a first look:
   ohmward demo                                      a simulated robot day, from pulse test to report
+  ohmward simulate --list                           drives of a simulated robot in closed loop
 
 with your own logs (CSV, Parquet or BDF):
   ohmward doctor test.csv                           what is in a log, what was assumed, what is wrong
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
   ohmward soc day.csv --battery battery.toml --report day.html
   ohmward compare day.csv --battery battery.toml    all estimators side by side
+  ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive
 
 exit status: 0 done, 1 a log has errors (doctor), 2 refused: the message says what to change
 """

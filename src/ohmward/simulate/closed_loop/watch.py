@@ -44,11 +44,15 @@ class Watch:
     def sentences(self) -> tuple[str, ...]:
         """One for each thing that went wrong."""
         found = [
-            f"{self._places[k]}, {100 * seconds[k] / self._duration_s:.1f} % of the time: {_SENTENCES[flag]}"
+            f"{self._shares(seconds)} of the time: {_SENTENCES[flag]}"
             for flag, seconds in self._flagged_s.items()
-            for k in np.flatnonzero(seconds)
+            if seconds.any()
         ]
         if self._short_s:
             share = 100 * self._short_s / self._duration_s
             found.append(f"{share:.1f} % of the time: the battery's voltage or power limited the torque")
         return tuple(found)
+
+    def _shares(self, seconds: np.ndarray) -> str:
+        shares = 100 * seconds / self._duration_s
+        return ", ".join(f"{self._places[k]} {shares[k]:.1f} %" for k in np.flatnonzero(seconds))

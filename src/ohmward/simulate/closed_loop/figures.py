@@ -1,0 +1,129 @@
+"""Figures of a simulated drive: how well slip was held, how good the observer was, what the energy went for."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.simulate.closed_loop.account import Account
+from ohmward.simulate.closed_loop.observing import free_sideways
+from ohmward.simulate.closed_loop.run import Instant, Run
+from ohmward.traction.robot import Robot
+from ohmward.traction.score import DriveScore, DriveTruth, score_drive
+from ohmward.traction.slip import driving_slip_ratio
+
+#: A slip this close to the one asked for counts as reached.
+TOLERANCE = 0.02
+#: A shorter way [m] is no way to spread energy over.
+_SHORTEST_M = 0.01
+
+
+class Held(NamedTuple):
+    """How one command of slip was followed, by the worst of the driven wheels.
+
+    from_s, to_s: when it held.
+    slip_ratio: asked for.
+    settle_s: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did.
+    rms_error: of the true slip, in the second half of that time; nan where the robot stood.
+    """
+
+    from_s: float
+    to_s: float
+    slip_ratio: float
+    settle_s: float
+    rms_error: float
+
+
+class Figures(NamedTuple):
+    """Of a whole drive; nan where a figure means nothing.
+
+    duration_s, distance_m: time, and way of the robot's centre whichever direction it went.
+    slip: each command of slip.
+    slip_settle_s, slip_rms_error: of the first command of slip, and the root mean square over all of them.
+    energy_J: where the battery's energy went.
+    energy_J_per_m: out of the battery, idle power included.
+    score: of the observer, against the truth; None without one.
+    """
+
+    duration_s: float
+    distance_m: float
+    slip: tuple[Held, ...]
+    slip_settle_s: float
+    slip_rms_error: float
+    energy_J: Account
+    energy_J_per_m: float
+    score: DriveScore | None
+
+
+def figures(run: Run) -> Figures:
+    """The figures of a drive."""
+    history = run.history
+    distance_m = distance(history)
+    account = Account(*(float(values[-1]) for values in history.account))
+    held = tuple(held_slips(run))
+    return Figures(
+        duration_s=float(history.truth.time_s[-1]),
+        distance_m=distance_m,
+        slip=held,
+        slip_settle_s=held[0].settle_s if held else math.nan,
+        slip_rms_error=_rms(np.array([h.rms_error for h in held])),
+        energy_J=account,
+        energy_J_per_m=account.battery / distance_m if distance_m > _SHORTEST_M else math.nan,
+        score=score(run),
+    )
+
+
+def distance(history: Instant) -> float:
+    """Way of the centre [m]."""
+    steps = np.diff(history.truth.position_m[:, :2], axis=0, prepend=np.zeros((1, 2)))
+    return float(np.hypot(*steps.T).sum())
+
+
+def held_slips(run: Run) -> list[Held]:
+    """How each command of slip was followed."""
+    time_s = run.history.truth.time_s
+    slip = true_slip(run.history, run.scenario.model)
+    commands = run.scenario.commands
+    ends = [*(c.from_s for c in commands[1:]), float(time_s[-1])]
+    asked = [(c.from_s, end, c.slip_ratio) for c, end in zip(commands, ends, strict=True) if c.slip_ratio is not None]
+    return [held_slip(time_s, slip, *command) for command in asked if command[0] < time_s[-1]]
+
+
+def true_slip(history: Instant, robot: Robot) -> np.ndarray:
+    """(K, driven) slip ratio, > 0 driving and < 0 braking whichever way the robot goes; nan where it stands."""
+    n, truth = robot.driven, history.truth
+    rim = robot.wheel.radius_m * truth.wheel_speed_rad_s[:, :n]
+    return driving_slip_ratio(rim, truth.wheel_centre_speed_m_s[:, :n])
+
+
+def held_slip(time_s: np.ndarray, slip: np.ndarray, from_s: float, to_s: float, target: float) -> Held:
+    """How one command was followed; slip: (K, driven)."""
+    rows = (time_s > from_s) & (time_s <= to_s)
+    error = slip[rows] - target
+    near = (np.abs(error) <= TOLERANCE).all(axis=1)
+    away = np.flatnonzero(~near)
+    first = int(away[-1]) + 1 if away.size else 0
+    settle_s = float(time_s[rows][first] - from_s) if first < near.size else math.nan
+    late = error[time_s[rows] > 0.5 * (from_s + to_s)]
+    return Held(from_s, to_s, target, settle_s, max((_rms(column) for column in late.T), default=math.nan))
+
+
+def score(run: Run) -> DriveScore | None:
+    """The observer's estimates against the truth."""
+    rows, robot = run.rows, free_sideways(run.scenario.model)
+    if rows.estimate is None:
+        return None
+    truth = DriveTruth(
+        rows.truth.speed_m_s,
+        rows.truth.yaw_rate_rad_s,
+        rows.truth.lateral_speed_m_s if robot.freedoms == 3 else None,
+        rows.truth.slip_ratio[:, : robot.driven],
+    )
+    return score_drive(robot, rows.estimate, truth)
+
+
+def _rms(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
