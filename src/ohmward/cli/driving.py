@@ -5,19 +5,32 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ohmward.cli.parser import pair, positive
 from ohmward.cli.reading import split_selection
 from ohmward.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
+    from ohmward.traction.score import DriveTruth
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino")
 DEFAULT_TERRAIN = "dry asphalt"
+
+#: What --truth may name, in order, and what it is measured in.
+TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
+
+
+class Truth(NamedTuple):
+    """The reference of a drive, and where it comes from in one sentence."""
+
+    values: DriveTruth
+    note: str
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -119,3 +132,52 @@ def read_drive_log(
     )
     chosen = ",".join(f"{name}={value}" for name, value in where.items())
     return replace(log, name=f"{log.name}:{chosen}") if chosen else log
+
+
+def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> Truth:
+    """The truth in the columns that --truth names: speed, then yaw rate, then lateral speed, separated by commas.
+
+    The slip ratios are those of the columns `<wheel>_slip_true`, where the log has them for all driven wheels.
+
+    Raises:
+        InputError: there is no such column.
+    """
+    import numpy as np
+
+    from ohmward.traction.score import DriveTruth
+
+    named = dict(zip(TRUTHS, truth_columns(text), strict=False))
+    known = {kind: _column(log, name, kind) for kind, name in named.items() if name}
+    slips = [f"{place.name}_slip_true" for place in robot.places[: robot.driven]]
+    slip = np.column_stack([log.extra[name] for name in slips]) if set(slips) <= set(log.extra) else None
+    truth = DriveTruth(known["speed"], known.get("yaw rate"), known.get("lateral speed"), slip)
+    note = ", ".join(f"{kind} from {name!r}" for kind, name in named.items() if name)
+    how = "from the speeds of body and wheels" if slip is None else f"from {', '.join(map(repr, slips))}"
+    return Truth(truth, f"truth: {note}; slip {how}")
+
+
+def truth_columns(text: str | None) -> list[str]:
+    """The columns that --truth names, in the order of `TRUTHS`; an empty name leaves one out.
+
+    Raises:
+        InputError: too many, or none for the speed.
+    """
+    if text is None:
+        return []
+    names = [name.strip() for name in text.split(",")]
+    if not names[0] or len(names) > len(TRUTHS):
+        raise InputError(f"--truth takes the columns of {', '.join(TRUTHS)}, separated by commas; got {text!r}")
+    return names
+
+
+def _column(log: DriveLog, name: str, kind: str) -> np.ndarray:
+    """(T,) the column in SI units."""
+    from ohmward.logs.columns import guess, listed
+    from ohmward.logs.drive_units import split_drive_unit
+
+    if name not in log.extra:
+        has = list(log.extra)
+        there = f"it has: {listed(has)}" if has else "it has no further numeric columns"
+        raise InputError(f"{log.name}: there is no column {name!r} for --truth{guess(name, has)}; {there}")
+    unit = next((unit for _, unit in split_drive_unit(name) if unit and unit.quantity == TRUTHS[kind]), None)
+    return log.extra[name] * (unit.scale if unit else 1.0)

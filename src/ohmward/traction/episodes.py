@@ -1,0 +1,69 @@
+"""From alarms at samples to episodes that people can look at: which wheel slipped from when to when, and how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.traction.observers.track import Track
+
+#: Alarms of a wheel that are no further apart [s] are one episode.
+JOINED_S = 0.5
+
+
+class SlipEpisode(NamedTuple):
+    """A wheel slipped beyond the allowed slip.
+
+    wheel: its name.  start_s, end_s: of the alarm, on the log's clock.
+    greatest_slip_m_s: slip speed r omega - v of the largest size in it.
+    greatest_slip: slip ratio of the largest size, nan below the floor of speed.
+    """
+
+    wheel: str
+    start_s: float
+    end_s: float
+    greatest_slip_m_s: float
+    greatest_slip: float
+
+
+class ImmobilisedEpisode(NamedTuple):
+    """The wheels turned and the robot did not, from start_s to end_s on the log's clock."""
+
+    start_s: float
+    end_s: float
+
+
+def slip_episodes(track: Track, wheels: Sequence[str]) -> list[SlipEpisode]:
+    """The slip episodes in order of time; wheels: names of the driven wheels."""
+    found = []
+    for k, wheel in enumerate(wheels):
+        speed, ratio = track.estimates.slip_speed_m_s[:, k], track.estimates.slip_ratio[:, k]
+        for first, last in _runs(track.time_s, track.estimates.slipping[:, k] > 0.5):
+            part = slice(first, last + 1)
+            start_s, end_s = float(track.time_s[first]), float(track.time_s[last])
+            found.append(SlipEpisode(wheel, start_s, end_s, _greatest(speed[part]), _greatest(ratio[part])))
+    return sorted(found, key=lambda episode: episode.start_s)
+
+
+def immobilised_episodes(track: Track) -> list[ImmobilisedEpisode]:
+    """When the robot was stuck, in order of time."""
+    runs = _runs(track.time_s, track.estimates.immobilised > 0.5)
+    return [ImmobilisedEpisode(float(track.time_s[first]), float(track.time_s[last])) for first, last in runs]
+
+
+def _runs(time_s: np.ndarray, alarm: np.ndarray) -> list[tuple[int, int]]:
+    """First and last sample of every stretch of alarms (T,), short pauses bridged."""
+    at = np.flatnonzero(alarm)
+    if not at.size:
+        return []
+    pauses = np.flatnonzero(np.diff(time_s[at]) > JOINED_S)
+    first, last = np.append(0, pauses + 1), np.append(pauses, at.size - 1)
+    return [(int(at[a]), int(at[b])) for a, b in zip(first, last, strict=True)]
+
+
+def _greatest(values: np.ndarray) -> float:
+    """The value of the largest size; nan where there is none."""
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if known.size else float("nan")
