@@ -161,9 +161,9 @@ class SpeedObserver:
         resting = rest_s > self.rest_hold_s
         reading = self.held(reading, resting)
         prior = self.predict(before, reading)
-        history = remember(state.history, reading.dt_s, prior.mean[0] - before.mean[0])
-
         fused, wheels = self.use_wheels(state, before, prior, reading)
+        changed_m_s = speed_change(before, prior, fused, reading)
+        history = remember(state.history, reading.dt_s, changed_m_s)
         doubtful_s = [
             where(w.surprising, t + reading.dt_s, where(measured, 0.0, t))
             for w, t, measured in zip(wheels, state.doubtful_s, reading.measured, strict=False)
@@ -230,3 +230,9 @@ class SpeedObserver:
         fused, contradicts = use_speed(fused, sample, history, since_s > self.patience_s, self.model, self.gate)
         begun_s = where(contradicts > 0.5, maximum(since_s, reading.dt_s), since_s)
         return fused, where(abs(sample.speed_m_s) >= 0.0, where(contradicts > 0.5, begun_s, 0.0), since_s)
+
+
+def speed_change(before: Belief, prior: Belief, fused: Fused, reading: Reading) -> Any:
+    """Change [m/s] of the speed in the step: as the forces say; as the wheels say where a motor current is missing."""
+    forces_known = every([g < 0.5 for g in reading.guessed])
+    return where(forces_known, prior.mean[0], fused.belief.mean[0]) - before.mean[0]
