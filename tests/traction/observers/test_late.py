@@ -4,7 +4,8 @@ import pytest
 from ohmward.traction import RLMA
 from ohmward.traction.observers import KNOWN_GROUND, Noise, SpeedObserver
 from ohmward.traction.observers.late import change_since, empty_history, remember
-from tests.traction.observers.examples import DT_S, RLMA_ON_FLOOR, log, observed
+
+from .examples import DT_S, RLMA_ON_FLOOR, log, observed
 
 
 def test_the_change_since_then_even_within_a_step():
