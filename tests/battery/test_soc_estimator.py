@@ -40,10 +40,11 @@ def live(estimator, log):
 
 
 @each
-def test_a_log_at_once_is_its_samples_one_by_one(estimator):
-    assert np.array_equal(
-        live(SocEstimator(estimator, 0.8), LOG), SocEstimator(estimator, 0.8).run(LOG).estimates, True
-    )
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_log_at_once_is_its_samples_one_by_one(estimator, lowering):
+    one_by_one = live(SocEstimator(estimator, 0.8, lowering=lowering), LOG)
+    at_once = SocEstimator(estimator, 0.8, lowering=lowering).run(LOG).estimates
+    assert np.array_equal(one_by_one, at_once, True)
 
 
 @each

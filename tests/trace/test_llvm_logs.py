@@ -100,3 +100,22 @@ def test_the_environment_chooses_and_a_wrong_word_is_refused(monkeypatch):
     assert Kernel(step, START, SAMPLE).lowering == "python"
     with pytest.raises(InputError, match="lowering must be one of auto, python, machine, got 'gpu'"):
         Kernel(step, START, SAMPLE, lowering="gpu")
+
+
+def test_live_samples_are_the_whole_log():
+    log = samples(20)
+    (state, outputs), lives = IN_PYTHON.scan(START, log), [k.live(START) for k in (IN_PYTHON, IN_MACHINE_CODE)]
+    for k in range(20):
+        for live in lives:
+            found = live.step((float(log[0][k]), bool(log[1][k]), log[2][k]))
+            assert_alike(found, (outputs[0][k], bool(outputs[1][k]), float(outputs[2][k])))
+    for live in lives:
+        assert_alike(live.state, state)
+
+
+def test_a_live_state_can_be_set():
+    for k in (IN_PYTHON, IN_MACHINE_CODE):
+        live = k.live(START)
+        first = live.step(SAMPLE)
+        live.state = START
+        assert_alike(live.step(SAMPLE), first)

@@ -10,7 +10,7 @@ from ohmward.trace import exp, isfinite, log, maximum, minimum, python_source, s
 from ohmward.trace.elementary import F64, expand
 from ohmward.trace.llvm import run as llvm_run
 from ohmward.trace.llvm.machine_code import vector_bits
-from ohmward.trace.llvm.run import Live, MachineStep
+from ohmward.trace.llvm.run import MachineStep, OneStep
 
 pytest.importorskip("llvmlite")
 RNG = np.random.default_rng(1)
@@ -117,10 +117,10 @@ def test_sample_by_sample_is_the_whole_log():
     columns = a_log(30)
     step = MachineStep(PROGRAM, STATE_SIZE, contract=False)
     after, wanted = in_machine_code(step, columns)
-    live = Live(step, START)
+    live = OneStep(step, START)
     for k in range(30):
         live.sample[:] = [c[k] for c in columns]
-        live.step()
+        live()
         np.testing.assert_array_equal(live.output, wanted[:, k])
     np.testing.assert_array_equal(live.state, after)
 

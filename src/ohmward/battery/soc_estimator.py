@@ -13,6 +13,7 @@ from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, snapshot
+from ohmward.trace.live import Live
 
 Progress = Callable[[int, int], None]
 
@@ -60,17 +61,31 @@ class SocEstimator:
         estimator: settings, as `TheveninFilter`; `ohmward.battery.make_estimator` finds one by name.
         initial_soc: in [0, 1]; None takes it from the first voltage.
         initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
+        lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
     """
 
-    def __init__(self, estimator: Estimator, initial_soc: float | None = None, initial_soc_std: float = 0.03):
+    def __init__(
+        self,
+        estimator: Estimator,
+        initial_soc: float | None = None,
+        initial_soc_std: float = 0.03,
+        lowering: str | None = None,
+    ):
         if initial_soc is not None and not 0.0 <= initial_soc <= 1.0:
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
         self.estimator = estimator
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
-        self.state: Any = None
+        self.lowering = lowering
         self.time_s = math.nan
+        self._state: Any = None
+        self._live: Live | None = None
         self._kernel: Kernel | None = None
+
+    @property
+    def state(self) -> Any:
+        """The estimator's state after the last sample; None before the first."""
+        return self._state if self._live is None else self._live.state
 
     def update(self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan) -> Estimate:
         """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
@@ -79,14 +94,16 @@ class SocEstimator:
             where it is earlier by more than `CLOCK_SET_S`, the clock was set, and time goes on from there.
         current_A: > 0 charges.
         """
-        dt_s = 0.0 if self.state is None else time_s - self.time_s
+        started = self._state is not None
+        dt_s = time_s - self.time_s if started else 0.0
         sample = Sample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
-        if self.state is None:
+        if not started:
             self._start(sample)
         if math.isfinite(time_s) and not self.time_s - CLOCK_SET_S <= time_s < self.time_s:
             self.time_s = time_s
-        self.state, estimate = self.kernel(self.state, sample)
-        return estimate
+        if self._live is None:
+            self._live = self.kernel.live(self._state)
+        return self._live.step(sample)
 
     def run(self, log: Log, progress: Progress | None = None) -> Run:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
@@ -94,7 +111,8 @@ class SocEstimator:
         samples = samples_of(log, self.time_s)
         if self.state is None:
             self._start(Sample(*(float(column[0]) for column in samples)))
-        self.state, estimates = self.kernel.scan(self.state, samples, progress)
+        after, estimates = self.kernel.scan(self.state, samples, progress)
+        self._go_on_from(after)
         self.time_s = float(log.time_s[-1])
         return Run(estimates, time.perf_counter() - began)
 
@@ -115,17 +133,22 @@ class SocEstimator:
             InputError: it is of another version, another estimator or other settings, or damaged.
         """
         example = self.estimator.init(Sample(0.0, math.nan, math.nan, math.nan))
-        self.state, self.time_s = snapshot.resume(self.estimator, example, taken)
+        state, self.time_s = snapshot.resume(self.estimator, example, taken)
+        self._go_on_from(state)
 
     @property
     def kernel(self) -> Kernel:
         """The compiled step."""
         if self._kernel is None:
-            self._kernel = Kernel(self.estimator.step, self.state, Sample(0.0, 0.0, 0.0, 0.0))
+            example = Sample(0.0, 0.0, 0.0, 0.0)
+            self._kernel = Kernel(self.estimator.step, self._state, example, lowering=self.lowering)
         return self._kernel
 
     def _start(self, first: Sample) -> None:
-        self.state = self.estimator.init(first, self.initial_soc, self.initial_soc_std)
+        self._go_on_from(self.estimator.init(first, self.initial_soc, self.initial_soc_std))
+
+    def _go_on_from(self, state: Any) -> None:
+        self._state, self._live = state, None
 
 
 def samples_of(log: Log, before_s: float = math.nan) -> Sample:

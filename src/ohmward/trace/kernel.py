@@ -1,4 +1,4 @@
-"""A function compiled: one call, one log, many logs, with the best lowering that is installed."""
+"""A function compiled: one call, live samples, one log, many logs, with the best lowering that is installed."""
 
 import os
 from collections.abc import Callable
@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.trace import lanes, numpy_source, python_source, scan
+from ohmward.trace.live import Live, MachineLive, PythonLive
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import Branch, Leaf, Structure, check, flatten, leaves, size
 
@@ -81,6 +82,17 @@ class Kernel:
 
             return run_lanes(self.machine, self._step_structures, state, samples, progress)
         return lanes.run(self._lanes, *self._step_structures, state, samples, progress)
+
+    def live(self, state: Any) -> Live:
+        """The step as an object that remembers: `live(state).step(sample) -> output`.
+
+        In machine code where it is installed, which is compiled now, or found in the cache.
+        """
+        if self.lowering == "machine":
+            _load_llvm()
+        if self.lowering == "python" or _no_machine_code():
+            return PythonLive(self, state)
+        return MachineLive(self.machine, self._step_structures[0], state)
 
     def source(self, lowering: str = "python") -> str:
         """The generated program: "python" (one step), "numpy" (the loop of many lanes) or "llvm" (that of one log)."""

@@ -8,6 +8,7 @@ them.
 import keyword
 import math
 import re
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -20,7 +21,7 @@ from ohmward.trace import ieee
 from ohmward.trace.expression import Expression
 from ohmward.trace.operations import ATOM, CHOICE, COMPARE, INPUT, OPERATIONS, SIGN
 from ohmward.trace.program import Program
-from ohmward.trace.structure import Leaf, Structure
+from ohmward.trace.structure import Leaf, Structure, leaves
 
 #: Formulas nest no deeper than this; Python's parser has a limit near 100.
 _MAX_DEPTH = 12
@@ -179,6 +180,23 @@ def scan_source(code: Body, state_size: int) -> str:
     return "\n".join(["def scan(state, columns, emit):", *_indent(lines, 1)])
 
 
+def live_source(program: Program, state_size: int) -> str:
+    """`live(sample) -> output` around machine code that has its samples, outputs and state in memory of its own."""
+    sample, output = program.argument_structure.children[1], program.result_structure.children[1]  # type: ignore[union-attr]
+    inputs = input_names(program)[state_size:]
+    results = [f"y{i}" for i in range(len(program.outputs) - state_size)]
+    kinds = (leaf.boolean for _, leaf in leaves(output) for _ in range(leaf.size))
+    typed = iter([f"{y} != 0.0" if boolean else y for y, boolean in zip(results, kinds, strict=True)])
+    lines = [
+        *_unpack(sample, "_sample", iter(inputs)),
+        f"_write(_inputs, 0, {', '.join(inputs)})",
+        "_run()",
+        *([f"{_row(results)} = _read(_outputs)"] if results else []),
+        f"return {_pack(output, typed, count())}",
+    ]
+    return "\n".join(["def live(_sample):", *_indent(lines, 1)])
+
+
 def _guarded(code: Body) -> list[str]:
     """The straight line, with its safe twin for the steps in which Python raises."""
     if not code.lines:
@@ -233,6 +251,24 @@ def compile_call(program: Program) -> Callable:
     code = body(program)
     types = {f"_structure{i}": t for i, t in enumerate(_types(program.result_structure))}
     return _compile(call_source(code, program), "call", {**_namespace(program, code), **types})
+
+
+def compile_live(
+    program: Program, state_size: int, run: Callable[[], None], inputs: np.ndarray, outputs: np.ndarray
+) -> Callable:
+    """The function of `live_source`; run: one step of the machine code from inputs to outputs (n,) of float64."""
+    types = {f"_structure{i}": t for i, t in enumerate(_types(program.result_structure.children[1]))}  # type: ignore[union-attr]
+    samples, results = len(program.inputs) - state_size, len(program.outputs) - state_size
+    namespace = {
+        **_FUNCTIONS,
+        **types,
+        "_write": struct.Struct(f"{samples}d").pack_into,
+        "_read": struct.Struct(f"{results}d").unpack_from,
+        "_run": run,
+        "_inputs": inputs,
+        "_outputs": outputs,
+    }
+    return _compile(live_source(program, state_size), "live", namespace)
 
 
 def compile_scan(program: Program, state_size: int) -> Callable:

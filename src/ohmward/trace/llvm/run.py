@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from threading import Lock
 from typing import Any
@@ -127,26 +127,25 @@ class MachineStep:
             report(count * lanes)
 
 
-class Live:
-    """One log, sample by sample: the state stays where the machine code has it.
-
-    step:   the program.
-    output: structure of its output.
-    """
+class OneStep:
+    """A step that has its state, sample and output in memory of its own: (n,) of float64 each."""
 
     def __init__(self, step: MachineStep, state: np.ndarray):
-        outputs = len(step.program.outputs) - step.state_size
-        self.state = np.ascontiguousarray(state, dtype=float)
-        self.sample = np.zeros(max(1, step.columns))
-        self.output = np.zeros(max(1, outputs))
+        self.state = np.array(state, dtype=float)
+        self.sample = np.zeros(step.columns)
+        self.output = np.zeros(len(step.program.outputs) - step.state_size)
         columns, results = _Arrays(list(self.sample[:, None])), _Arrays(list(self.output[:, None]))
         self._alive = columns, results
-        self._run = step.function(1, (False,) * step.columns)
-        self._arguments = (self.state.ctypes.data, _DOUBLE, *columns.addresses, *results.addresses, 0, 1, 0, 1)
+        run = step.function(1, (False,) * step.columns)
+        addresses = self.state.ctypes.data, *columns.addresses, *results.addresses
+        pointer, strides = ctypes.c_void_p, ctypes.c_int64
+        state_at, columns_at, time_at, outputs_at, out_at = (pointer(a) for a in addresses)
+        numbers = [strides(k) for k in (0, 1, 0, 1)]
+        self._call = partial(run, state_at, strides(_DOUBLE), columns_at, time_at, outputs_at, out_at, *numbers)
 
-    def step(self) -> None:
+    def __call__(self) -> None:
         """Take `sample` into `state` and `output`."""
-        self._run(*self._arguments)
+        self._call()
 
 
 class _Arrays:
