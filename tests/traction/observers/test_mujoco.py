@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from ohmward.filters.consistency import mean_bounds
+from ohmward.traction import RollingResistance
 from ohmward.traction.observers import Flag, Noise, SpeedObserver
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
 
-from .mujoco_runs import DT_S, believed, cruising, drive_on, observed, samples_of, spinning
+from .mujoco_runs import DT_S, FLOOR, believed, cruising, drive_on, observed, samples_of, spinning
 
 RUNS = 10
 
@@ -26,11 +27,13 @@ class Runs(NamedTuple):
     estimate: object
 
 
-def drives(friction, torque, duration_s, noise=None, method="ukf", **sensors):
+def drives(friction, torque, duration_s, noise=None, method="ukf", terrain=FLOOR, **sensors):
     errors, normalised, slip = [], [], []
     for seed in range(RUNS):
         rng = np.random.default_rng(100 + seed)
-        observer = SpeedObserver(believed(rng), noise=noise or Noise(), method=method, rest_hold_s=np.inf)
+        observer = SpeedObserver(
+            believed(rng, terrain=terrain), noise=noise or Noise(), method=method, rest_hold_s=np.inf
+        )
         truth = drive_on(friction, np.radians(1.0) * rng.standard_normal(), torque(rng), duration_s)
         e = observed(observer, samples_of(truth, rng, **sensors))
         errors.append(e.speed_m_s - truth.speed_m_s[1:])
@@ -52,7 +55,7 @@ def assert_consistent(normalised):
     assert means.mean() > lower / 2  # quantisation errors cancel from step to step, so it is rather too careful
 
 
-@pytest.mark.parametrize("method", ["ukf", "ekf"])
+@pytest.mark.parametrize("method", ["ukf", pytest.param("ekf", marks=pytest.mark.slow)])
 def test_wheels_that_grip_show_the_speed_to_5_mm_per_s(method):
     runs = drives(0.8, cruising, 4.0, method=method)
     assert rmse(runs.error[:, 100:]) < 5e-3  # the first second shows how much the ground creeps
@@ -60,6 +63,7 @@ def test_wheels_that_grip_show_the_speed_to_5_mm_per_s(method):
     assert not np.any(runs.estimate.slipping)
 
 
+@pytest.mark.slow
 def test_an_external_speed_at_10_Hz_holds_the_speed_in_full_spin_to_2_cm_per_s():
     noise = Noise(speed_std_m_s=0.03)
     runs = drives(0.2, spinning, 4.0, noise, speed_every=10, speed_std=0.03)
@@ -68,6 +72,7 @@ def test_an_external_speed_at_10_Hz_holds_the_speed_in_full_spin_to_2_cm_per_s()
     assert_consistent(runs.normalised)
 
 
+@pytest.mark.slow
 def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     runs = drives(0.2, spinning, 4.0)
     e = runs.estimate
@@ -80,6 +85,14 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     assert e.friction_share[-1] * 0.7 == pytest.approx(0.2, rel=0.03)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("friction, torque", [(0.8, cruising), (0.2, spinning)])
+def test_rolling_resistance_that_is_wrong_by_as_much_as_there_is_breaks_no_sigma(friction, torque):
+    growing = FLOOR._replace(rolling=RollingResistance(a3_s_per_m=0.02))  # 0.09 at 4 m/s; the plant has 0.01 always
+    assert_consistent(drives(friction, torque, 4.0, terrain=growing).normalised)
+
+
+@pytest.mark.slow
 def test_a_late_speed_is_as_good_as_its_age_allows():
     noise = Noise(speed_std_m_s=0.03)
     late = drives(0.2, spinning, 3.0, noise, speed_every=10, speed_std=0.03, age_steps=15)
@@ -87,6 +100,7 @@ def test_a_late_speed_is_as_good_as_its_age_allows():
     assert_consistent(late.normalised)
 
 
+@pytest.mark.slow
 def test_one_passive_wheel_shows_everything():
     runs = drives(0.2, spinning, 2.0, Noise(passive_std_rad_s=0.07), passive=True)
     assert rmse(runs.error[:, 50:]) < 0.01

@@ -84,7 +84,7 @@ def test_the_response_to_torque_is_the_derivative(current_A, omega):
 
 def test_friction_scales_the_height_and_stiffness_the_slope():
     place = SCENES["front-driven"]
-    layout = Layout(place.robot, States(friction="each", grade=False, radius=False))
+    layout = Layout(place.robot, States(friction="each", grade=False, rolling=False, radius=False))
     load = np.full(4, 100.0)
     weak = layout.split(np.array([0.0, 0.0, 0.0, 0.0, np.log(0.5), np.log(0.5), np.log(2.0)]))
     from ohmward.traction.observers.slip_step import slopes, traction

@@ -18,10 +18,10 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, minimum, sin, where
-from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
+from ohmward.traction.dynamics import Input, Scene, momentum_rates, normal_loads
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading
-from ohmward.traction.observers.slip_step import Moved, grip, slip_step, traction
+from ohmward.traction.observers.slip_step import Moved, grip, slip_step, traction, without_traction
 from ohmward.traction.observers.states import Layout, States
 from ohmward.traction.robot import GRAVITY, motion_from_wheels
 
@@ -82,6 +82,7 @@ class Model:
         return {
             "log_stiffness": (noise.stiffness_std, noise.stiffness_walk),
             "grade_rad": (noise.grade_std_rad, noise.grade_walk),
+            "rolling_excess": (noise.rolling_std, noise.rolling_walk),
             "radius_share": (noise.radius_std, 0.0),
             "accelerometer_offset_m_s2": (noise.accelerometer_offset_std_m_s2, 0.0),
         }.get(name, (0.0, 0.0))
@@ -155,7 +156,7 @@ class Model:
         parts, robot, n = self.layout.split(x), self.scene.robot, self.driven
         u = self.input(x, reading)
         own = x[: robot.freedoms + n]
-        rolling = momentum_rates(own, u, self.scene, forces_at(own, u, self.scene, self.static_load_N, np.zeros(n)))
+        rolling = momentum_rates(own, u, self.scene, without_traction(parts, u, self.scene, self.static_load_N))
         push = rolling[0] + robot.rolling[:n, 0] @ self.traction_N(x)
         return np.array([push / robot.inertia[0] + GRAVITY * sin(u.grade_rad) + parts.accelerometer_offset])
 

@@ -28,9 +28,11 @@ class Noise:
         speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s, over the root of a second].
         friction_walk, stiffness_walk: relative, over the root of a second.
         grade_walk: [rad] over the root of a second.
+        rolling_walk: relative, over the root of a second.
         initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about what the encoders say at first.
         friction_std, stiffness_std: relative, of the terrain's values.
         grade_std_rad: about level; 1 degree counts as 0.17 m/s^2 of unknown push, of whatever origin.
+        rolling_std: relative, of the terrain's rolling resistance.
         radius_std: relative, of the effective radius.
         accelerometer_offset_std_m_s2: of the state of that name.
     """
@@ -48,11 +50,13 @@ class Noise:
     friction_walk: float = 0.3
     stiffness_walk: float = 0.05
     grade_walk: float = 0.003
+    rolling_walk: float = 0.05
     initial_speed_std_m_s: float = 0.05
     initial_yaw_rate_std_rad_s: float = 0.3
     friction_std: float = 0.7
     stiffness_std: float = 0.7
     grade_std_rad: float = math.radians(1.0)
+    rolling_std: float = 0.7
     radius_std: float = 0.005
     accelerometer_offset_std_m_s2: float = 0.1
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.trace import linearize, maximum, minimum, where
-from ohmward.traction.dynamics import Input, Scene, forces_at, momentum_rates, normal_loads
+from ohmward.traction.dynamics import Forces, Input, Scene, forces_at, momentum_rates, normal_loads
 from ohmward.traction.laws import Contact
 from ohmward.traction.observers.states import Parts
 
@@ -67,7 +67,7 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray
     radius = robot.wheel.radius_m * parts.radius_share
     x = np.concatenate([parts.motion, parts.omega])
     load_N = normal_loads(u, robot, np.zeros(2))
-    ballistic = x + dt_s * momentum_rates(x, u, p, forces_at(x, u, p, load_N, np.zeros(n))) / robot.inertia
+    ballistic = x + dt_s * momentum_rates(x, u, p, without_traction(parts, u, p, load_N)) / robot.inertia
     G = robot.rolling[:n]
     rows, wheels = G / robot.inertia[:free], dt_s / robot.inertia[free:]
     before = radius * parts.omega - G @ parts.motion
@@ -79,6 +79,13 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray
     response = np.vstack([dt_s * (rows.T * carried), np.diag(wheels * (1.0 - radius * carried))])
     motion, omega = ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F
     return Moved(motion, omega, balance.slip_m_s, response)
+
+
+def without_traction(parts: Parts, u: Input, p: Scene, load_N: np.ndarray) -> Forces:
+    """What acts on body and wheels besides the traction of the driven wheels; load_N: (wheels,)."""
+    x = np.concatenate([parts.motion, parts.omega])
+    f = forces_at(x, u, p, load_N, np.zeros(p.robot.driven))
+    return f._replace(rolling_N=parts.rolling_share * f.rolling_N)
 
 
 def balanced(

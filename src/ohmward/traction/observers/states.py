@@ -4,6 +4,7 @@
     log_friction (one, or one for each wheel)       of what the ground gives at most, over the terrain's
     log_stiffness                                   of the slope of traction over slip, over the terrain's
     grade_rad                                       of the ground, and whatever else pushes the body as a slope would
+    rolling_excess                                  rolling resistance over the terrain's, less one
     radius_share                                    effective radius of the wheels over the robot's
     accelerometer_offset_m_s2
 
@@ -32,6 +33,7 @@ class States:
         friction: "known", "one" for all driven wheels, or "each".
         stiffness: the slope of traction over slip is a state.
         grade: the slope of the ground is a state; without it, it is the measured pitch, or level.
+        rolling: the rolling resistance is a state.
         radius: the effective radius is a state.
         accelerometer_offset: of the accelerometer along x.
     """
@@ -39,6 +41,7 @@ class States:
     friction: str = "one"
     stiffness: bool = True
     grade: bool = True
+    rolling: bool = True
     radius: bool = True
     accelerometer_offset: bool = False
 
@@ -48,7 +51,7 @@ class States:
 
 
 #: The four states of [T] 4.5 on a robot with two driven wheels: the ground is known.
-KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, radius=False)
+KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, rolling=False, radius=False)
 
 
 class Parts(NamedTuple):
@@ -58,6 +61,7 @@ class Parts(NamedTuple):
     omega: (driven,) [rad/s].
     friction, stiffness: shares, friction (driven,).
     grade_rad: > 0 uphill; None where it is no state.
+    rolling_share: of the terrain's resistance.
     radius_share, accelerometer_offset: as their states.
     """
 
@@ -66,6 +70,7 @@ class Parts(NamedTuple):
     friction: np.ndarray
     stiffness: Any
     grade_rad: Any
+    rolling_share: Any
     radius_share: Any
     accelerometer_offset: Any
 
@@ -83,6 +88,7 @@ class Layout:
         optional = {
             "log_stiffness": self.states.stiffness,
             "grade_rad": self.states.grade,
+            "rolling_excess": self.states.rolling,
             "radius_share": self.states.radius,
             "accelerometer_offset_m_s2": self.states.accelerometer_offset,
         }
@@ -122,6 +128,7 @@ class Layout:
             np.array([1.0 if log is None else np.exp(log) for log in logs]),
             np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
             x[self.index("grade_rad")] if self.states.grade else None,
+            1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
             x[self.index("radius_share")] if self.states.radius else 1.0,
             x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0,
         )
