@@ -15,7 +15,7 @@ RADIUS = RLMA.wheel.radius_m
 def estimates(speed, rim, slip, robot=RLMA, **others):
     """Estimates (T, ...) of one speed, one speed of all rims and one slip."""
     wheels = np.ones((T, robot.driven))
-    blank = dict.fromkeys(Estimate._fields, np.zeros(T))
+    blank = dict.fromkeys(Estimate._fields, np.zeros(T)) | {"radius_share": np.ones(T)}
     known = {
         "speed_m_s": speed * np.ones(T),
         "speed_std_m_s": 0.01 * np.ones(T),
@@ -72,6 +72,11 @@ def test_a_known_ratio_gives_the_slip_speed():
     assert true_slip(RLMA, estimates(0.8, 1.0, 0.2), driving).speed_m_s == pytest.approx(0.2)
     braking = DriveTruth(1.0 * np.ones(T), slip_ratio=-0.2 * np.ones((T, 2)))
     assert true_slip(RLMA, estimates(1.0, 0.8, -0.2), braking).speed_m_s == pytest.approx(-0.2)
+
+
+def test_the_rim_turns_on_the_radius_that_was_estimated():
+    e = estimates(0.9, 1.0, 0.1, radius_share=np.full(T, 0.9))
+    assert true_slip(RLMA, e, DriveTruth(0.9 * np.ones(T))).speed_m_s == pytest.approx(0.0)
 
 
 def test_samples_without_a_truth_are_left_out():

@@ -94,12 +94,12 @@ def score_drive(robot: Robot, estimates: Estimate, truth: DriveTruth, test: Slip
 
 
 def true_slip(robot: Robot, estimates: Estimate, truth: DriveTruth) -> TrueSlip:
-    """Slip from the true motion of the body and the wheels' speeds, which encoders show well enough.
+    """Slip from the true motion of the body and the wheels' speeds and radius, which the observer knows well enough.
 
     Where the slip ratio lambda itself is known, the slip speed is lambda max(|r omega|, |v|).
     """
     n = robot.driven
-    rim = robot.wheel.radius_m * estimates.wheel_speed_rad_s
+    rim = robot.wheel.radius_m * estimates.radius_share[:, None] * estimates.wheel_speed_rad_s
     travel = true_motion(robot, estimates, truth) @ robot.rolling[:n].T
     if truth.slip_ratio is None:
         speed = rim - travel

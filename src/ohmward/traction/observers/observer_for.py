@@ -18,6 +18,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.traction.chassis import Differential, SkidSteer
 from ohmward.traction.dynamics import scene
+from ohmward.traction.laws import contact
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.speed_observer import SpeedObserver
 from ohmward.traction.observers.states import States
@@ -38,9 +39,12 @@ LEAST_SPEED_M_S = 0.05
 #: Where nobody measures the motor currents: the push of a wheel over its load, and for how long [s].
 UNKNOWN_PUSH, PUSH_S = 0.3, 1.0
 
-#: Of the effective radius where a speed from outside can show it, relative: wheels measured with a ruler. Where nothing
-#: can, the radius must be known as well as `Noise` says, and calibrated.
-RADIUS_STD = 0.02
+#: Slip [m/s] at which a wheel surely grips.
+SMALL_SLIP_M_S = 1e-4
+
+#: Of the effective radius, relative, of wheels measured with a ruler: where a speed from outside can show it, or where
+#: it is considered instead of estimated. With nothing but motor currents it must be calibrated, as `Noise` says.
+RADIUS_STD = 0.01
 
 #: Accelerometer offsets that nobody calibrated: mounted 2 degrees off.
 ACCELEROMETER_OFFSET_M_S2 = 0.35
@@ -55,6 +59,8 @@ GAP_STEPS = 2.5
 _MAD = 1.4826
 _FEWEST = 10
 _SAME = 1e-9
+_OUTLIER = 4.0
+_MOVING_M_S = 0.1
 
 
 class Chosen(NamedTuple):
@@ -80,6 +86,8 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     noise = noise_of(rolling, log)
     if scrubs:
         noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
+    if not np.isfinite(log.motor_current_A).any():
+        noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
     states = states_of(noise, log)
     observer = SpeedObserver(
         scene(rolling, terrain),
@@ -89,7 +97,8 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
         matching,
         gap_s=max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log)),
     )
-    ground = Note(f"ground believed to be {terrain.name}; its friction and stiffness are estimated")
+    estimated = "; its friction and stiffness are estimated" if states.stiffness else ""
+    ground = Note(f"ground believed to be {terrain.name}{estimated}")
     return Chosen(observer, (ground, *scrubs, *notes_of(noise, log)))
 
 
@@ -115,11 +124,11 @@ def noise_of(robot: Robot, log: DriveLog) -> Noise:
         encoder_std_rad_s=encoder_std_rad_s(driven),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
         gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
-        speed_std_m_s=speed_std_m_s(log) if "speed_m_s" in has else None,
+        speed_std_m_s=speed_std_m_s(robot, log) if "speed_m_s" in has else None,
         pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
         accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
         accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
-        radius_std=RADIUS_STD if "speed_m_s" in has else Noise.radius_std,
+        radius_std=RADIUS_STD if "speed_m_s" in has or not knows_force else Noise.radius_std,
         torque_std_Nm=Noise.torque_std_Nm if knows_force else unknown_torque_Nm(robot, usual_step_s(log)),
         initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
     )
@@ -131,6 +140,19 @@ def unknown_torque_Nm(robot: Robot, step_s: float) -> float:
     return UNKNOWN_PUSH * load_N * robot.wheel.radius_m * math.sqrt(max(PUSH_S / max(step_s, _SAME), 1.0))
 
 
+def unknown_push_walk(robot: Robot, log: DriveLog, terrain: Terrain) -> float:
+    """Walk of the speed [m/s over the root of a second] where nobody knows what pushes the robot, and for how long.
+
+    A lasting push a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a walk q of the
+    speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both the same: white torque alone would forget.
+    """
+    rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
+    load_N = robot.mass_kg * GRAVITY / len(robot.places)
+    gripping = contact(rim_m_s + SMALL_SLIP_M_S, rim_m_s, load_N)
+    slope_s_per_m = float(terrain.traction.force_N(gripping)) / load_N / SMALL_SLIP_M_S
+    return UNKNOWN_PUSH * GRAVITY * math.sqrt(2 / (slope_s_per_m * GRAVITY))
+
+
 def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
     """Size of the first speed that the wheels (T, driven) show [m/s]."""
     known = wheel_speed_rad_s[np.isfinite(wheel_speed_rad_s)]
@@ -138,12 +160,15 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
 
 
 def states_of(noise: Noise, log: DriveLog) -> States:
-    """What the log can show: without motor currents there is no force, so the ground is what it is believed to be."""
+    """What the log can show. Without motor currents it is no force, so nothing of the ground; and where any torque is
+    possible, a filter learns a radius that nothing shows: its part is considered in the sigmas instead.
+    """
     knows_force = bool(np.isfinite(log.motor_current_A).any())
     return States(
         friction="one" if knows_force else "known",
         stiffness=knows_force,
         grade=knows_force,
+        radius=knows_force,
         accelerometer_offset=noise.accelerometer_std_m_s2 is not None,
     )
 
@@ -178,11 +203,45 @@ def noise_std(values: np.ndarray | None, least: float) -> float:
     return max(least, _MAD * float(np.median(np.abs(off_line))) / math.sqrt(1.5))
 
 
-def speed_std_m_s(log: DriveLog) -> float:
-    """Of the speed from outside where a sample does not carry its own."""
+def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
+    """Of the speed from outside where a sample does not carry its own: its distance from the wheels, which mostly grip.
+
+    Filters, lags and satellites make errors that last. With a correlation rho from each to the next, a mean of many is
+    as good as one of uncorrelated errors with sqrt((1 + rho)/(1 - rho)) times the standard deviation.
+    """
     if log.speed_std_m_s is not None and "speed_std_m_s" in log.channels:
         return float(np.nanmedian(log.speed_std_m_s))
-    return noise_std(log.speed_m_s, LEAST_SPEED_M_S)
+    error = speed_minus_wheels_m_s(robot, log)
+    if error.size < _FEWEST:
+        return LEAST_SPEED_M_S
+    std = _MAD * float(np.median(np.abs(error - np.median(error))))
+    rho = correlation(error, _OUTLIER * std)
+    return max(LEAST_SPEED_M_S, std * math.sqrt((1 + rho) / (1 - rho)))
+
+
+def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
+    """(N,) the speeds from outside minus those of the driven wheels on the radius that fits best; may be empty."""
+    rolled = (
+        np.linalg.pinv(robot.rolling[: robot.driven])[0]
+        * robot.wheel.radius_m
+        @ log.wheel_speed_rad_s.T[: robot.driven]
+    )
+    speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
+    seen, given = np.isfinite(rolled), np.isfinite(speed)
+    if not (seen.any() and given.any()):
+        return np.empty(0)
+    wheels, speed = np.interp(log.time_s[given], log.time_s[seen], rolled[seen]), speed[given]
+    moving = np.abs(wheels) > _MOVING_M_S
+    share = float(np.median(speed[moving] / wheels[moving])) if moving.any() else 1.0
+    return speed - share * wheels
+
+
+def correlation(error: np.ndarray, limit: float) -> float:
+    """Of each error (N,) with the next, in [0, 0.9], among those below the limit."""
+    near = np.abs(error[1:]) < limit
+    a, b = error[1:][near], error[:-1][near]
+    power = float(a @ a)
+    return float(np.clip(a @ b / power, 0.0, 0.9)) if power > 0 else 0.0
 
 
 def usual_step_s(log: DriveLog) -> float:

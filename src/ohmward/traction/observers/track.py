@@ -71,7 +71,7 @@ class SlipEstimator:
             self._start(sample)
         self.time_s = _later(self.time_s, sample.dt_s)
         self.state, estimate = self.kernel(self.state, sample)
-        return estimate
+        return consider_radius(estimate, self.observer)
 
     def run(self, log: DriveLog, progress: Progress | None = None) -> Track:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
@@ -81,7 +81,7 @@ class SlipEstimator:
             self._start(first_of(samples))
         self.state, estimates = self.kernel.scan(self.state, samples, progress)
         self.time_s = float(log.time_s[-1])
-        return Track(log.time_s, estimates, time.perf_counter() - began)
+        return Track(log.time_s, consider_radius(estimates, self.observer), time.perf_counter() - began)
 
     def snapshot(self) -> dict[str, Any]:
         """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
@@ -129,6 +129,17 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
     nothing = np.full(len(log), math.nan)
     given = {name: nothing if (values := getattr(log, name)) is None else values for name in Sample._fields[3:]}
     return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
+
+
+def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
+    """The estimate with what the radius is not known by in the sigmas of speed and slip, where it is no state."""
+    if observer.states.radius:
+        return estimate
+    std, radius_m = observer.noise.radius_std, observer.scene.robot.wheel.radius_m
+    return estimate._replace(
+        speed_std_m_s=np.hypot(estimate.speed_std_m_s, std * np.abs(estimate.speed_m_s)),
+        slip_speed_std_m_s=np.hypot(estimate.slip_speed_std_m_s, std * radius_m * np.abs(estimate.wheel_speed_rad_s)),
+    )
 
 
 def first_of(samples: Sample) -> Sample:
