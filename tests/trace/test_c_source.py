@@ -114,7 +114,7 @@ def test_a_whole_filter_has_the_bits_of_machine_code(tmp_path):
 
 def test_the_header_names_members_and_carries_comments():
     program = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
-    header = c_source(program, "cell", {"sample.u": "pull [m/s]"}).header
+    header = c_source(program, "cell", comments={"sample.u": "pull [m/s]"}).header
     assert "    float held[2];\n} cell_state;" in header
     assert "    float u; /* pull [m/s] */\n    bool on;" in header
     assert "void cell_step(cell_state *state, const cell_sample *sample, cell_output *output);" in header
@@ -159,3 +159,30 @@ def test_a_prefix_must_be_a_word(name):
 def test_a_function_that_is_no_step_is_refused():
     with pytest.raises(InputError, match=r"step\(state, sample\) -> \(state, output\)"):
         c_source(trace(lambda x: x + 1.0, 0.0), "f")
+
+
+def opened(first: Seen, level, spread):
+    """A start: it looks at the first sample."""
+    return Memory(where(first.on, level, 0.5 * first.u), first.w > spread, np.array([exp(spread), 1.0]))
+
+
+@needs_gcc
+def test_a_start_stands_beside_its_step(tmp_path):
+    step = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    start = trace(opened, Seen(0.0, False, 0.0), 0.0, 0.0)
+    source = c_source(step, "cell", start)
+    assert "void cell_start(cell_state *state, const cell_sample *sample, float level, float spread);" in source.header
+    compiled(source, "cell", tmp_path)
+    function = ctypes.CDLL(str(tmp_path / "cell.so")).cell_start
+    function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_float, ctypes.c_float]
+    state, sample = struct_of(step.argument_structure.children[0]), struct_of(step.argument_structure.children[1])
+    fill(sample, (3.0, False, 1.0))
+    function(state.ctypes.data, sample.ctypes.data, 0.25, 0.5)
+    assert state["level"][0] == 1.5 and state["armed"][0]
+    assert state["held"][0, 0] == pytest.approx(np.exp(0.5), rel=1e-6)
+
+
+def test_a_start_of_another_form_is_refused():
+    step = trace(lambda s, x: (s + x, s), 0.0, 0.0)
+    with pytest.raises(InputError, match=r"start\(sample, number, ...\) -> state"):
+        c_source(step, "f", trace(lambda x: (x, x), 0.0))

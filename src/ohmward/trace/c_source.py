@@ -1,5 +1,6 @@
-"""Lowering to C99 in single precision: one step as a straight line, for microcontrollers.
+"""Lowering to C99 in single precision: start and step as straight lines, for microcontrollers.
 
+    void NAME_start(NAME_state *state, const NAME_sample *sample, ...);
     void NAME_step(NAME_state *state, const NAME_sample *sample, NAME_output *output);
 
 No heap, no static state, no libm but sqrtf, fabsf and floorf; exp, log and their like are those of `elementary`.
@@ -10,7 +11,7 @@ every processor with IEEE 754 singles. Every symbol begins with NAME_.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,16 +20,16 @@ from ohmward.errors import InputError
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
 from ohmward.trace.program import Program
-from ohmward.trace.structure import Branch, Structure, leaves
+from ohmward.trace.structure import Branch, Leaf, Structure, leaves
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
 
 class CSource(NamedTuple):
-    """A library of one function.
+    """A library of a step and its start.
 
-    header: types and prototype.
-    source: the function.
+    header: types and prototypes.
+    source: the functions.
     """
 
     header: str
@@ -53,20 +54,66 @@ class Member(NamedTuple):
         return [f"{self.name}[{i}]" for i in range(self.size)] if self.size else [self.name]
 
 
-def c_source(program: Program, name: str, comments: dict[str, str] | None = None) -> CSource:
-    """The library of a step(state, sample) -> (state, output).
+def c_source(
+    step: Program, name: str, start: Program | None = None, comments: Mapping[str, str] | None = None
+) -> CSource:
+    """The library of a step(state, sample) -> (state, output) and, where there is one, its start(sample, ...) -> state.
 
     name:     prefix of all symbols: small letters, digits and underscores.
+    start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
     comments: what a member means and its unit, by its path: "sample.current_A".
 
     Raises:
-        InputError: the name is no prefix, or the function is no step.
+        InputError: the name is no prefix, or a function has another form.
     """
     if not _WORD.fullmatch(name):
         raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
-    state, sample, output = _parts(program)
-    structs = {"state": members(state), "sample": members(sample), "output": members(output)}
-    return CSource(_header(name, structs, comments or {}), _source(expand(program, F32), name, structs))
+    parts = dict(zip(("state", "sample", "output"), _parts(step), strict=True))
+    structs = {word: members(structure) for word, structure in parts.items()}
+    functions = [_start(start, parts, name, structs)] if start else []
+    functions.append(_step(step, name, structs))
+    return CSource(_header(name, structs, functions, comments or {}), _source(name, functions))
+
+
+class _Function(NamedTuple):
+    """A C function: what it does, its prototype, the program, and what its inputs and outputs are in C."""
+
+    comment: str
+    prototype: str
+    program: Program
+    inputs: list[str]
+    outputs: list[str]
+
+
+def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> _Function:
+    state, sample, output = (_places(word, structs[word]) for word in ("state", "sample", "output"))
+    return _Function(
+        "One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere.",
+        f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output)",
+        expand(program, F32),
+        state + sample,
+        state + output,
+    )
+
+
+def _start(program: Program, parts: Mapping[str, Structure], name: str, structs: dict[str, list[Member]]) -> _Function:
+    first, *further = program.argument_structure.children
+    fits = first == parts["sample"] and program.result_structure == parts["state"]
+    if not fits or not all(isinstance(child, Leaf) and not child.shape for child in further):
+        raise InputError(f"C needs a start(sample, number, ...) -> state; {program.name} has another form")
+    words = list(program.argument_structure.fields[1:])
+    arguments = "".join(f", float {word}" for word in words)
+    return _Function(
+        "The state before the first sample, which is looked at; then give that sample to the step.",
+        f"void {name}_start({name}_state *state, const {name}_sample *sample{arguments})",
+        expand(program, F32),
+        _places("sample", structs["sample"]) + words,
+        _places("state", structs["state"]),
+    )
+
+
+def _places(word: str, struct: list[Member]) -> list[str]:
+    return [f"{word}->{place}" for part in struct for place in part.places]
 
 
 def members(structure: Structure) -> list[Member]:
@@ -89,22 +136,19 @@ def _parts(program: Program) -> tuple[Structure, Structure, Structure]:
     return arguments.children[0], arguments.children[1], result.children[1]
 
 
-def _header(name: str, structs: dict[str, list[Member]], comments: dict[str, str]) -> str:
+def _header(
+    name: str, structs: dict[str, list[Member]], functions: list[_Function], comments: Mapping[str, str]
+) -> str:
     guard = f"{name.upper()}_H"
     lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
     for struct, parts in structs.items():
         lines += ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
-    lines += [
-        "/* One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere. */",
-        f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output);",
-        "",
-        "#endif",
-        "",
-    ]
-    return "\n".join(lines)
+    for function in functions:
+        lines += [f"/* {function.comment} */", f"{function.prototype};", ""]
+    return "\n".join([*lines, "#endif", ""])
 
 
-def _declarations(struct: str, parts: list[Member], comments: dict[str, str]) -> Iterator[str]:
+def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str]) -> Iterator[str]:
     for part in parts:
         comment = comments.get(f"{struct}.{part.name}")
         yield f"    {part.declaration}{f' /* {comment} */' if comment else ''}"
@@ -112,35 +156,28 @@ def _declarations(struct: str, parts: list[Member], comments: dict[str, str]) ->
         yield "    char nothing; /* C99 has no empty struct */"
 
 
-def _source(program: Program, name: str, structs: dict[str, list[Member]]) -> str:
+def _source(name: str, functions: list[_Function]) -> str:
     writer = _Writer(name)
-    before = [f"state->{place}" for part in structs["state"] for place in part.places]
-    inputs = before + [f"sample->{place}" for part in structs["sample"] for place in part.places]
-    outputs = before + [f"output->{place}" for part in structs["output"] for place in part.places]
+    bodies = [line for function in functions for line in ("", *_body(writer, function))]
+    includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
+    return "\n".join([*includes, *writer.globals(), *bodies[1:], ""])
+
+
+def _body(writer: _Writer, function: _Function) -> Iterator[str]:
+    program = function.program
     read = {a.serial for node in program.nodes for a in node.args if isinstance(a, Expression)}
     read |= {y.serial for y in program.outputs if isinstance(y, Expression)}
-    for symbol, place in zip(program.inputs, inputs, strict=True):
+    writer.begin()
+    for symbol, place in zip(program.inputs, function.inputs, strict=True):
         if symbol.serial in read:
             writer.assign(symbol, place)
     for node in program.nodes:
         writer.assign(node, writer.formula(node))
-    results = [f"{place} = {writer.word(y)};" for place, y in zip(outputs, program.outputs, strict=True)]
+    results = [f"{place} = {writer.word(y)};" for place, y in zip(function.outputs, program.outputs, strict=True)]
     lines = [*writer.lines, *results]
-    unused = [f"(void){word};" for word in structs if not any(f"{word}->" in line for line in lines)]
-    return "\n".join([
-        f'#include "{name}.h"',
-        "",
-        "#include <math.h>",
-        "#include <stdint.h>",
-        "#include <string.h>",
-        "",
-        *writer.globals(),
-        f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output)",
-        "{",
-        *(f"    {line}" for line in [*unused, *lines]),
-        "}",
-        "",
-    ])  # fmt: skip
+    arguments = re.findall(r"(\w+)[,)]", function.prototype)
+    unused = [f"(void){a};" for a in arguments if not any(re.search(rf"\b{a}\b", line) for line in lines)]
+    yield from (function.prototype, "{", *(f"    {line}" for line in [*unused, *lines]), "}")
 
 
 class _Writer:
@@ -152,6 +189,10 @@ class _Writer:
         self.words: dict[int, str] = {}
         self.tables: dict[tuple, str] = {}
         self.helpers: set[str] = set()
+
+    def begin(self) -> None:
+        """Another function, with the same tables and helpers."""
+        self.lines, self.words = [], {}
 
     def assign(self, node: Expression, formula: str) -> None:
         """A constant with the value of a node."""
