@@ -147,6 +147,16 @@ def test_contents_link_to_the_headings():
     assert len(set(anchors)) == 3
 
 
+def test_a_chapter_shows_what_another_page_shows_first():
+    other = Page("Other").numbers({"Capacity": "3 Ah"}).plot(figure()).heading("Result").text("a lot more")
+    page = Page("All").chapter("One", other).chapter("Two", other).text("the end")
+    document = Document(page.html())
+    assert page.headings == ("One", "Two")
+    assert [text for tag, text in document.texts if tag == "h2"] == ["One", "Two"]
+    assert document.count("figure") == 2
+    assert "a lot more" not in page.html() and "the end" in page.html()
+
+
 def test_numbers_are_large_and_units_small():
     html = Page("p").numbers({"a": "3.02 Ah ± 0.01", "b": "−41.7 %", "c": "not identified", "d": "1e-3 V"}).html()
     for part in (

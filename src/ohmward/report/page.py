@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
+from itertools import takewhile
 from pathlib import Path
 from string import Template
 
@@ -46,6 +47,16 @@ class Page:
         """A section title; pages with several get a table of contents."""
         page = replace(self, headings=(*self.headings, text))
         return page._with(blocks.heading(text, _anchor(len(self.headings), text)))
+
+    def chapter(self, title: str, page: Page) -> Page:
+        """A section with what another page shows before its first heading: its key figures and plots."""
+        headed = self.heading(title)
+        return replace(headed, body=headed.body + page.opening)
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """The blocks before the first heading."""
+        return tuple(takewhile(lambda block: not block.startswith("<h2"), self.body))
 
     def text(self, text: str) -> Page:
         """Paragraphs, split at blank lines."""
