@@ -1,15 +1,21 @@
+import re
+from dataclasses import replace
+
 import pytest
 
 from cli.examples import drive, pulse_test
 from ohmward.cli import demo
 from ohmward.cli.main import main
+from ohmward.cli.pages.demo import CHAPTERS
 from ohmward.logs import Log
 from ohmward.simulate import RobotDay
+from ohmward.simulate.closed_loop import Scenario
+from ohmward.simulate.robot_drive import robot_drive
 
 
 @pytest.fixture
 def small(monkeypatch, tmp_path):
-    """The demo on logs that take a second instead of a minute, one battery, one filter."""
+    """The demo on logs that take a second instead of a minute, one battery, one filter, one second of driving."""
 
     def make_robot_day(chemistry: str, seed: int) -> RobotDay:
         def named(log: Log, name: str) -> Log:
@@ -20,7 +26,12 @@ def small(monkeypatch, tmp_path):
             named(pulse_test(), f"simulated {chemistry} test"), named(drive(), f"simulated {chemistry} day")
         )
 
+    def short_drive(*args, **how) -> Scenario:
+        (command, *_) = (drive := robot_drive(*args, **how)).commands
+        return replace(drive, plant="own", duration_s=1.0, commands=(command,))
+
     monkeypatch.setattr("ohmward.simulate.make_robot_day", make_robot_day)
+    monkeypatch.setattr("ohmward.simulate.robot_drive.robot_drive", short_drive)
     monkeypatch.setattr("ohmward.battery.estimators.available", lambda battery: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)
@@ -31,9 +42,11 @@ def test_it_does_what_it_prints(small, capsys):
     assert main(["demo", "--out", "out"]) == 0
     out = capsys.readouterr().out
     lines = [line[2:] for line in out.splitlines() if line.startswith("$ ")]
-    assert [line.split()[1] for line in lines] == ["doctor", "identify", "soc", "compare"]
-    assert all((small / "out" / f"lfp-{line.split()[1]}.html").is_file() for line in lines)
-    assert "simulated robot day" in out
+    names = [line.split()[1] for line in lines]
+    assert names == ["doctor", "identify", "soc", "compare", "simulate", "slip"]
+    assert all((small / "out" / f"lfp-{name}.html").is_file() for name in names[:4])
+    assert all((small / "out" / f"drive-{name}.html").is_file() for name in names[4:])
+    assert "simulated robot day" in out and "the drive home" in out
     before = (small / "out" / "lfp.toml").read_bytes()
     assert main(lines[1].split()[1:]) == 0
     assert (small / "out" / "lfp.toml").read_bytes() == before
@@ -42,6 +55,14 @@ def test_it_does_what_it_prints(small, capsys):
 def test_a_demo_may_be_made_again(small):
     assert main(["demo", "--out", "out"]) == 0
     assert main(["demo", "--out", "out"]) == 0
+
+
+def test_the_report_tells_the_whole_story(small):
+    assert main(["demo", "--out", "out"]) == 0
+    page = (small / "out" / "report.html").read_text(encoding="utf-8")
+    titles = re.findall(r"<h2[^>]*>([^<]*)</h2>", page)
+    assert titles == list(CHAPTERS.values())
+    assert "Slip, front left" in page and "State of charge" in page
 
 
 def test_a_foreign_folder_is_left_alone(small, refused):
@@ -62,3 +83,4 @@ def test_the_whole_demo(tmp_path, monkeypatch, capsys):
     assert main(["demo"]) == 0
     out = capsys.readouterr().out
     assert all(f"ohmward-demo/{name}-soc.html" in out for name in ("lfp", "lead-acid"))
+    assert main(["soc", "ohmward-demo/drive.csv", "--battery", "ohmward-demo/lfp.toml"]) == 0

@@ -1,0 +1,28 @@
+"""The report of `ohmward demo`: what every command shows first, on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ohmward.cli.outcome import Outcome
+from ohmward.cli.pages.common import FOOTER
+from ohmward.report import Page
+
+_SUBTITLE = "Everything here is simulated: a robot with a 12 V battery, its day, and its drive home"
+
+#: Steps of the demo in the order of the story, and the title of each.
+CHAPTERS = {
+    "identify": "The battery, from its pulse test",
+    "soc": "Charge over the day",
+    "simulate": "The drive home as it was",
+    "slip": "Speed and slip as the robot knows them",
+}
+
+
+def make_page(outcomes: Mapping[str, Outcome]) -> Page:
+    """A chapter for every step; outcomes: by the name of the step."""
+    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
+    for name, title in CHAPTERS.items():
+        if make := outcomes[name].page:
+            page = page.chapter(title, make())
+    return page

@@ -1,0 +1,24 @@
+import pytest
+
+from ohmward.simulate.closed_loop import parse_scenario, run, save_scenario
+from ohmward.simulate.closed_loop.figures import figures
+from ohmward.simulate.robot_drive import robot_drive
+
+
+def test_it_can_be_written_and_read(tmp_path):
+    save_scenario(robot_drive("lead-acid", 0.3, 7), tmp_path / "drive.toml")
+    assert parse_scenario((tmp_path / "drive.toml").read_text()) == robot_drive("lead-acid", 0.3, 7)
+
+
+@pytest.mark.slow
+def test_it_is_what_it_says():
+    scenario = robot_drive()
+    drive = run(scenario)
+    truth, slip = drive.history.truth, drive.rows.truth.slip_ratio[:, 0]
+    assert drive.warnings == ()
+    assert set(truth.friction[:, 0]) == {0.8, 0.1}
+    assert truth.grade_rad.max() == pytest.approx(0.06)
+    started_again = (drive.rows.time_s > 9.2) & (drive.rows.time_s < 10.5)
+    assert slip[started_again].max() > scenario.controller.slip_bound / 2
+    assert abs(truth.speed_m_s[-1]) < 0.05
+    assert figures(drive).energy_J.climb > 100.0
