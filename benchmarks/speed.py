@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
+from observer_speed import step_times
 from ohmward.battery import rc
 from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.estimate import Sample
@@ -46,7 +47,7 @@ class Row(NamedTuple):
 
 def main() -> int:
     log = drive()
-    rows = [*one_log(log), *many_logs(log), *peers(log), *start_up()]
+    rows = [*one_log(log), *many_logs(log), *observers(), *peers(log), *start_up()]
     for row in rows:
         print(_cells(row))
     (HERE / "speed.md").write_text(_page(rows))
@@ -98,6 +99,15 @@ def many_logs(log: Log) -> list[Row]:
         kernel.scan_lanes(state, Sample(*(c[:2] for c in lanes)))
         seconds = median(lambda k=kernel, s=state: k.scan_lanes(s, lanes)) / (LANES * LANE_STEPS)
         rows.append(Row(name, f"{LANES} logs, NumPy over lanes", seconds, 700e-9 if "AUKF" in name else None))
+    return rows
+
+
+def observers() -> list[Row]:
+    """The speed observer of the traction half on one log."""
+    rows = []
+    for name, step_s, operations, _ in step_times():
+        how = f"one log, Python source, {operations} operations"
+        rows.append(Row(f"speed observer: {name}", how, step_s, 30e-6 if "AUKF" in name else None))
     return rows
 
 

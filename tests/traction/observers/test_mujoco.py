@@ -1,8 +1,6 @@
 """The promises, on a robot and a contact that we did not write. The ground creeps 1.5 times as much as is believed, the
 radius is off by 0.5 %, the grade by a degree, each as the observer's sigma says."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 
@@ -12,45 +10,26 @@ from ohmward.traction.observers import Flag, Noise, SpeedObserver
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
 
-from .mujoco_runs import DT_S, FLOOR, believed, cruising, drive_on, observed, samples_of, spinning
-
-RUNS = 10
-
-
-class Runs(NamedTuple):
-    """Errors of the speed [m/s], those of speed and left slip over sigma, (runs, T), the last truth and estimates."""
-
-    error: np.ndarray
-    normalised: np.ndarray
-    slip: np.ndarray
-    truth: object
-    estimate: object
-
-
-def drives(friction, torque, duration_s, noise=None, method="ukf", terrain=FLOOR, **sensors):
-    errors, normalised, slip = [], [], []
-    for seed in range(RUNS):
-        rng = np.random.default_rng(100 + seed)
-        observer = SpeedObserver(
-            believed(rng, terrain=terrain), noise=noise or Noise(), method=method, rest_hold_s=np.inf
-        )
-        truth = drive_on(friction, np.radians(1.0) * rng.standard_normal(), torque(rng), duration_s)
-        e = observed(observer, samples_of(truth, rng, **sensors))
-        errors.append(e.speed_m_s - truth.speed_m_s[1:])
-        normalised.append(errors[-1] / e.speed_std_m_s)
-        slip.append(((e.slip_speed_m_s - truth.slip_speed_m_s[1:, :2]) / e.slip_speed_std_m_s)[:, 0])
-    return Runs(np.array(errors), np.array(normalised), np.array(slip), truth, e)
-
-
-def rmse(error):
-    return float(np.sqrt(np.mean(error**2)))
+from .mujoco_runs import (
+    DT_S,
+    FLOOR,
+    RUNS,
+    believed,
+    cruising,
+    drive_on,
+    drives,
+    mean_nees,
+    observed,
+    rmse,
+    samples_of,
+    spinning,
+)
 
 
 def assert_consistent(normalised):
     """Mean NEES of the speed over independent runs, at four times."""
     lower, upper = mean_bounds(1, RUNS, 0.999)
-    times = np.linspace(0.25, 1.0, 4) * (normalised.shape[1] - 1)
-    means = np.mean(normalised[:, times.astype(int)] ** 2, axis=0)
+    means = mean_nees(normalised)
     assert np.all(means < upper), means
     assert means.mean() > lower / 2  # quantisation errors cancel from step to step, so it is rather too careful
 

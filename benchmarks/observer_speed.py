@@ -1,0 +1,78 @@
+"""What a step of the speed observer takes, beside a loop of plain Python measured in the same run."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, RollingResistance, Terrain, scene
+from ohmward.traction.laws import WardIagnemma
+from ohmward.traction.observers import KNOWN_GROUND, Sample, SpeedObserver, States
+
+STEPS, REPEATS, ROUNDS = 5_000, 7, 200_000
+FLOOR = scene(RLMA, Terrain("rubber", WardIagnemma(0.7, 20.0), RollingResistance(), "[T] 4.3"))
+OBSERVERS = {
+    "four-state AUKF of [T], faults handled": SpeedObserver(FLOOR, KNOWN_GROUND, matching=True),
+    "four-state AEKF": SpeedObserver(FLOOR, KNOWN_GROUND, method="ekf", matching=True),
+    "default UKF, friction, grade, rolling and radius estimated": SpeedObserver(FLOOR, States()),
+    "default EKF": SpeedObserver(FLOOR, States(), method="ekf"),
+}
+
+
+class StepTime(NamedTuple):
+    """Seconds of one step in a log, its operations, and the step over 1000 rounds of `x = x * 0.999 + 0.001`."""
+
+    name: str
+    seconds: float
+    operations: int
+    rounds_1000: float
+
+
+def step_times() -> Iterator[StepTime]:
+    """Of every observer."""
+    for name, observer in OBSERVERS.items():
+        samples = drive(observer)
+        first = Sample(*(np.asarray(c)[0] for c in samples))
+        state = observer.init(first)
+        kernel = Kernel(observer.step, state, first)
+        kernel.scan(state, samples)
+        log = partial(kernel.scan, state, samples)
+        pairs = [(seconds(log), seconds(rounds)) for _ in range(REPEATS)]
+        step, ratio = statistics.median(a for a, _ in pairs) / STEPS, statistics.median(a / b for a, b in pairs)
+        yield StepTime(name, step, len(kernel.program.nodes), ratio * ROUNDS / STEPS / 1000)
+
+
+def drive(observer: SpeedObserver) -> Sample:
+    """Encoders and currents of a robot between 2 and 4 rad/s."""
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(STEPS)
+    speeds = np.full((STEPS, 4), np.nan)
+    speeds[:, :2] = (3 + np.sin(t))[:, None] + 0.05 * rng.standard_normal((STEPS, 2))
+    current = np.column_stack([0.36 + 2.3 * np.cos(t)] * 2)
+    nothing = np.full(STEPS, np.nan)
+    blank = observer.no_sample()
+    columns = dict.fromkeys(blank._fields, nothing) | {"speed_age_s": np.zeros(STEPS)}
+    return Sample(**(columns | {"dt_s": np.full(STEPS, 0.01), "wheel_speed_rad_s": speeds, "current_A": current}))
+
+
+def rounds() -> float:
+    x = 0.3
+    for _ in range(ROUNDS):
+        x = x * 0.999 + 0.001
+    return x
+
+
+def seconds(run: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    run()
+    return time.perf_counter() - began
+
+
+if __name__ == "__main__":
+    for row in step_times():
+        print(f"{row.name}: {1e6 * row.seconds:.1f} us, {row.operations} operations, {row.rounds_1000:.2f} k rounds")
