@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.chassis import (
     Differential,
@@ -22,6 +22,9 @@ from ohmward.traction.chassis import (
 from ohmward.traction.motor import Motor
 
 GRAVITY = 9.80665
+
+#: The sum of weighed wheel loads may differ from the weight by this share.
+_WEIGHING = 0.05
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Robot:
         motor: of each driven wheel.
         height_m: of the centre of gravity over the ground, >= 0; with 0 no load moves between the wheels.
         idle_W: what the electronics draw, >= 0.
+        wheel_load_N: (wheels,) of each wheel as weighed, > 0, adding up to the weight; empty: from the geometry.
     """
 
     name: str
@@ -66,6 +70,7 @@ class Robot:
     motor: Motor
     height_m: float = 0.0
     idle_W: float = 0.0
+    wheel_load_N: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         require_positive("robot.mass_kg", self.mass_kg)
@@ -74,6 +79,8 @@ class Robot:
         require_between("robot.idle_W", self.idle_W, 0.0, math.inf)
         self._check_room_for_wheels()
         self._check_yaw_inertia()
+        if self.wheel_load_N:
+            self._check_wheel_loads()
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -107,8 +114,11 @@ class Robot:
 
     @cached_property
     def loads(self) -> np.ndarray:
-        """(wheels, 3), see `chassis`."""
-        return load_matrix(self.places)
+        """(wheels, 3), see `chassis`; the first column are the shares of the weight."""
+        matrix = load_matrix(self.places)
+        if self.wheel_load_N:
+            matrix[:, 0] = np.array(self.wheel_load_N) / sum(self.wheel_load_N)
+        return matrix
 
     @cached_property
     def inertia(self) -> np.ndarray:
@@ -136,6 +146,16 @@ class Robot:
             raise InputError(
                 f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
                 f"wheels overlap; got {self.wheel.radius_m:g}"
+            )
+
+    def _check_wheel_loads(self) -> None:
+        require_positive("robot.wheel_load_N", self.wheel_load_N)
+        require_length("robot.wheel_load_N", self.wheel_load_N, len(self.places), "one for each wheel")
+        weight, found = self.mass_kg * GRAVITY, sum(self.wheel_load_N)
+        if abs(found - weight) > _WEIGHING * weight:
+            raise InputError(
+                f"robot.wheel_load_N must add up to the weight of robot.mass_kg, {weight:.4g} N within "
+                f"{100 * _WEIGHING:.0f} %, got {found:.4g} N; correct the mass or the loads (newtons, not kilograms?)"
             )
 
     def _check_yaw_inertia(self) -> None:
