@@ -1,0 +1,168 @@
+"""What a robot learns of a floor from drives on it: friction and stiffness of the traction, and the drag.
+
+    lambda = slip of the law at F / (mu N)        for every stretch and driven wheel, F from the motor current
+
+Maximum a posteriori of ln mu and ln C by Gauss and Newton (Levenberg's damping), the prior being any floor
+(`floors.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.traction.calibration.regression import regress, scores
+from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
+from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.chassis import Omni
+from ohmward.traction.floors.demand import drag_columns, inertial_forces, static_loads
+from ohmward.traction.floors.floor import (
+    FRICTION,
+    FRICTION_STD,
+    ROLLING,
+    STIFFNESS,
+    STIFFNESS_STD,
+    Floor,
+    slip_at_force,
+)
+from ohmward.traction.motor import wheel_torque
+from ohmward.traction.robot import Robot
+
+_PRIOR = np.log([FRICTION, STIFFNESS])
+_PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD])
+_STEPS, _NUDGE = 30, 1e-4
+#: Slip of a drive that no law of two numbers explains, at least.
+_LEAST_SLIP_STD = 0.005
+_LENGTH_S = 0.3
+
+
+class Points(NamedTuple):
+    """Stretches and driven wheels, (K, driven): slip ratio and force over load; drive: (K,)."""
+
+    slip_ratio: np.ndarray
+    force_share: np.ndarray
+    drive: np.ndarray
+
+
+class LawFit(NamedTuple):
+    """logs: (2,) ln mu and ln C; cov: (2, 2); slip_std: what is left of a drive's slip."""
+
+    logs: np.ndarray
+    cov: np.ndarray
+    slip_std: float
+
+
+class DragFit(NamedTuple):
+    """rolling, roller: shares of the load; std: of both, relative; force_std: what is left of a force over its load."""
+
+    rolling: float
+    roller: float
+    std: float
+    force_std: float
+
+
+def learn_floor(name: str, drives: Sequence[Drive], robot: Robot) -> Floor:
+    """The floor of these drives, for a robot whose radius and motors are calibrated.
+
+    Raises:
+        InputError: no steady stretch, or no motor currents.
+    """
+    law = fit_law(points(cut(drives, robot), robot))
+    drag = fit_drag(cut(drives, robot, length_s=_LENGTH_S), robot)
+    std = np.sqrt(np.diag(law.cov))
+    return Floor(
+        name,
+        friction=float(np.exp(law.logs[0])),
+        friction_std=float(std[0]),
+        stiffness=float(np.exp(law.logs[1])),
+        stiffness_std=float(std[1]),
+        correlation=float(np.clip(law.cov[0, 1] / (std[0] * std[1]), -0.999, 0.999)),
+        slip_std=law.slip_std,
+        rolling=drag.rolling,
+        roller=drag.roller,
+        drag_std=drag.std,
+        force_std=drag.force_std,
+        drives=len(drives),
+    )
+
+
+def points(s: Stretches, robot: Robot) -> Points:
+    """Slip and force of the driven wheels.
+
+    Raises:
+        InputError: no motor currents.
+    """
+    n, radius_m = robot.driven, robot.wheel.radius_m
+    slip_m_s = radius_m * s.wheel_speed_rad_s[:, :n] - s.motion @ robot.rolling[:n].T
+    share = traction(s, robot) / static_loads(robot)[:n]
+    known = (np.isfinite(share) & np.isfinite(slip_m_s)).all(axis=1)
+    if not known.any():
+        raise InputError("a floor cannot be learnt without motor currents; the log has none")
+    return Points((slip_m_s / travel_speed(s.rim)[:, None])[known], share[known], s.drive[known])
+
+
+def traction(s: Stretches, robot: Robot) -> np.ndarray:
+    """Force (K, driven) [N] of the ground on the driven wheels."""
+    n, radius_m = robot.driven, robot.wheel.radius_m
+    turning = robot.inertia[robot.freedoms :] * (s.acceleration @ robot.rolling[:n].T) / radius_m
+    return (wheel_torque(robot.motor, s.current_A, s.wheel_speed_rad_s[:, :n]) - turning) / radius_m
+
+
+def fit_law(p: Points) -> LawFit:
+    """Friction and stiffness, and what they leave unexplained."""
+    wheels = p.force_share.shape[1]
+    share, slip, drive = p.force_share.ravel(), p.slip_ratio.ravel(), np.repeat(p.drive, wheels)
+    logs, damping, P0_inv = _PRIOR, 1e-3, np.diag(_PRIOR_STD**-2)
+    std = max(float(np.std(slip - _slip(logs, share))), 1e-9)
+    for _ in range(_STEPS):
+        residual, J = slip - _slip(logs, share), _jacobian(logs, share)
+        H = J.T @ J / std**2 + P0_inv
+        gradient = J.T @ residual / std**2 + P0_inv @ (_PRIOR - logs)
+        trial = logs + np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
+        better = _loss(trial, share, slip, std) <= _loss(logs, share, slip, std)
+        logs, damping = (trial, damping / 4) if better else (logs, damping * 8)
+        std = max(float(np.sqrt(np.mean((slip - _slip(logs, share)) ** 2))), 1e-9)
+    residual, J = slip - _slip(logs, share), _jacobian(logs, share)
+    H_inv, g = np.linalg.inv(J.T @ J / std**2 + P0_inv), scores(J, residual, drive) / std**2
+    return LawFit(logs, H_inv @ (g.T @ g + P0_inv) @ H_inv, _between(residual.reshape(-1, wheels), p.drive))
+
+
+def fit_drag(s: Stretches, robot: Robot) -> DragFit:
+    """Rolling and roller share, and what they leave unexplained."""
+    force = traction(s, robot) - inertial_forces(robot, s.acceleration)
+    known = np.isfinite(force).all(axis=1)
+    force, drive = force[known], s.drive[known]
+    D = drag_columns(robot, s.motion[known]).sum(axis=-2)
+    n, omni = robot.driven, isinstance(robot.chassis, Omni)
+    prior, prior_std = np.array([ROLLING, 0.0]), np.array([0.2, 0.5 if omni else 1e-6])
+    fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
+    shares = np.maximum(fit.beta, 0.0)
+    expected = D @ shares
+    scale = [np.sum(force[drive == d] * expected[drive == d]) / np.sum(expected[drive == d] ** 2) for d in set(drive)]
+    load_N = float(static_loads(robot)[:n].mean())
+    spread = float(np.std(scale)) if len(scale) > 1 else 0.2
+    return DragFit(float(shares[0]), float(shares[1]), max(spread, 0.02), max(fit.std / load_N, 0.005))
+
+
+def _slip(logs: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return slip_at_force(share, np.exp(logs[0]), np.exp(logs[1]))
+
+
+def _jacobian(logs: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Slope of the slip over the logarithms, (K, 2), by central differences."""
+    nudges = _NUDGE * np.eye(2)
+    return np.column_stack([(_slip(logs + e, share) - _slip(logs - e, share)) / (2 * _NUDGE) for e in nudges])
+
+
+def _loss(logs: np.ndarray, share: np.ndarray, slip: np.ndarray, std: float) -> float:
+    return float(np.sum(((slip - _slip(logs, share)) / std) ** 2) + np.sum(((logs - _PRIOR) / _PRIOR_STD) ** 2))
+
+
+def _between(residual: np.ndarray, drive: np.ndarray) -> float:
+    """Root mean square over drives and wheels of the mean residual (K, wheels) of a drive."""
+    means = np.array([residual[drive == d].mean(axis=0) for d in np.unique(drive)])
+    spread = np.sqrt(np.mean(means**2)) if len(means) > 1 else np.sqrt(np.mean(residual**2))
+    return max(float(spread), _LEAST_SLIP_STD)

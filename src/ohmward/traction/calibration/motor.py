@@ -1,0 +1,141 @@
+"""Friction, damping and torque constant of the motors, from drives on level ground.
+
+    n K_m I (1 - (1 - eta) d) = kappa [ J domega/dt + r (F_inertia + F_drag) ] + tau_c tanh(omega / omega_0) + b omega
+
+for every stretch and driven wheel, linear in kappa, the shares of the drag, tau_c and b (`motor`, `floors.demand`).
+kappa is the robot file's torque constant over the true one: only accelerations show it, through the mass. d is the
+direction of the current and the rotation. An omni robot driven in several directions tells the friction of its motors
+from the drag of its rollers; with wheels that only roll forward the two look the same, and what is believed of the
+rolling resistance decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.traction.calibration.parameter import Parameter
+from ohmward.traction.calibration.regression import Regression, regress
+from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
+from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.chassis import Omni
+from ohmward.traction.floors.demand import drag_columns, inertial_forces
+from ohmward.traction.robot import Robot
+
+#: Rolling resistance of the floor, share of the load, and its standard deviation, where nothing is said of it.
+ROLLING = (0.02, 0.02)
+_KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
+#: A number counts as identified where its sigma is at most this share of what was believed before.
+IDENTIFIED_SHARE = 0.5
+_LENGTH_S = 0.5
+#: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
+_SPEED_RATIO = 2.0
+#: Sigma of what the fit takes as it is.
+_HELD = 1e-9
+
+
+class Row(NamedTuple):
+    """Stretches and driven wheels as rows (K,): torque of the currents, columns (K, 5) of the fit, and the drive."""
+
+    torque_Nm: np.ndarray
+    columns: np.ndarray
+    drive: np.ndarray
+
+
+def calibrate_motor(
+    drives: Sequence[Drive], robot: Robot, rolling: tuple[float, float] = ROLLING
+) -> tuple[Parameter, ...]:
+    """Torque constant, friction and damping of the motors; where the drives do not tell one, the robot's own value.
+
+    Args:
+        drives: with the motion of the body.
+        robot: its mass, geometry and radius are believed.
+        rolling: rolling resistance of the floor, share of the load, and its standard deviation.
+
+    Raises:
+        InputError: no stretch in which the wheels turn, or no motor currents.
+    """
+    stretches = cut(drives, robot, steady=False, length_s=_LENGTH_S)
+    row = rows(stretches, robot)
+    prior, prior_std = _prior(row, robot, rolling)
+    if not _speeds_differ(stretches):
+        prior_std[4] = _HELD
+    fit = _fit(row, prior, prior_std)
+    scale_known = np.sqrt(fit.cov[0, 0]) <= IDENTIFIED_SHARE * _KAPPA_STD * abs(fit.beta[0]) and fit.beta[0] > 0
+    if not scale_known:
+        prior_std[0] = _HELD
+        fit = _fit(row, prior, prior_std)
+    return _constant(fit, robot, scale_known), *_losses(fit, robot, prior_std)
+
+
+def rows(s: Stretches, robot: Robot) -> Row:
+    """The fit's rows; those without a current are left out.
+
+    Raises:
+        InputError: no motor currents.
+    """
+    motor, radius_m, n = robot.motor, robot.wheel.radius_m, robot.driven
+    omega = s.wheel_speed_rad_s[:, :n]
+    turning = np.tanh(omega / motor.friction_speed_rad_s)
+    loss = (1 - motor.gear_efficiency) * np.sign(s.current_A) * turning
+    torque = motor.wheel_constant_Nm_per_A * s.current_A * (1 - loss)
+    wheel_rate = s.acceleration @ robot.rolling[:n].T / radius_m
+    inertia = robot.inertia[robot.freedoms :] * wheel_rate + radius_m * inertial_forces(robot, s.acceleration)
+    drag = radius_m * drag_columns(robot, s.motion).sum(axis=-2)
+    columns = np.concatenate([inertia[..., None], drag, turning[..., None], omega[..., None]], axis=-1)
+    known = np.isfinite(torque) & np.isfinite(columns).all(axis=-1)
+    if not known.any():
+        raise InputError("the motor cannot be calibrated without motor currents; the log has none")
+    return Row(torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known])
+
+
+def _speeds_differ(s: Stretches) -> bool:
+    slow, fast = np.quantile(travel_speed(s.rim), [0.1, 0.9])
+    return bool(fast >= _SPEED_RATIO * slow)
+
+
+def _prior(row: Row, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """What is believed of kappa, rolling, roller, friction and damping."""
+    torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
+    fastest = float(np.abs(row.columns[:, 4]).max())
+    roller_std = _ROLLER_STD if isinstance(robot.chassis, Omni) else _HELD
+    motor = robot.motor
+    mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
+    return mean, np.array([_KAPPA_STD, rolling[1], roller_std, torque_Nm, torque_Nm / fastest])
+
+
+def _fit(row: Row, prior: np.ndarray, prior_std: np.ndarray) -> Regression:
+    return regress(row.columns, row.torque_Nm, row.drive, prior, prior_std)
+
+
+def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
+    """K_m = K_file / kappa."""
+    file, kappa = robot.motor.torque_constant_Nm_per_A, float(fit.beta[0])
+    name = "motor.torque_constant_Nm_per_A"
+    if not identified:
+        return Parameter(name, file, _KAPPA_STD * file, "the robot hardly accelerates, and only its mass shows it")
+    return Parameter(name, file / kappa, float(np.sqrt(fit.cov[0, 0])) * file / kappa**2)
+
+
+def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Parameter, Parameter]:
+    """Friction and damping, over kappa."""
+    std = np.sqrt(np.diag(fit.cov)) / fit.beta[0]
+    held = {3: robot.motor.friction_Nm, 4: robot.motor.damping_Nms_per_rad}
+    names = {3: "motor.friction_Nm", 4: "motor.damping_Nms_per_rad"}
+    causes = {
+        3: "it cannot be told from the rolling resistance of the floor",
+        4: "the speeds are too much alike, or it is too small",
+    }
+    found = []
+    for i, name in names.items():
+        value = float(fit.beta[i] / fit.beta[0])
+        wide = std[i] > IDENTIFIED_SHARE * prior_std[i] or prior_std[i] == _HELD
+        if wide or value < 0:
+            reason = causes[i] if wide else f"the fit gives {value:.3g}, less than nothing"
+            found.append(Parameter(name, held[i], float(prior_std[i] if wide else std[i]), reason))
+        else:
+            found.append(Parameter(name, value, float(std[i])))
+    return found[0], found[1]

@@ -1,0 +1,93 @@
+"""Drives cut into short stretches of nearly steady motion: the rows of every fit of this room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.traction.calibration.truth import Drive, local_slope
+from ohmward.traction.robot import Robot
+
+LENGTH_S = 1.0
+#: A stretch counts where the rims move at least so fast and change their motion by less than this share of it.
+SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
+
+
+class Stretches(NamedTuple):
+    """K stretches, means over each.
+
+    drive: (K,) number of the recording.
+    wheel_speed_rad_s: (K, wheels), nan for a wheel without encoder.
+    current_A: (K, driven), nan where no current was measured.
+    rim: (K, freedoms) motion that the driven wheels make, for the robot's radius.
+    motion: (K, freedoms) of the body.
+    acceleration: (K, freedoms) of the body.
+    """
+
+    drive: np.ndarray
+    wheel_speed_rad_s: np.ndarray
+    current_A: np.ndarray
+    rim: np.ndarray
+    motion: np.ndarray
+    acceleration: np.ndarray
+
+
+def cut(drives: Sequence[Drive], robot: Robot, *, steady: bool = True, length_s: float = LENGTH_S) -> Stretches:
+    """All stretches of the drives in which the body's motion is known.
+
+    steady: leave out those in which the wheels change their speed much, among them starts and stops.
+
+    Raises:
+        InputError: none is left.
+    """
+    rows = [row for number, drive in enumerate(drives) for row in _of_drive(number, drive, robot, steady, length_s)]
+    if not rows:
+        raise InputError(
+            f"no stretch of {length_s:g} s in which the wheels turn{' steadily' if steady else ''} and the "
+            "motion of the body is known; give longer drives, or check the columns of the truth"
+        )
+    return Stretches(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
+    """Motion (..., freedoms) that the driven wheels (..., driven) make, as if none slipped."""
+    return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
+
+
+def travel_speed(motion: np.ndarray) -> np.ndarray:
+    """Speed over ground (...,) of a motion (..., freedoms), forward and, where there is one, leftward."""
+    return np.sqrt(np.sum(motion[..., :-1] ** 2, axis=-1))
+
+
+def _of_drive(number: int, drive: Drive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
+    log, t = drive.log, drive.log.time_s
+    rim = rim_motion(robot, log.wheel_speed_rad_s[:, : robot.driven])
+    rate = np.column_stack([local_slope(t, column) for column in drive.motion.T])
+    edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
+    for first, last in zip(edges, [*edges[1:], t.size], strict=True):
+        part = slice(first, last)
+        if last - first < 3 or not np.isfinite(drive.motion[part]).any():
+            continue
+        mean = _mean(rim[part])
+        change = np.abs(_mean(rim[part][(last - first) // 2 :]) - _mean(rim[part][: (last - first) // 2]))[:-1].max()
+        speed = travel_speed(mean)
+        if speed >= SLOWEST_M_S and (not steady or change <= STEADY_SHARE * speed):
+            yield (
+                number,
+                _mean(log.wheel_speed_rad_s[part]),
+                _mean(log.motor_current_A[part]),
+                mean,
+                _mean(drive.motion[part]),
+                _mean(rate[part]),
+            )
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Mean over the known rows (rows, n), nan for a column without any."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
