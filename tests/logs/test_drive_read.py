@@ -171,3 +171,12 @@ def test_recordings_are_chosen(write):
 def test_refusals(write, columns, kwargs, message):
     with pytest.raises(InputError, match=message):
         drive(write(columns), **kwargs)
+
+
+def test_a_heading_serves_where_there_is_no_gyro(write):
+    heading = np.radians([350.0, 0.0, 10.0, 5.0, 0.0])
+    log = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "imu_yaw": heading}))
+    assert log.yaw_rate_rad_s[1:] == pytest.approx(np.radians([100.0, 100.0, -50.0, -50.0]))
+    assert "the yaw rate is the change of the heading" in notes(log)
+    both = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "imu_yaw": heading, "gyro_z": ONE}))
+    assert np.array_equal(both.yaw_rate_rad_s, ONE)

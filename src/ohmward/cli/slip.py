@@ -101,14 +101,16 @@ def make_task(args: argparse.Namespace) -> Task:
 
 def observe_task(task: Task, name: str) -> Answer:
     """Run the observer called `name` over the drive."""
+    from ohmward.traction.drive_checks import check_drive
     from ohmward.traction.observers import observe, observer_for
 
+    faults = check_drive(task.robot, task.log)
     chosen = observer_for(task.robot, task.log, task.terrain, name)
     with progress() as report:
         told = (lambda done, total: report(name, done / total)) if report else None
         track = observe(chosen.observer, task.log, told)
     truth = [f"info: {task.truth.note}"] if task.truth else []
-    return Answer(track, [*(str(note) for note in (*task.log.notes, *chosen.notes)), *truth])
+    return Answer(track, [*(str(note) for note in (*faults, *task.log.notes, *chosen.notes)), *truth])
 
 
 def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from ohmward.logs.drive_units import AMPERE, COUNTS, M_S, M_S2, RAD, RAD_S, SECO
 from ohmward.logs.units import Unit
 
 WHEEL_SPEED, MOTOR_CURRENT = "wheel_speed", "motor_current"
-BODY = ("yaw_rate", "acceleration", "pitch", "speed", "speed_std", "speed_age")
+BODY = ("yaw_rate", "heading", "acceleration", "pitch", "speed", "speed_std", "speed_age")
 
 #: What each kind of channel may be measured in.
 MEASURED_IN: dict[str, tuple[str, ...]] = {
@@ -20,6 +20,7 @@ MEASURED_IN: dict[str, tuple[str, ...]] = {
     WHEEL_SPEED: ("rotation", "speed", "turn"),
     MOTOR_CURRENT: ("current",),
     "yaw_rate": ("rotation",),
+    "heading": ("angle",),
     "acceleration": ("acceleration",),
     "pitch": ("angle",),
     "speed": ("speed",),
@@ -30,6 +31,7 @@ MEASURED_IN: dict[str, tuple[str, ...]] = {
 _DEFAULT_UNIT: dict[str, Unit] = {
     MOTOR_CURRENT: AMPERE,
     "yaw_rate": RAD_S,
+    "heading": RAD,
     "acceleration": M_S2,
     "pitch": RAD,
     "speed": M_S,
@@ -67,6 +69,7 @@ _BODY_WORDS: dict[str, list[frozenset[str]]] = {
         *(frozenset((word, "z")) for word in ("gyro", "w", "omega")),
         *(frozenset((*words, "z")) for words in (("angular", "velocity"), ("ang", "vel"))),
     ],
+    "heading": [frozenset((word,)) for word in ("yaw", "heading")],
     "acceleration": [
         *(frozenset((word,)) | x for word in ("acceleration", "accel", "acc") for x in _X),
         *(frozenset(("linear", word)) | x for word in ("acceleration", "accel", "acc") for x in _X[:2]),
@@ -186,7 +189,7 @@ def _check_kinds(units: Mapping[str, str], wheels: Wheels) -> None:
 
 _EXAMPLES = {
     "time": "s or ms", WHEEL_SPEED: "rad/s, rpm, m/s or counts", MOTOR_CURRENT: "A or mA",
-    "yaw_rate": "rad/s or deg/s", "acceleration": "m/s2 or g", "pitch": "rad or deg",
+    "yaw_rate": "rad/s or deg/s", "heading": "rad or deg", "acceleration": "m/s2 or g", "pitch": "rad or deg",
     "speed": "m/s or km/h", "speed_std": "m/s", "speed_age": "s or ms",
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -146,11 +147,13 @@ def _in_si(
             notes += told
         else:
             channels[quantity] = unit.scale * values
+    turned, said = _yaw_rate_from_heading(time_s, channels)
     shared, told = _shared_currents(channels, columns)
     signed, more = _signed_currents({**channels, **shared})
     bridged, also = _bridged_currents(time_s, {**channels, **shared, **signed})
     assumed = _unit_notes(measured, mechanics)
-    return {**channels, **shared, **signed, **bridged}, [*assumed, *dict.fromkeys(notes), *told, *more, *also]
+    notes = [*assumed, *dict.fromkeys(notes), *said, *told, *more, *also]
+    return {**channels, **turned, **shared, **signed, **bridged}, notes
 
 
 def _unit(quantity: str, column: Column) -> Unit:
@@ -193,6 +196,19 @@ def _unit_notes(measured: Mapping[str, Column], mechanics: Mechanics) -> list[No
         elif kind == WHEEL_SPEED and mechanics.at_motor_shaft:
             notes.append(Note(f"that is the motor's, before a gear of {mechanics.gear_ratio:g} (--motor-shaft)"))
     return notes
+
+
+def _yaw_rate_from_heading(
+    time_s: np.ndarray, channels: Mapping[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """Where there is a heading and no gyro, the yaw rate since the heading before, the short way round."""
+    if "yaw_rate" in channels or "heading" not in channels:
+        return {}, []
+    known = np.flatnonzero(np.isfinite(channels["heading"]))
+    rate = np.full(time_s.size, np.nan)
+    turned = np.mod(np.diff(channels["heading"][known]) + math.pi, 2 * math.pi) - math.pi
+    rate[known[1:]] = turned / np.diff(time_s[known])
+    return {"yaw_rate": rate}, [Note("no gyro: the yaw rate is the change of the heading")]
 
 
 def _shared_currents(

@@ -46,6 +46,9 @@ SMALL_SLIP_M_S = 1e-4
 #: it is considered instead of estimated. With nothing but motor currents it must be calibrated, as `Noise` says.
 RADIUS_STD = 0.01
 
+#: Slip of wheels that scrub, as a share of the speed of their rims, where no force and no speed from outside is known.
+SCRUBBING_SHARE = 0.25
+
 #: Accelerometer offsets that nobody calibrated: mounted 2 degrees off.
 ACCELEROMETER_OFFSET_M_S2 = 0.35
 
@@ -84,10 +87,13 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     method, matching = FILTERS[name]
     rolling, scrubs = without_scrubbing(robot)
     noise = noise_of(rolling, log)
+    knows_force = bool(np.isfinite(log.motor_current_A).any())
     if scrubs:
         noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
-    if not np.isfinite(log.motor_current_A).any():
+    if not knows_force:
         noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
+    if scrubs and not knows_force and noise.speed_std_m_s is None:
+        noise = replace(noise, radius_std=SCRUBBING_SHARE)
     states = states_of(noise, log)
     observer = SpeedObserver(
         scene(rolling, terrain),
@@ -115,11 +121,14 @@ def without_scrubbing(robot: Robot) -> tuple[Robot, tuple[Note, ...]]:
 
 
 def noise_of(robot: Robot, log: DriveLog) -> Noise:
-    """How wrong the sensors of this log are, and which there are; the accelerometer serves where currents do not."""
+    """How wrong the sensors of this log are, and which there are.
+
+    The accelerometer serves where the motor currents do not tell the force, and the pitch tells gravity from it.
+    """
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
     knows_force = np.isfinite(log.motor_current_A).any()
-    accelerates = "acceleration_m_s2" in has and not knows_force
+    accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not knows_force
     return Noise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
@@ -143,8 +152,8 @@ def unknown_torque_Nm(robot: Robot, step_s: float) -> float:
 def unknown_push_walk(robot: Robot, log: DriveLog, terrain: Terrain) -> float:
     """Walk of the speed [m/s over the root of a second] where nobody knows what pushes the robot, and for how long.
 
-    A lasting push a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a walk q of the
-    speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both the same: white torque alone would forget.
+    A lasting push a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a walk q of
+    the speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both the same: white torque alone would forget.
     """
     rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
     load_N = robot.mass_kg * GRAVITY / len(robot.places)
@@ -160,8 +169,10 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
 
 
 def states_of(noise: Noise, log: DriveLog) -> States:
-    """What the log can show. Without motor currents it is no force, so nothing of the ground; and where any torque is
-    possible, a filter learns a radius that nothing shows: its part is considered in the sigmas instead.
+    """What the log can show: without motor currents no force, so nothing of the ground.
+
+    Nor of the radius then: where any torque is possible, a filter learns one that nothing shows. Its part in the sigmas
+    is considered instead, see `consider_radius`.
     """
     knows_force = bool(np.isfinite(log.motor_current_A).any())
     return States(
@@ -221,19 +232,21 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
 
 def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
     """(N,) the speeds from outside minus those of the driven wheels on the radius that fits best; may be empty."""
-    rolled = (
-        np.linalg.pinv(robot.rolling[: robot.driven])[0]
-        * robot.wheel.radius_m
-        @ log.wheel_speed_rad_s.T[: robot.driven]
-    )
-    speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
-    seen, given = np.isfinite(rolled), np.isfinite(speed)
-    if not (seen.any() and given.any()):
-        return np.empty(0)
-    wheels, speed = np.interp(log.time_s[given], log.time_s[seen], rolled[seen]), speed[given]
+    speed, wheels = speed_and_wheels_m_s(robot, log)
     moving = np.abs(wheels) > _MOVING_M_S
     share = float(np.median(speed[moving] / wheels[moving])) if moving.any() else 1.0
     return speed - share * wheels
+
+
+def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
+    """The speeds from outside and, at the same times, those that the driven wheels show, each (N,); may be empty."""
+    n = robot.driven
+    rolled = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[0] * robot.wheel.radius_m
+    speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
+    seen, given = np.isfinite(rolled), np.isfinite(speed)
+    if not seen.any():
+        return np.empty(0), np.empty(0)
+    return speed[given], np.interp(log.time_s[given], log.time_s[seen], rolled[seen])
 
 
 def correlation(error: np.ndarray, limit: float) -> float:
@@ -262,7 +275,9 @@ def notes_of(noise: Noise, log: DriveLog) -> tuple[Note, ...]:
     used = ", ".join(f"{name} {std:.2g} {unit}" for name, (std, unit) in stds.items() if std is not None)
     notes = [Note(f"standard deviations taken from the log: {used}")]
     if "acceleration_m_s2" in log.channels and noise.accelerometer_std_m_s2 is None:
-        notes.append(Note("the accelerometer is not used: the motor currents tell the same force"))
+        notes.append(
+            Note("the accelerometer is not used: it needs a pitch, and the motor currents tell the same force")
+        )
     if not np.isfinite(log.motor_current_A).any():
         text = "no motor currents: any torque up to the grip of the wheels counts as possible, so bands are wide"
         notes.append(Note(text, "warning"))

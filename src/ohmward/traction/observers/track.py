@@ -135,10 +135,10 @@ def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
     """The estimate with what the radius is not known by in the sigmas of speed and slip, where it is no state."""
     if observer.states.radius:
         return estimate
-    std, radius_m = observer.noise.radius_std, observer.scene.robot.wheel.radius_m
+    std_m_s = observer.noise.radius_std * observer.scene.robot.wheel.radius_m * np.abs(estimate.wheel_speed_rad_s)
     return estimate._replace(
-        speed_std_m_s=np.hypot(estimate.speed_std_m_s, std * np.abs(estimate.speed_m_s)),
-        slip_speed_std_m_s=np.hypot(estimate.slip_speed_std_m_s, std * radius_m * np.abs(estimate.wheel_speed_rad_s)),
+        speed_std_m_s=np.hypot(estimate.speed_std_m_s, std_m_s.max(axis=-1)),
+        slip_speed_std_m_s=np.hypot(estimate.slip_speed_std_m_s, std_m_s),
     )
 
 

@@ -1,0 +1,240 @@
+"""What is wrong with the recording of a drive, before anybody believes an estimate from it.
+
+Every check looks for one fault that robots really have and says which wheel, what was seen and what to do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
+from ohmward.traction.chassis import Omni
+from ohmward.traction.robot import Robot
+
+#: A wheel turns, a robot moves and turns, a motor works from here on [rad/s, m/s, rad/s, A].
+TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
+
+#: A fault must last so long [s] and be in so many samples before it is one.
+LASTS_S, FEWEST = 1.0, 20
+
+#: A wheel's sign is wrong where the wheels contradict each other by this share of their motion (in squares), and by
+#: less than a tenth of that once the sign is changed.
+CONTRADICTION, CURED = 0.1, 0.1
+
+#: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
+BRAKES = -0.3
+
+#: A spike is so many times the usual speed of a wheel.
+SPIKE = 10.0
+
+#: The speed from outside over that of the wheels: beyond these it is another unit.
+RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
+
+
+def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
+    """A warning for each fault that was found.
+
+    Raises:
+        InputError: the speed of the wheels and that from outside cannot be of one robot in these units.
+    """
+    checks = (
+        _stuck_encoders,
+        _spikes,
+        _wrong_wheel_signs,
+        _wrong_yaw_sign,
+        _wrong_current_signs,
+        _blocked_wheels,
+        _dead_currents,
+        _wrong_units,
+    )
+    return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
+
+
+def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
+    """Encoders that show the same number to the last digit while the other wheels change theirs.
+
+    A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, but on an omni robot.
+    """
+    found = []
+    for k, name in enumerate(_names(robot)):
+        rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
+        speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
+        same = np.append(False, np.diff(speed) == 0)
+        moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
+        turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
+        for first, last in _lasting(log.time_s[rows], same):
+            part = slice(first, last + 1)
+            may_stand = speed[first] == 0 and (last - first < rows.size - 2 or isinstance(robot.chassis, Omni))
+            if not may_stand and moving[part].mean() > 0.5 and turning[part].mean() > 0.5:
+                found.append(
+                    f"the encoder of {name} shows {speed[first]:.4g} rad/s without any change "
+                    f"{_from_to(log.time_s[rows], first, last)} while other wheels turn: stuck or unplugged; check it, "
+                    "or cut this part out"
+                )
+                break
+    return found
+
+
+def _spikes(robot: Robot, log: DriveLog) -> list[str]:
+    """Single samples far beyond what the wheel ever does."""
+    found = []
+    for k, name in enumerate(_names(robot)):
+        speed = log.wheel_speed_rad_s[:, k]
+        speed = speed[np.isfinite(speed)]
+        if speed.size < FEWEST:
+            continue
+        usual = max(float(np.quantile(np.abs(speed), 0.95)), TURNS_RAD_S)
+        before, after = np.diff(speed)[:-1], -np.diff(speed)[1:]
+        spikes = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > SPIKE * usual)
+        if spikes.any():
+            found.append(
+                f"the encoder of {name} jumps to {np.abs(speed).max():.4g} rad/s in {spikes.sum()} samples, usual are "
+                f"{usual:.3g} rad/s: a counter that rolled over? If the file has the counts, read those with --unit "
+                "wheel_speed=counts"
+            )
+    return found
+
+
+def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
+    """A wheel with whose sign changed the wheels and the gyro agree, and do not without."""
+    A, b, names = _kinematics(robot, log)
+    if len(b) < FEWEST or A.shape[0] <= A.shape[1]:
+        return []
+    left_null = np.eye(A.shape[0]) - A @ np.linalg.pinv(A)
+    power = float(np.sum(b**2))
+    as_is = float(np.sum((b @ left_null) ** 2))
+    if power == 0 or as_is < CONTRADICTION * power:
+        return []
+    flipped = [float(np.sum(((b * _flip(len(names), k)) @ left_null) ** 2)) for k in range(len(names))]
+    cured = [name for name, rest in zip(names, flipped, strict=True) if rest < CURED * as_is and name != "gyro"]
+    if not cured:
+        return []
+    return [
+        f"the wheels contradict each other, and agree once the encoder of {' or '.join(cured)} counts the other way: "
+        "its sign is wrong, or wheels are exchanged; change the sign in the file, or say with --column which is which"
+    ]
+
+
+def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
+    """A robot that turns left by its wheels and right by its gyro, over a full turn in all."""
+    if log.yaw_rate_rad_s is None:
+        return []
+    n = robot.driven
+    wheels = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1] * robot.wheel.radius_m
+    rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
+    turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
+    if rows.sum() < FEWEST or turned_rad < 2 * math.pi:
+        return []
+    wheels, gyro = wheels[rows], log.yaw_rate_rad_s[rows]
+    agreement = float(wheels @ gyro / max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
+    if agreement > -0.5:
+        return []
+    return [
+        "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points down; "
+        "exchange the columns with --column, or change the sign of the yaw rate in the file"
+    ]
+
+
+def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
+    """Motors that would brake the whole drive."""
+    found = []
+    for k, name in enumerate(_names(robot)[: robot.driven]):
+        forward_A = log.motor_current_A[:, k] * np.sign(log.wheel_speed_rad_s[:, k])
+        forward_A = forward_A[np.isfinite(forward_A) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
+        if forward_A.size >= FEWEST and forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+            found.append(
+                f"the motor of {name} brakes all the way: the sign of its current or of its encoder is wrong; a "
+                "positive current must drive forward; change the sign in the file"
+            )
+    return found
+
+
+def _blocked_wheels(robot: Robot, log: DriveLog) -> list[str]:
+    """Motors that work for a while and whose wheels do not turn."""
+    found = []
+    for k, name in enumerate(_names(robot)[: robot.driven]):
+        stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
+        for first, last in _lasting(log.time_s, stands & (np.abs(log.motor_current_A[:, k]) > WORKS_A)):
+            current_A = float(np.median(np.abs(log.motor_current_A[first : last + 1, k])))
+            found.append(
+                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s, first, last)} and its wheel does "
+                "not turn: blocked, or its encoder is unplugged"
+            )
+            break
+    return found
+
+
+def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
+    """Current sensors that never show anything though their wheels turn."""
+    found = []
+    for k, name in enumerate(_names(robot)[: robot.driven]):
+        current = log.motor_current_A[:, k]
+        current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
+        if current.size >= FEWEST and np.ptp(current) == 0:
+            found.append(
+                f"the motor current of {name} is {current[0]:.3g} A without any change while its wheel turns: a dead "
+                "sensor; leave its column out, and the motor counts as unknown"
+            )
+    return found
+
+
+def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
+    """Wheels that are much slower or faster than the robot."""
+    from ohmward.traction.observers.observer_for import speed_and_wheels_m_s
+
+    speed, wheels = speed_and_wheels_m_s(robot, log)
+    rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)
+    if rows.sum() < FEWEST:
+        return []
+    ratio = abs(float(np.median(wheels[rows] / speed[rows])))
+    if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL:
+        return []
+    text = (
+        f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
+        "wheel_speed=rpm), the motors' speed (--motor-shaft), or another radius in the robot file?"
+    )
+    if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
+        raise InputError(f"{log.name}: {text}")
+    return [text]
+
+
+def _names(robot: Robot) -> list[str]:
+    return [place.name.replace("_", " ") for place in robot.places]
+
+
+def _from_to(time_s: np.ndarray, first: int, last: int) -> str:
+    return f"from {time_s[first]:.4g} s to {time_s[last]:.4g} s"
+
+
+def _kinematics(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """What every sensor of motion sees (sensors, freedoms), the rows in which all of them saw it (N, sensors) [m/s].
+
+    A gyro counts as the rim of a wheel on the arm of the farthest one.
+    """
+    seen = [k for k in range(len(robot.places)) if np.isfinite(log.wheel_speed_rad_s[:, k]).any()]
+    A, b = robot.rolling[seen], log.wheel_speed_rad_s[:, seen] * robot.wheel.radius_m
+    names = [_names(robot)[k] for k in seen]
+    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
+        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
+        A = np.vstack([A, arm_m * np.eye(robot.freedoms)[-1]])
+        b = np.column_stack([b, arm_m * log.yaw_rate_rad_s])
+        names = [*names, "gyro"]
+    return A, b[np.isfinite(b).all(axis=1)], names
+
+
+def _flip(count: int, k: int) -> np.ndarray:
+    signs = np.ones(count)
+    signs[k] = -1.0
+    return signs
+
+
+def _lasting(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
+    """First and last sample of every stretch of True in `rows` (T,) that lasts."""
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+    runs = [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]
+    return [(a, b) for a, b in runs if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]

@@ -1,0 +1,116 @@
+"""Faults planted into a good drive, each found and named; the good drive raises nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog
+from ohmward.traction import RLMA, Differential, SkidSteer
+from ohmward.traction.drive_checks import check_drive
+
+TIME = np.arange(0.0, 20.0, 0.02)
+FOUR = replace(RLMA, chassis=Differential(0.314, 0.314, 0.30, driven="all"))
+
+
+def good(robot=RLMA, seed=1, gyro=True, **others):
+    """A drive with turns in both directions; wheels roll, currents push against friction."""
+    rng = np.random.default_rng(seed)
+    speed, yaw = 0.3 + 0.1 * np.sin(TIME), 0.8 * np.sin(0.7 * TIME)
+    motion = np.column_stack([speed, yaw] if robot.freedoms == 2 else [speed, 0 * yaw, yaw])
+    wheels = motion @ robot.rolling.T / robot.wheel.radius_m + 0.01 * rng.standard_normal((TIME.size, 4))
+    current = 1.0 + 0.2 * rng.standard_normal((TIME.size, robot.driven))
+    rate = yaw + 0.002 * rng.standard_normal(TIME.size) if gyro else None
+    return DriveLog("drive", TIME, wheels, current, **({"yaw_rate_rad_s": rate, "speed_m_s": speed} | others))
+
+
+def changed(log, name, column, function):
+    values = np.array(getattr(log, name))
+    values[:, column] = function(values[:, column])
+    return replace(log, **{name: values})
+
+
+def texts(robot, log):
+    return [note.text for note in check_drive(robot, log)]
+
+
+@pytest.mark.parametrize("robot", [RLMA, FOUR, replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))])
+@pytest.mark.parametrize("gyro", [True, False])
+def test_a_good_drive_raises_nothing(robot, gyro):
+    assert texts(robot, good(robot, gyro=gyro)) == []
+    assert texts(robot, good(robot, gyro=gyro, speed_m_s=None)) == []
+
+
+def test_a_robot_that_stands_raises_nothing():
+    still = DriveLog("still", TIME, np.zeros((TIME.size, 4)), np.zeros((TIME.size, 2)), np.zeros(TIME.size))
+    assert texts(RLMA, still) == []
+
+
+def test_a_stuck_encoder_is_named():
+    stuck = np.where((TIME > 5) & (TIME < 9), 1.5, np.nan)
+    log = changed(good(), "wheel_speed_rad_s", 1, lambda v: np.where(np.isnan(stuck), v, stuck))
+    (text,) = texts(RLMA, log)
+    assert "encoder of front right shows 1.5 rad/s without any change from 5.04 s to 8.98 s" in text
+
+
+def test_an_encoder_that_never_turns_is_unplugged_but_a_wheel_may_stand():
+    dead = changed(good(gyro=False), "wheel_speed_rad_s", 2, np.zeros_like)
+    assert any("encoder of rear left shows 0 rad/s" in text for text in texts(RLMA, dead))
+    pivot = changed(good(gyro=False), "wheel_speed_rad_s", 2, lambda v: np.where(TIME < 5, 0.0, v))
+    assert not any("encoder of rear left shows" in text for text in texts(RLMA, pivot))
+
+
+@pytest.mark.parametrize("wheel", range(4))
+def test_an_encoder_that_counts_backwards_is_named_with_the_other_of_its_side(wheel):
+    log = changed(good(FOUR, gyro=False), "wheel_speed_rad_s", wheel, np.negative)
+    found = [text for text in texts(FOUR, log) if "contradict" in text]
+    side = ["left", "right"][wheel % 2]
+    assert len(found) == 1 and f"the encoder of front {side} or rear {side} counts the other way" in found[0]
+
+
+def test_two_encoders_and_a_gyro_find_that_one_counts_backwards():
+    log = good()
+    speeds = np.array(log.wheel_speed_rad_s)
+    speeds[:, 2:], speeds[:, 0] = np.nan, -speeds[:, 0]
+    found = " ".join(texts(RLMA, replace(log, wheel_speed_rad_s=speeds, speed_m_s=None)))
+    assert "front left" in found and "counts the other way" in found
+
+
+def test_left_and_right_exchanged():
+    log = good()
+    speeds = log.wheel_speed_rad_s[:, [1, 0, 3, 2]]
+    assert any("turn against each other" in text for text in texts(RLMA, replace(log, wheel_speed_rad_s=speeds)))
+
+
+def test_a_current_of_the_wrong_sign():
+    log = changed(good(), "motor_current_A", 0, np.negative)
+    (text,) = texts(RLMA, log)
+    assert "motor of front left brakes all the way" in text
+
+
+def test_a_blocked_wheel():
+    log = changed(good(), "wheel_speed_rad_s", 0, lambda v: np.where(TIME < 4, 0.01 * v, v))
+    log = replace(log, motor_current_A=3.0 * log.motor_current_A)
+    assert any("motor of front left takes 3" in text and "does not turn" in text for text in texts(RLMA, log))
+
+
+def test_a_dead_current_sensor():
+    log = changed(good(), "motor_current_A", 1, np.zeros_like)
+    (text,) = texts(RLMA, log)
+    assert "motor current of front right is 0 A" in text
+
+
+def test_a_counter_that_rolled_over_unseen():
+    log = changed(good(), "wheel_speed_rad_s", 0, lambda v: np.where(np.arange(v.size) % 400 == 200, v - 5000, v))
+    found = " ".join(texts(RLMA, log))
+    assert "encoder of front left jumps to 4999 rad/s in 2 samples" in found and "rolled over" in found
+
+
+def test_a_unit_that_is_wrong():
+    doubtful = replace(good(), wheel_speed_rad_s=3.0 * good().wheel_speed_rad_s, yaw_rate_rad_s=None)
+    (text,) = texts(RLMA, doubtful)
+    assert "the wheels say 3 times the speed" in text
+    meaningless = replace(doubtful, wheel_speed_rad_s=9.55 * good().wheel_speed_rad_s)
+    with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm"):
+        check_drive(RLMA, meaningless)
