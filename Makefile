@@ -25,7 +25,7 @@ $(VENV)/%.stamp: pyproject.toml
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
 demo test check accuracy speed docs: export OMP_NUM_THREADS = 1
 
-demo: $(VENV)/lab.stamp
+demo: $(VENV)/lab,fast.stamp
 	$(BIN)/ohmward demo --out demo
 
 test: $(VENV)/test.stamp

@@ -25,7 +25,7 @@ LOG = replace(BARE, voltage_V=SIMULATED.voltage_V)
 
 def test_each_battery_offers_what_its_models_allow():
     assert available(BOTH) == tuple(ESTIMATORS)
-    assert available(THEVENIN_ALONE) == ("coulomb", "ocv", "ekf", "aekf", "ukf", "aukf")
+    assert available(THEVENIN_ALONE) == ("coulomb", "ocv", "textbook-ekf", "textbook-ukf", "ekf", "aekf", "ukf", "aukf")
     assert available(RC_ALONE) == ("rc-kf", "rc-soc", "rc-aukf")
 
 

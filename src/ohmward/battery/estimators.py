@@ -12,6 +12,7 @@ from ohmward.battery.rc.kalman import RcKalman
 from ohmward.battery.rc.soc import RcSoc
 from ohmward.battery.rest_ocv import RestOcv
 from ohmward.battery.soc_estimator import Estimator
+from ohmward.battery.textbook_filter import TextbookFilter
 from ohmward.battery.thevenin import Thevenin
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
@@ -99,6 +100,10 @@ def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Theven
     return make
 
 
+def _textbook(method: str) -> Callable[[Battery, Settings], Estimator]:
+    return lambda battery, settings: TextbookFilter(_thevenin(battery), battery.noise, method)
+
+
 def _coulomb(battery: Battery, settings: Settings) -> Estimator:
     return CoulombCounting(_thevenin(battery), battery.noise, settings.gap_s)
 
@@ -126,6 +131,8 @@ def _hybrid(battery: Battery, settings: Settings) -> Estimator:
 ESTIMATORS: dict[str, Choice] = {
     "coulomb": Choice("coulomb counting", _coulomb),
     "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
+    "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
+    "textbook-ukf": Choice("the same, unscented Kalman filter, as in [P]", _textbook("ukf")),
     "rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", _rc_kalman),
     "rc-soc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", _rc_soc),
     "rc-aukf": Choice("RC model, joint adaptive unscented filter of its parameters feeding rc-soc", _rc_adaptive),

@@ -106,8 +106,8 @@ def rested(before: Rest, quiet: Any, dt_s: Any, settle_s: float, usable: Any = T
 
 def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:
     """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
-    current = float(first.current_A) if is_current(first.current_A, current_limit_A) else 0.0
-    temperature = float(first.temperature_degC) if is_temperature(first.temperature_degC) else ROOM_DEGC
+    current = where(is_current(first.current_A, current_limit_A), first.current_A, 0.0)
+    temperature = where(is_temperature(first.temperature_degC), first.temperature_degC, ROOM_DEGC)
     return Input(current, temperature)
 
 

@@ -144,14 +144,18 @@ class TheveninFilter:
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
         u = first_input(first, self.current_limit_A)
-        start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
-        pairs = pair_resistances(start.soc, u, self.model)
+        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
+
+    def start(self, first: Sample, soc: float, soc_std: float) -> FilterState:
+        """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers."""
+        u = first_input(first, self.current_limit_A)
+        pairs = pair_resistances(soc, u, self.model)
         likely_A = abs(u.current_A) + self.noise.current_offset_std_A
-        std = [start.std, *(float(r) * likely_A + 1e-5 for r in pairs), 0.7]
+        std = [soc_std, *(r * likely_A + 1e-5 for r in pairs), 0.7]
         std += [self.noise.current_offset_std_A, self.noise.capacity_std, self.noise.resistance_std, 1.0]
-        mean = np.array([start.soc, *(0.0 for _ in pairs), 0.0, 0.0, 1.0, 1.0, 0.0])
+        mean = np.array([soc, *(0.0 for _ in pairs), 0.0, 0.0, 1.0, 1.0, 0.0])
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        belief = pack(Belief(mean, np.diag(np.square(std))))
+        belief = pack(Belief(mean, np.diag(np.square(np.array(std)))))
         return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0)
 
     def step(self, state: FilterState, sample: Sample) -> tuple[FilterState, Estimate]:

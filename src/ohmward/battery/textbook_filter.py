@@ -1,0 +1,125 @@
+"""State of charge by the filter of the textbooks and of [P] 2.3: SoC and RC voltages, nothing else.
+
+    x = [soc, v_1 ... v_n]        y = V
+
+It trusts current sensor, capacity and curve, so its sigma is far too small on a real robot: it is the baseline that
+`compare` shows, and what fits into 2 KB of a microcontroller. The state moves linearly once the resistances are taken
+at the mean, so it is predicted by the Kalman filter exactly; only the curve asks for the extended or unscented one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.initial_soc import initial_soc
+from ohmward.battery.noise import Noise
+from ohmward.battery.reading import first_input, is_current, is_voltage
+from ohmward.battery.thevenin import Input, Thevenin, charge, ohmic_resistance, pair_decays, pair_resistances
+from ohmward.errors import InputError
+from ohmward.filters import extended, kalman, unscented
+from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.gating import choose
+from ohmward.trace import clip, maximum, where
+
+METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
+
+#: How far an RC voltage may be from its model after a step, as a share of R_j times 1 C.
+PAIR_SHARE = 0.005
+
+
+class TextbookState(NamedTuple):
+    """What the filter carries.
+
+    belief: mean (n + 1,) and lower triangle of the covariance.
+    current_A: of the sample before.
+    """
+
+    belief: PackedBelief
+    current_A: Any
+
+
+@dataclass(frozen=True)
+class TextbookFilter:
+    """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are not looked at.
+
+    Attributes:
+        model: the circuit, at its reference temperature.
+        noise: voltage and current noise; the rest of it is what this filter does not know.
+        method: "ekf" or "ukf".
+    """
+
+    model: Thevenin
+    noise: Noise = field(default_factory=Noise)
+    method: str = "ukf"
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+
+    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
+        """State before the first sample; a SoC that is None comes from its voltage."""
+        u = first_input(first)
+        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
+
+    def start(self, first: Sample, soc: Any, soc_std: Any) -> TextbookState:
+        """State before the first sample, with a SoC that is taken as it is; traceable."""
+        u = first_input(first)
+        std = [soc_std, *(r * abs(u.current_A) + 1e-3 for r in self.pairs(soc))]
+        mean = np.array([soc, *(0.0 for _ in std[1:])])
+        return TextbookState(pack(Belief(mean, np.diag(np.square(np.array(std))))), u.current_A)
+
+    def step(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Estimate]:
+        """The state after a sample, and what is known then."""
+        dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
+        current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
+        prior = self.predict(unpack(state.belief), 0.5 * (current_A + state.current_A), dt_s)
+
+        measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
+        y = np.array([where(measured, sample.voltage_V, 0.0)])
+        drop_V = ohmic_resistance(prior.mean[0], self.input(current_A), self.model) * current_A
+        R = np.array([[self.noise.voltage_std_V**2 + max(self.noise.model_std_V) ** 2]])
+        corrected, innovation, _ = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, drop_V), R)
+        posterior = choose(measured, corrected, prior)
+
+        soc = posterior.mean[0]
+        unknown = math.nan * soc
+        estimate = Estimate(
+            clip(soc, 0.0, 1.0),
+            np.sqrt(maximum(posterior.cov[0, 0], 0.0)),
+            y[0] - innovation.value[0],
+            np.sqrt(innovation.cov[0, 0]),
+            where(measured, innovation.value[0], math.nan),
+            unknown,
+            unknown,
+            unknown,
+            where(measured, 0.0, float(Flag.NO_VOLTAGE)),
+        )
+        return TextbookState(pack(posterior), current_A), estimate
+
+    def predict(self, belief: Belief, current_A: Any, dt_s: Any) -> Belief:
+        """The belief after `dt_s` of a constant current."""
+        decays, pairs = pair_decays(self.model, dt_s), self.pairs(belief.mean[0])
+        driven = [(1 - a) * r * current_A for a, r in zip(decays, pairs, strict=True)]
+        moved = charge(current_A, dt_s, self.model) / self.model.capacity_As
+        wandered = [(PAIR_SHARE * r * self.model.capacity_Ah) ** 2 for r in pairs]
+        soc_variance = (self.noise.current_std_A / self.model.capacity_As) ** 2 * dt_s
+        Q = np.diag(np.array([soc_variance, *wandered]))
+        return kalman.predict(belief, np.diag(np.array([1.0, *decays])), Q, np.array([moved, *driven]))
+
+    def voltage(self, x: np.ndarray, drop_V: Any) -> np.ndarray:
+        """Terminal voltage [V] in state x, (1,)."""
+        return np.array([self.model.ocv.mean_V(x[0], self.model.reference_degC) + sum(x[1:]) + drop_V])
+
+    def pairs(self, soc: Any) -> list[Any]:
+        """R_1 ... R_n [ohm] at this SoC."""
+        return pair_resistances(soc, self.input(0.0), self.model)
+
+    def input(self, current_A: Any) -> Input:
+        """This current at the temperature of the file."""
+        return Input(current_A, self.model.reference_degC)
