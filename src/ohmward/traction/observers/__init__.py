@@ -2,6 +2,9 @@
 
 from ohmward.traction.observers.encoder import wheel_speeds
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
+from ohmward.traction.observers.momentum_estimate import AngleSample, MomentumEstimate, MomentumFlag
+from ohmward.traction.observers.momentum_noise import MomentumNoise, count_std_rad
+from ohmward.traction.observers.momentum_observer import MomentumObserver
 from ohmward.traction.observers.noise import Noise, quantisation_std_rad_s
 from ohmward.traction.observers.observer_for import FILTERS, Chosen, observer_for
 from ohmward.traction.observers.slip_test import SlipTest
@@ -12,9 +15,14 @@ from ohmward.traction.observers.track import SlipEstimator, Track, observe
 __all__ = [
     "FILTERS",
     "KNOWN_GROUND",
+    "AngleSample",
     "Chosen",
     "Estimate",
     "Flag",
+    "MomentumEstimate",
+    "MomentumFlag",
+    "MomentumNoise",
+    "MomentumObserver",
     "Noise",
     "ObserverState",
     "Sample",
@@ -23,6 +31,7 @@ __all__ = [
     "SpeedObserver",
     "States",
     "Track",
+    "count_std_rad",
     "observe",
     "observer_for",
     "quantisation_std_rad_s",
