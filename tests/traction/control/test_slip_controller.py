@@ -49,12 +49,28 @@ def flagged(steps, flag):
 @pytest.mark.parametrize("law", [LAWS[name] for name in LAWS if name != "slip ratio"])
 @pytest.mark.parametrize("ground", [DRY, SLIPPERY], ids=["dry", "slippery"])
 def test_from_rest_to_a_slip_whatever_the_friction(law, ground):
-    steps = drive(controller(law), hold(0.12), ground, 0.6)
+    steps = drive(controller(law, floor_m_s=0.2, launch=1.0), hold(0.12), ground, 0.6)
     slips = np.array([report.slip_ratio for _, _, report in steps])
     assert np.abs(slips[320:] - 0.12).max() <= 0.02
     changes = np.abs(np.diff([torque for _, torque, _ in steps]))
     assert changes.max() < 0.5, "a limit cycle at the start"
     assert changes[200:].max() < 0.03
+
+
+def test_a_launch_gets_there_earlier():
+    early, late = (drive(controller(launch=n), hold(0.12), DRY, 0.4) for n in (6.0, 1.0))
+    assert arrival_s(early) < 0.19 < 0.22 < arrival_s(late)
+
+
+def arrival_s(steps):
+    slips = np.array([report.slip_ratio for _, _, report in steps])
+    return DT * np.flatnonzero(~(np.abs(slips - 0.12) <= 0.02))[-1]
+
+
+def test_braking_knows_no_launch():
+    start = Truth(0.2 / WHEEL.radius_m, 0.2)
+    short, tall = (drive(controller(launch=n), hold(-0.18), DRY, 0.05, start=start) for n in (1.0, 9.0))
+    assert [x for x, _, _ in short] == [x for x, _, _ in tall]
 
 
 def test_the_slip_ratio_law_holds_a_moving_robot():

@@ -23,14 +23,19 @@ def test_at_rest_it_asks_for_a_slip_speed():
     assert surface(0.0, 0.0, 0.12, 0.2).sigma == pytest.approx(-0.024)
 
 
-@given(speeds, speeds, slips)
-def test_its_gain_and_drift_are_its_derivatives(rim, travel, target):
+def test_a_launch_starts_with_so_many_times_the_slip_speed_and_ends_at_the_floor():
+    sigmas = [surface(V, V, 0.12, 0.2, launch=3.0).sigma for V in (0.0, 0.1, 0.2, 0.4)]
+    assert sigmas == pytest.approx([-0.072, -0.048, -0.024, -0.048])
+
+
+@given(speeds, speeds, slips, st.sampled_from([1.0, 3.0]))
+def test_its_gain_and_drift_are_its_derivatives(rim, travel, target, launch):
     edges = abs(abs(rim) - abs(travel)), abs(abs(rim) - 0.2), abs(abs(travel) - 0.2)
     if min(edges) < 1e-3:
         return
-    here, h = surface(rim, travel, target, 0.2), 1e-6
-    by_rim = (surface(rim + h, travel, target, 0.2).sigma - here.sigma) / h
-    by_travel = (surface(rim, travel + h, target, 0.2).sigma - here.sigma) / h
+    here, h = surface(rim, travel, target, 0.2, launch), 1e-6
+    by_rim = (surface(rim + h, travel, target, 0.2, launch).sigma - here.sigma) / h
+    by_travel = (surface(rim, travel + h, target, 0.2, launch).sigma - here.sigma) / h
     assert here.gain == pytest.approx(by_rim, abs=1e-6)
     assert -here.drift == pytest.approx(by_travel, abs=1e-6)
 

@@ -17,6 +17,7 @@ class Motion(NamedTuple):
     target_rate_per_s:   its rate of change.
     floor_m_s:           v_0 of the surface, below which a slip speed is held instead of a slip ratio.
     dt_s:                for how long the torque will be held.
+    launch:              l of the surface.
     """
 
     rim_m_s: Any
@@ -27,6 +28,7 @@ class Motion(NamedTuple):
     target_rate_per_s: Any
     floor_m_s: Any
     dt_s: Any
+    launch: Any = 1.0
 
 
 class SlipLaw(Protocol):

@@ -2,6 +2,8 @@
 
 F_hat = (tau - J domega/dt) / r,   a_hat = dv/dt,   each through a lag of the first order.
 
+An estimator that runs as fast as the controller knows both better; what it gives is taken as it is.
+
 The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative, dt cancels, and
 dt = 0 is as good as any other.
 """
@@ -81,10 +83,12 @@ class Observer:
         force = (impulse / wheel.radius_m - before.force_N * dt_s) / (self.force_lag_s + dt_s)
         change = v - before.travel_speed_m_s - before.acceleration_m_s2 * dt_s
         learn = usable & (before.known > 0.5)
+        seen_N = before.force_N + where(learn, force, 0.0)
+        seen_m_s2 = before.acceleration_m_s2 + where(learn, change / (self.acceleration_lag_s + dt_s), 0.0)
         return Observed(
             omega,
             v,
-            before.force_N + where(learn, force, 0.0),
-            before.acceleration_m_s2 + where(learn, change / (self.acceleration_lag_s + dt_s), 0.0),
+            where(usable & isfinite(m.force_N), m.force_N, seen_N),
+            where(usable & isfinite(m.acceleration_m_s2), m.acceleration_m_s2, seen_m_s2),
             where(usable, 1.0, 0.0),
         )

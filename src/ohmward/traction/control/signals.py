@@ -3,6 +3,7 @@
 Every field is a number, or (n,) for n driven wheels: the controllers work element by element. x points forward.
 """
 
+import math
 from enum import IntFlag
 from typing import Any, NamedTuple
 
@@ -25,12 +26,16 @@ class Measurement(NamedTuple):
     travel_speed_m_s:     of the wheel's centre along the wheel, measured or estimated.
     age_s:                of the travel speed, >= 0.
     travel_speed_std_m_s: its standard deviation.
+    force_N:              of the ground on the wheel, from an estimator; nan where the controller has to see it itself.
+    acceleration_m_s2:    of the wheel's centre, likewise.
     """
 
     wheel_speed_rad_s: Any
     travel_speed_m_s: Any
     age_s: Any = 0.0
     travel_speed_std_m_s: Any = 0.0
+    force_N: Any = math.nan
+    acceleration_m_s2: Any = math.nan
 
 
 class SlipCommand(NamedTuple):

@@ -94,14 +94,16 @@ class SlidingMode:
         return wheel.radius_m * motion.force_N + wheel.inertia_kg_m2 / (here.gain * wheel.radius_m) * rate
 
     def remember(self, memory: SlidingMemory, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> SlidingMemory:
-        """The integral goes on unless the torque is limited and sigma would push it further."""
+        """The integral goes on above the floor unless the torque is limited and sigma would push it further."""
         sigma = self.surface(motion).sigma
         pushing = limited(wished_Nm, torque_Nm) & ((torque_Nm - wished_Nm) * sigma > 0.0)
-        return SlidingMemory(memory.integral_m + where(pushing, 0.0, sigma * motion.dt_s))
+        integral = memory.integral_m + where(pushing, 0.0, sigma * motion.dt_s)
+        rolling = maximum(abs(motion.rim_m_s), abs(motion.travel_m_s)) > motion.floor_m_s
+        return SlidingMemory(where(rolling, integral, 0.0))
 
     def surface(self, motion: Motion) -> Surface:
         """The surface of the slip that is wanted."""
-        return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s)
+        return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
 
     def gain_m_s2(self, here: Surface, motion: Motion, wheel: DrivenWheel) -> Any:
         """The least k that keeps the sliding condition."""

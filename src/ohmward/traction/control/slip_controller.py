@@ -7,10 +7,11 @@ limit lets it, and the law forgets what it had integrated.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_between, require_positive
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.law import Motion, SlipLaw
@@ -54,6 +55,7 @@ class SlipController:
         observer: of force and acceleration, and what it takes as a measurement.
         target_rate_per_s: how fast the slip that is held follows the command, > 0.
         floor_m_s: v_0, below which a slip speed is held instead of a slip ratio, > 0.
+        launch: how many times that slip speed a driving wheel starts with from rest, >= 1.
         stop_m_s: below this speed braking has come to its end, > 0.
         tolerance: deviation of the slip ratio that counts as reached, > 0.
         patience_s: a slip that stays out of reach so long is reported, > 0.
@@ -64,7 +66,8 @@ class SlipController:
     limits: Limits
     observer: Observer = field(default_factory=Observer)
     target_rate_per_s: float = 5.0
-    floor_m_s: float = 0.2
+    floor_m_s: float = 0.25
+    launch: float = 6.0
     stop_m_s: float = 0.05
     tolerance: float = 0.02
     patience_s: float = 0.2
@@ -72,6 +75,7 @@ class SlipController:
     def __post_init__(self) -> None:
         for name in ("target_rate_per_s", "floor_m_s", "stop_m_s", "tolerance", "patience_s"):
             require_positive(f"slip_controller.{name}", getattr(self, name))
+        require_between("slip_controller.launch", self.launch, 1.0, math.inf)
 
     def init(self, first: Measurement) -> SlipState:
         """The state before the first step, without torque and with no slip to hold."""
@@ -94,7 +98,7 @@ class SlipController:
         wished = where(acting, direction * self.law.torque_Nm(memory, motion, self.wheel), 0.0)
         torque = self.limits.apply(wished, state.torque_Nm, dt_s)
         after = self.law.remember(memory, motion, direction * wished, direction * torque)
-        here = surface(motion.rim_m_s, motion.travel_m_s, target, self.floor_m_s)
+        here = surface(motion.rim_m_s, motion.travel_m_s, target, self.floor_m_s, motion.launch)
         missing = limited(wished, torque) & (abs(here.sigma) > self.tolerance * here.reference_speed)
         limited_s = where(acting & missing, state.limited_s + dt_s, 0.0)
 
@@ -138,6 +142,7 @@ class SlipController:
             rate,
             self.floor_m_s,
             dt_s,
+            where(target > 0, self.launch, 1.0),
         )
 
 

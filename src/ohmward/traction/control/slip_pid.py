@@ -68,7 +68,7 @@ class SlipPid:
 
     def error(self, motion: Motion) -> Any:
         """e, missing slip ratio."""
-        here = surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s)
+        here = surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
         return -here.sigma / here.reference_speed
 
     def rate_per_s(self, memory: PidMemory, error: Any, dt_s: Any) -> Any:

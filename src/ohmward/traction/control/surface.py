@@ -1,15 +1,15 @@
 """The sliding surface as a slip speed: no division, so it holds at rest.
 
-sigma = r omega - v - lambda_d V_f,   V_f = max(|r omega|, |v|, v_0)
+sigma = r omega - v - lambda_d V_f,   V_f = max(V, v_0, l v_0 - (l - 1) V),   V = max(|r omega|, |v|)
 
-Where V_f is above its floor v_0 this is V (lambda - lambda_d); at rest it asks for the slip speed lambda_d v_0. With
-the larger of the two speeds in V_f, sigma moves as
+Where V is above the floor v_0 this is V (lambda - lambda_d). Below it a slip speed is held: lambda_d v_0 with l = 1,
+and with a launch l > 1 one that starts at l times as much and comes down to lambda_d v_0 at V = v_0. Sigma moves as
 
 d sigma/dt = gain r domega/dt - drift dv/dt - V_f dlambda_d/dt
 
-gain = 1 - lambda_d sign(r omega) and drift = 1 where the rim is faster, gain = 1 and drift = 1 + lambda_d sign(v) where
-travel is, both 1 below the floor. |lambda_d| < 1 keeps the gain away from zero: spinning at standstill, where the gain
-of the slip ratio itself vanishes, is a state like any other.
+gain = 1 - lambda_d V_f' sign(r omega) and drift = 1 where the rim is faster, gain = 1 and drift = 1 + lambda_d V_f'
+sign(v) where travel is, with V_f' = dV_f/dV. |lambda_d| < 1 and l lambda_d > -1 keep the gain away from zero: spinning
+at standstill, where the gain of the slip ratio itself vanishes, is a state like any other.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ class Surface(NamedTuple):
     drift: Any
 
 
-def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any) -> Surface:
-    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel."""
+def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> Surface:
+    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 where it is to drive."""
     rim, travel = abs(rim_m_s), abs(travel_m_s)
-    V_f = maximum(maximum(rim, travel), floor_m_s)
-    by_rim = (rim >= travel) & (rim > floor_m_s)
-    by_travel = (travel > rim) & (travel > floor_m_s)
+    V = maximum(rim, travel)
+    V_f = maximum(V, maximum(floor_m_s, launch * floor_m_s - (launch - 1) * V))
+    slope = where(floor_m_s < V, 1.0, 1.0 - launch)
     return Surface(
         rim_m_s - travel_m_s - slip_target * V_f,
         V_f,
-        where(by_rim, 1 - slip_target * _sign(rim_m_s), 1.0),
-        where(by_travel, 1 + slip_target * _sign(travel_m_s), 1.0),
+        where(rim >= travel, 1 - slip_target * slope * _sign(rim_m_s), 1.0),
+        where(travel > rim, 1 + slip_target * slope * _sign(travel_m_s), 1.0),
     )
 
 
