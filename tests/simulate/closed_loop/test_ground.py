@@ -7,7 +7,7 @@ from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.traction import RLMA
 from ohmward.traction.laws import CoulombCreep, SoftGround
 
-WHEELS = [p.name for p in RLMA.places]
+WHEELS = tuple(p.name for p in RLMA.places)
 
 
 def test_patches_lie_where_they_say_under_each_wheel():

@@ -16,6 +16,8 @@ from ohmward.traction.slip import driving_slip_ratio
 
 #: A slip this close to the one asked for counts as reached.
 TOLERANCE = 0.02
+#: A slower robot [m/s] has braked to its stop.
+SLOWEST_M_S = 0.1
 #: A shorter way [m] is no way to spread energy over.
 _SHORTEST_M = 0.01
 
@@ -23,10 +25,10 @@ _SHORTEST_M = 0.01
 class Held(NamedTuple):
     """How one command of slip was followed, by the worst of the driven wheels.
 
-    from_s, to_s: when it held.
+    from_s, to_s: when it held; a braking robot's ends where it is slower than `SLOWEST_M_S`.
     slip_ratio: asked for.
     settle_s: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did.
-    rms_error: of the true slip, in the second half of that time; nan where the robot stood.
+    rms_error: of the true slip, in the second half of that time.
     """
 
     from_s: float
@@ -83,12 +85,16 @@ def distance(history: Instant) -> float:
 
 def held_slips(run: Run) -> list[Held]:
     """How each command of slip was followed."""
-    time_s = run.history.truth.time_s
+    truth, commands = run.history.truth, run.scenario.commands
     slip = true_slip(run.history, run.scenario.model)
-    commands = run.scenario.commands
-    ends = [*(c.from_s for c in commands[1:]), float(time_s[-1])]
-    asked = [(c.from_s, end, c.slip_ratio) for c, end in zip(commands, ends, strict=True) if c.slip_ratio is not None]
-    return [held_slip(time_s, slip, *command) for command in asked if command[0] < time_s[-1]]
+    held = []
+    for command, end_s in zip(commands, [*(c.from_s for c in commands[1:]), math.inf], strict=True):
+        rows = (truth.time_s > command.from_s) & (truth.time_s <= end_s)
+        if command.slip_ratio is not None and command.slip_ratio < 0:
+            rows &= np.cumsum(rows & (np.abs(truth.speed_m_s) < SLOWEST_M_S)) == 0
+        if command.slip_ratio is not None and rows.any():
+            held.append(held_slip(truth.time_s[rows], slip[rows], command.from_s, command.slip_ratio))
+    return held
 
 
 def true_slip(history: Instant, robot: Robot) -> np.ndarray:
@@ -98,15 +104,13 @@ def true_slip(history: Instant, robot: Robot) -> np.ndarray:
     return driving_slip_ratio(rim, truth.wheel_centre_speed_m_s[:, :n])
 
 
-def held_slip(time_s: np.ndarray, slip: np.ndarray, from_s: float, to_s: float, target: float) -> Held:
-    """How one command was followed; slip: (K, driven)."""
-    rows = (time_s > from_s) & (time_s <= to_s)
-    error = slip[rows] - target
-    near = (np.abs(error) <= TOLERANCE).all(axis=1)
-    away = np.flatnonzero(~near)
+def held_slip(time_s: np.ndarray, slip: np.ndarray, from_s: float, target: float) -> Held:
+    """How one command was followed; time_s (K,) and slip (K, driven) while it held."""
+    error, to_s = slip - target, float(time_s[-1])
+    away = np.flatnonzero(~(np.abs(error) <= TOLERANCE).all(axis=1))
     first = int(away[-1]) + 1 if away.size else 0
-    settle_s = float(time_s[rows][first] - from_s) if first < near.size else math.nan
-    late = error[time_s[rows] > 0.5 * (from_s + to_s)]
+    settle_s = float(time_s[first] - from_s) if first < time_s.size else math.nan
+    late = error[time_s > 0.5 * (from_s + to_s)]
     return Held(from_s, to_s, target, settle_s, max((_rms(column) for column in late.T), default=math.nan))
 
 

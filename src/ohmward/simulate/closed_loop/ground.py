@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -68,7 +69,7 @@ class Patch:
         """Of the terrain, or its friction."""
         return f"friction {self.friction:g}" if self.friction is not None else self.terrain or "dry asphalt"
 
-    @property
+    @cached_property
     def bounded(self) -> bool:
         """Whether it ends anywhere; what does not lies under all others."""
         return any(getattr(self, edge) is not None for edge in _EDGES) or bool(self.wheels)

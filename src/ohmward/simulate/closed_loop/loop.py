@@ -57,6 +57,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     for k in range(steps):
         drive.step()
         if drive.empty:
+            drive.watch.battery_empty()
             break
         if progress and k % _PROGRESS_STEPS == 0:
             progress(k, steps)
@@ -92,6 +93,7 @@ class Drive:
         self.sensors = Sensors(scenario.sensors, self.robot, sensors_rng)
         self.observation = Observation(_observer(scenario), self.robot)
         self.pack = PackSensors(pack_rng)
+        self.pack.feel(self.supply.now)
         self.watch = Watch(scenario)
         self.account = Account()
         self._wanted = [wanted(command, self.robot) for command in scenario.commands]
@@ -144,7 +146,7 @@ class Drive:
         return self._wanted[self._command]
 
     def _keep(self, report: Report, supplied: Supplied) -> None:
-        if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9:
+        if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9 or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
             self.history.append(Instant(self.truth, report, *battery, self.account))
 

@@ -15,6 +15,9 @@ from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import Report
 from ohmward.traction.observers import Estimate, Sample
 
+#: Decimals of a time [s] in a log: nanoseconds.
+_TIME_DIGITS = 9
+
 
 class Instant(NamedTuple):
     """One instant of the truth; stacked over time every field has (K,) in front.
@@ -80,7 +83,7 @@ def columns(run: Run) -> dict[str, np.ndarray]:
     places = [p.name for p in robot.places]
     sample = rows.sample
     measured = {
-        "time_s": rows.time_s,
+        "time_s": np.round(rows.time_s, _TIME_DIGITS),
         **{f"{p}_wheel_speed_rad_s": sample.wheel_speed_rad_s[:, k] for k, p in enumerate(places)},
         **{f"{p}_motor_current_A": sample.current_A[:, k] for k, p in enumerate(places[: robot.driven])},
         "yaw_rate_rad_s": sample.yaw_rate_rad_s,
@@ -120,7 +123,7 @@ def drive_log(run: Run) -> DriveLog:
     age = None if body["speed_m_s"] is None else columns(run)["speed_age_s"]
     return DriveLog(
         run.scenario.name or "simulated drive",
-        rows.time_s,
+        np.round(rows.time_s, _TIME_DIGITS),
         sample.wheel_speed_rad_s,
         sample.current_A,
         **body,

@@ -16,12 +16,14 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
+from ohmward.simulate.closed_loop.mosaic import mosaic
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel, cos, sin
 from ohmward.traction.dynamics import Forces, Input, Scene, forces, momentum_rates, scene
 from ohmward.traction.implicit_step import Step, step
 from ohmward.traction.robot import GRAVITY, Robot
 from ohmward.traction.slip import slip_ratio
+from ohmward.traction.terrain import Terrain
 
 
 class Push(NamedTuple):
@@ -29,12 +31,14 @@ class Push(NamedTuple):
 
     torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
     grade_rad, bank_rad: of the ground, along the robot and to its left.
+    shares: (wheels, grounds) of each ground under each wheel.
     dt_s: length of the step.
     """
 
     torque_Nm: Any
     grade_rad: Any
     bank_rad: Any
+    shares: Any
     dt_s: Any
 
 
@@ -76,11 +80,16 @@ class TractionPlant:
         require_positive("longest_step_s", longest_step_s)
         self.robot, self.grade = robot, grade or Grade()
         self.surface = surface(patches, [p.name for p in robot.places])
-        self._terrains = [patch.ground(robot) for patch in self.surface.patches]
-        self._adhesion = np.array([adhesion(terrain) for terrain in self._terrains])
+        grounds = [patch.ground(robot) for patch in self.surface.patches]
+        self._terrains = [ground for k, ground in enumerate(grounds) if ground not in grounds[:k]]
+        self._shares = np.array([[float(ground == terrain) for terrain in self._terrains] for ground in grounds])
+        self._adhesion = np.array([adhesion(ground) for ground in grounds])
         self._arms = np.array([[p.x_m, p.y_m] for p in robot.places])
         self._longest_step_s = longest_step_s
-        self._kernels: dict[tuple[int, ...], Kernel] = {}
+        nothing = Push(np.zeros(robot.driven), 0.0, 0.0, self._shares[[0] * len(robot.places)], 0.0)
+        self._kernel = Kernel(
+            partial(observed_step, robot=robot, terrains=self._terrains), np.zeros(len(robot.state_names)), nothing
+        )
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
@@ -124,26 +133,19 @@ class TractionPlant:
     def _advance(self, torque_Nm: np.ndarray, dt_s: float) -> RobotTruth:
         under = self._under()
         slope = self.grade.at(self._position_m[0])
-        push = Push(torque_Nm, *tilt(slope, self._heading_rad), dt_s)
+        push = Push(torque_Nm, *tilt(slope, self._heading_rad), self._shares[under], dt_s)
         before = self._x
-        result, f, seen = self._kernel(under)(before, push)
+        result, f, seen = self._kernel(before, push)
         self._x = result.state
         self._move(before, seen, dt_s)
         self.work = Work(*(a + b for a, b in zip(self.work, _work(result), strict=True)))
-        return self._truth(torque_Nm, f, seen, self._adhesion[list(under)], slope)
+        return self._truth(torque_Nm, f, seen, self._adhesion[under], slope)
 
-    def _kernel(self, under: tuple[int, ...]) -> Kernel:
-        """The step with these terrains under the wheels, compiled when the robot first stands so."""
-        if under not in self._kernels:
-            place = scene(self.robot, *(self._terrains[k] for k in under))
-            examples = np.zeros(len(self.robot.state_names)), Push(np.zeros(self.robot.driven), 0.0, 0.0, 0.0)
-            self._kernels[under] = Kernel(partial(observed_step, p=place), *examples)
-        return self._kernels[under]
-
-    def _under(self) -> tuple[int, ...]:
+    def _under(self) -> list[int]:
+        """Number of the patch under each wheel."""
         c, s = math.cos(self._heading_rad), math.sin(self._heading_rad)
         x_m = self._position_m[0] + self._arms @ np.array([c, -s])
-        return self.surface.under(x_m.tolist(), self._time_s)
+        return list(self.surface.under(x_m.tolist(), self._time_s))
 
     def _move(self, before: np.ndarray, seen: Seen, dt_s: float) -> None:
         """Place and angles, by the trapezoidal rule."""
@@ -187,9 +189,9 @@ class TractionPlant:
         )
 
 
-def observed_step(x: np.ndarray, push: Push, p: Scene) -> tuple[Step, Forces, Seen]:
+def observed_step(x: np.ndarray, push: Push, robot: Robot, terrains: Sequence[Terrain]) -> tuple[Step, Forces, Seen]:
     """One implicit step, and what can be seen at its end."""
-    robot = p.robot
+    p = scene(robot, *(mosaic(terrains, shares) for shares in push.shares))
     u = Input(push.torque_Nm / robot.motor.wheel_constant_Nm_per_A, push.grade_rad, push.bank_rad)
     result = step(x, u, p, push.dt_s)
     f = forces(result.state, u, p)

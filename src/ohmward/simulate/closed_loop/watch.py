@@ -31,6 +31,7 @@ class Watch:
         self._duration_s = 0.0
         self._flagged_s = {flag: np.zeros(scenario.model.driven) for flag in _SENTENCES}
         self._short_s = 0.0
+        self._empty = False
 
     def see(self, report: Report, asked_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
         """One step of the controller, and what the battery left of its torque."""
@@ -40,6 +41,10 @@ class Watch:
             seconds += np.where(flags & flag, dt_s, 0.0)
         if np.abs(asked_Nm - torque_Nm).max() > SAME_TORQUE:
             self._short_s += dt_s
+
+    def battery_empty(self) -> None:
+        """The battery can no longer feed the electronics."""
+        self._empty = True
 
     def sentences(self) -> tuple[str, ...]:
         """One for each thing that went wrong."""
@@ -51,6 +56,10 @@ class Watch:
         if self._short_s:
             share = 100 * self._short_s / self._duration_s
             found.append(f"{share:.1f} % of the time: the battery's voltage or power limited the torque")
+        if self._empty:
+            found.append(
+                f"the battery is empty after {self._duration_s:.3g} s and the drive ends there; raise battery.start_soc"
+            )
         return tuple(found)
 
     def _shares(self, seconds: np.ndarray) -> str:

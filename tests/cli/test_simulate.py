@@ -1,0 +1,148 @@
+"""`ohmward simulate` from the outside: files, JSON, refusals."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from ohmward.cli.main import main
+from ohmward.cli.simulate import ENERGY
+from ohmward.logs import read_drive, read_log
+from ohmward.simulate import closed_loop
+from ohmward.simulate.closed_loop import drive_log, parse_scenario
+from ohmward.traction import RLMA
+
+SLIP = """\
+format = "ohmward-scenario/1"
+duration_s = 0.6
+ground = [{ friction = 0.2, rolling = 0.01 }]
+observer = { method = "true" }
+controller = { mode = "slip" }
+commands = [{ slip_ratio = 0.12 }]
+"""
+SPEED = """\
+format = "ohmward-scenario/1"
+duration_s = 0.5
+observer = { method = "ekf" }
+sensors = { encoders = "all", pitch = true, speed = { interval_s = 0.1, delay_s = 0.02 } }
+commands = [{ speed_m_s = 0.4 }]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "slip.toml").write_text(SLIP)
+    (tmp_path / "speed.toml").write_text(SPEED)
+    return tmp_path
+
+
+def test_the_figures_of_slip_control(folder, as_json):
+    found = as_json("simulate", "slip.toml")
+    assert found["slip_settle_s"] < 0.4
+    assert found["slip_rms_error"] < 0.01
+    assert found["speed_rmse_m_s"] is None
+    assert found["energy_J_per_m"] == pytest.approx(found["energy_J"] / found["distance_m"])
+    assert found["energy_J"] == pytest.approx(sum(found["energy_split_J"].values()), rel=1e-9)
+    assert found["energy_split_J"].keys() == ENERGY.keys()
+    assert found["soc_final"] < found["soc_initial"] == 0.8
+
+
+def test_the_figures_of_the_observer(folder, as_json):
+    found = as_json("simulate", "speed.toml")
+    assert found["slip_settle_s"] is None
+    assert found["slip_rms_error"] is None
+    assert 0 < found["speed_rmse_m_s"] < 0.02
+    assert found["false_alarm_rate"] < 0.1
+    assert found["steps"] == 51
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return drive_log(closed_loop.run(parse_scenario(SPEED)))
+
+
+@pytest.mark.parametrize("name", ["drive.csv", "drive.parquet"])
+def test_the_log_reads_back_as_it_was_recorded(folder, recorded, name):
+    assert main(["simulate", "speed.toml", "-o", name]) == 0
+    read = read_drive(name, [p.name for p in RLMA.places], RLMA.driven)
+    for field in ("time_s", "wheel_speed_rad_s", "motor_current_A", "yaw_rate_rad_s", "pitch_rad", "speed_m_s"):
+        np.testing.assert_array_equal(getattr(read, field), getattr(recorded, field), err_msg=field)
+    for field in ("acceleration_m_s2", "speed_std_m_s", "speed_age_s"):
+        np.testing.assert_array_equal(getattr(read, field), getattr(recorded, field), err_msg=field)
+    for truth in ("speed_true_m_s", "front_left_slip_true", "soc_true"):
+        np.testing.assert_array_equal(read.extra[truth], recorded.extra[truth], err_msg=truth)
+
+
+def test_the_log_reads_as_one_of_a_battery(folder):
+    main(["simulate", "speed.toml", "-o", "drive.csv"])
+    log = read_log("drive.csv", current_sign="charge")
+    assert len(log) == 51
+    assert log.current_A[20:].max() < 0.0
+    assert 12.0 < log.voltage_V.min() < log.voltage_V.max() < 14.0
+
+
+def test_the_report_has_its_plots(folder):
+    assert main(["simulate", "speed.toml", "--report", "drive.html"]) == 0
+    page = (folder / "drive.html").read_text()
+    for title in ("Speed", "Slip, front left", "Torque of the motors", "Friction under", "Where the power goes"):
+        assert title in page
+
+
+def test_the_example_is_a_scenario(folder, capsys):
+    assert main(["simulate", "--example"]) == 0
+    assert parse_scenario(capsys.readouterr().out).duration_s == 20.0
+
+
+def test_the_list_names_the_scenarios(folder, as_json, capsys):
+    assert "onto-ice" in as_json("simulate", "--list")["scenarios"]
+    assert main(["simulate", "--list"]) == 0
+    assert "first-drive" in capsys.readouterr().out
+
+
+def test_another_seed_is_another_noise(folder):
+    main(["simulate", "speed.toml", "-o", "one.csv"])
+    main(["simulate", "speed.toml", "-o", "two.csv", "--seed", "2"])
+    one, two = (list(csv.DictReader((folder / name).open())) for name in ("one.csv", "two.csv"))
+    assert one[40]["current_A"] != two[40]["current_A"]
+
+
+def test_an_interrupt_leaves_nothing_half_written(folder, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ohmward.simulate.closed_loop.loop.Drive.step", interrupted)
+    assert main(["simulate", "speed.toml", "-o", "drive.csv", "--report", "drive.html"]) == 130
+    assert sorted(p.name for p in folder.iterdir()) == ["slip.toml", "speed.toml"]
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ((), "name a scenario file, or one of `ohmward simulate --list`"),
+        (("nothing",), "nothing: no such file, and no scenario of that name; there are: example"),
+        (("nothing.toml",), "nothing.toml: cannot be read"),
+        (("speed.toml", "-o", "speed.toml"), "the name must end in .csv or .parquet"),
+        (("speed.toml", "-o", "none/x.csv"), "there is no folder 'none'"),
+        (("bad.toml",), "bad.toml: ground.friction must be > 0 and at most 3, got -0.1"),
+    ],
+)
+def test_what_cannot_be_is_refused(folder, refused, words, message):
+    (folder / "bad.toml").write_text(SLIP.replace("0.2", "-0.1"))
+    assert message in refused("simulate", *words)
+
+
+def test_mujoco_that_is_missing_is_said(folder, refused, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    (folder / "mj.toml").write_text(SLIP.replace("duration_s", 'plant = "mujoco"\nduration_s'))
+    assert "pip install 'ohmward[sim]'" in refused("simulate", "mj.toml")
+
+
+def test_text_and_json_say_the_same(folder, capsys):
+    main(["simulate", "slip.toml"])
+    text = capsys.readouterr().out
+    main(["simulate", "slip.toml", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert f"{found['slip_settle_s']:.3g} s" in text
+    assert "where the energy went" in text
