@@ -1,7 +1,8 @@
 """Make the pictures of the README and the documentation: `python docs/make_pictures.py`.
 
 Everything in them is simulated and says so. The battery is identified from its simulated pulse test, as a user would,
-and two estimators run over the simulated day.
+and two estimators run over the simulated day. The drive home is simulated in closed loop, and an observer is chosen for
+its log as `ohmward slip` does.
 """
 
 from __future__ import annotations
@@ -12,8 +13,13 @@ import numpy as np
 
 from ohmward import Battery, Estimate, Log, SocEstimator, identify, make_estimator, make_robot_day
 from ohmward.battery.score import BAND_95
+from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.report.svg import to_svg
+from ohmward.simulate.closed_loop import drive_log, run
+from ohmward.simulate.robot_drive import robot_drive
+from ohmward.traction import RLMA, hard_terrain
+from ohmward.traction.observers import Track, observe, observer_for
 
 PICTURES = Path(__file__).parent / "pictures"
 
@@ -21,8 +27,10 @@ PICTURES = Path(__file__).parent / "pictures"
 def main() -> None:
     """Write every picture."""
     day = robot_day()
+    drive = drive_home()
     PICTURES.mkdir(exist_ok=True)
     (PICTURES / "robot-day.svg").write_text(to_svg(soc_figure(*day), error_figure(*day)), encoding="utf-8")
+    (PICTURES / "drive-home.svg").write_text(to_svg(speed_figure(*drive), slip_figure(*drive)), encoding="utf-8")
 
 
 def robot_day() -> tuple[Log, Estimate, Estimate]:
@@ -35,6 +43,12 @@ def robot_day() -> tuple[Log, Estimate, Estimate]:
 def estimate(log: Log, battery: Battery, name: str) -> Estimate:
     """State of charge along the day, started at the right value by the estimator called `name`."""
     return SocEstimator(make_estimator(name, battery), initial_soc=1.0).run(log).estimates
+
+
+def drive_home() -> tuple[DriveLog, Track]:
+    """The log of the drive home, and what the observer makes of it."""
+    log = drive_log(run(robot_drive()))
+    return log, observe(observer_for(RLMA, log, hard_terrain("dry asphalt")).observer, log)
 
 
 def soc_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:
@@ -68,6 +82,47 @@ def error_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:
         [Band(t, -BAND_95 * std, BAND_95 * std, "claimed 95 % band")],
         height_px=150,
     )
+
+
+def speed_figure(log: DriveLog, track: Track) -> Figure:
+    """Truth, estimate with its band, and what the driven wheels alone would say."""
+    t, e = log.time_s, track.estimates
+    wheels = RLMA.wheel.radius_m * e.wheel_speed_rad_s.mean(axis=1)
+    return Figure(
+        "A simulated drive: a stop and a start on wet tiles, then a ramp",
+        TIME,
+        "Speed [m/s]",
+        [
+            Series(t, log.extra["speed_true_m_s"], "truth", "dashed", "reference"),
+            Series(t, wheels, "driven wheels", role="comparison"),
+            Series(t, e.speed_m_s, "ohmward", role="estimate"),
+        ],
+        [band(t, e.speed_m_s, e.speed_std_m_s)],
+        height_px=220,
+    )
+
+
+def slip_figure(log: DriveLog, track: Track) -> Figure:
+    """Slip speed of one wheel and its band, beside the truth."""
+    t, e = log.time_s, track.estimates
+    ratio, rim = log.extra["front_left_slip_true"], RLMA.wheel.radius_m * e.wheel_speed_rad_s[:, 0]
+    truth = ratio * np.maximum(np.abs(rim), np.abs(log.extra["speed_true_m_s"]))
+    return Figure(
+        "Front left wheel",
+        TIME,
+        "Slip speed [m/s]",
+        [
+            Series(t, truth, "truth", "dashed", "reference"),
+            Series(t, e.slip_speed_m_s[:, 0], "ohmward", role="estimate"),
+        ],
+        [band(t, e.slip_speed_m_s[:, 0], e.slip_speed_std_m_s[:, 0])],
+        height_px=150,
+    )
+
+
+def band(t: np.ndarray, mean: np.ndarray, std: np.ndarray) -> Band:
+    """The 95 % band that an estimate claims."""
+    return Band(t, mean - BAND_95 * std, mean + BAND_95 * std, "its 95 % band")
 
 
 if __name__ == "__main__":

@@ -5,10 +5,12 @@ from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from markdown_pages import ROOT, command_lines, links, programs
 from ohmward import score
+from ohmward.traction import RLMA
 
 README = ROOT / "README.md"
 BENCHMARK = """\
@@ -40,7 +42,14 @@ fill_readme = load_script("fill_readme")
 
 def test_it_has_programs_commands_and_links():
     assert len(programs(README)) == 2
-    assert [words[0] for words in command_lines(README, "ohmward")] == ["demo", "doctor", "identify", "soc"]
+    assert [words[0] for words in command_lines(README, "ohmward")] == [
+        "demo",
+        "doctor",
+        "identify",
+        "soc",
+        "simulate",
+        "slip",
+    ]
     assert "CONTRIBUTING.md" in links(README)
 
 
@@ -51,15 +60,19 @@ def test_its_make_targets_exist():
     assert set(wanted) <= set(targets)
 
 
-def test_its_picture_is_whole():
-    root = ElementTree.parse(ROOT / "docs" / "pictures" / "robot-day.svg").getroot()
+@pytest.mark.parametrize(
+    "name, other, time", [("robot-day", "coulomb counting", "Time [h]"), ("drive-home", "driven wheels", "Time [s]")]
+)
+def test_its_pictures_are_whole(name, other, time):
+    root = ElementTree.parse(ROOT / "docs" / "pictures" / f"{name}.svg").getroot()
     texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
-    assert {"truth", "coulomb counting", "ohmward", "Time [h]"} <= set(texts)
+    assert {"truth", other, "ohmward", time} <= set(texts)
     assert len([e for e in root.iter() if "line" in e.get("class", "").split()]) >= 5
+    assert f"docs/pictures/{name}.svg" in README.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
-def test_its_picture_tells_the_truth():
+def test_its_day_tells_the_truth():
     pictures = load_script("make_pictures")
     log, filtered, counted = pictures.robot_day()
     of_filter = score(filtered.soc, log.extra["soc_true"], filtered.soc_std)
@@ -67,6 +80,15 @@ def test_its_picture_tells_the_truth():
     assert of_filter and of_counting
     assert of_filter.coverage_95 > 0.95
     assert 3 * of_filter.rmse < of_counting.rmse
+
+
+@pytest.mark.slow
+def test_its_drive_tells_the_truth():
+    log, track = load_script("make_pictures").drive_home()
+    truth, found = log.extra["speed_true_m_s"], track.estimates.speed_m_s
+    wheels = RLMA.wheel.radius_m * track.estimates.wheel_speed_rad_s.mean(axis=1)
+    rms = [float(np.sqrt(np.mean((v - truth) ** 2))) for v in (found, wheels)]
+    assert 3 * rms[0] < rms[1]
 
 
 def test_its_numbers_are_those_of_the_benchmark():
