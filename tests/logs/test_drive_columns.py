@@ -61,7 +61,8 @@ def test_numbers_count_from_one_or_from_zero():
     "quantity, name",
     [
         ("yaw_rate", "yaw_rate_rad_s"), ("yaw_rate", "wz"), ("yaw_rate", "gyro_z"), ("yaw_rate", "gz_dps"),
-        ("yaw_rate", "imu.angular_velocity.z"), ("heading", "imu_yaw"), ("acceleration", "acceleration_m_s2"), ("acceleration", "ax"),
+        ("yaw_rate", "imu.angular_velocity.z"), ("heading", "imu_yaw"),
+        ("acceleration", "acceleration_m_s2"), ("acceleration", "ax"),
         ("acceleration", "imu_acceleration_x"), ("acceleration", "linear_acceleration.x"), ("pitch", "pitch_deg"),
         ("speed", "speed_m_s"), ("speed", "gnss_speed"), ("speed_std", "speed_std_m_s"), ("speed_age", "speed_age_s"),
         ("front_left_motor_current", "front_left_motor_current_A"), ("front_left_motor_current", "curL"),
