@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from markdown_pages import ROOT, command_lines, links, programs
-from ohmward import score
+from ohmward import make_robot_day, score, write_log
+from ohmward.cli.main import main
 from ohmward.traction import RLMA
 
 README = ROOT / "README.md"
@@ -51,6 +52,16 @@ def test_it_has_programs_commands_and_links():
         "slip",
     ]
     assert "CONTRIBUTING.md" in links(README)
+
+
+@pytest.mark.slow
+def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    day = make_robot_day("lfp")
+    write_log(day.pulse_test, "test.csv")
+    write_log(day.mission, "day.csv")
+    for words in command_lines(README, "ohmward"):
+        assert words[0] == "demo" or main(words) == 0, words
 
 
 def test_its_make_targets_exist():
