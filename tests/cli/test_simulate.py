@@ -101,6 +101,7 @@ def test_the_list_names_the_scenarios(folder, as_json, capsys):
     assert "first-drive" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_noise(folder):
     main(["simulate", "speed.toml", "-o", "one.csv"])
     main(["simulate", "speed.toml", "-o", "two.csv", "--seed", "2"])

@@ -53,6 +53,7 @@ def test_the_robot_does_as_it_is_told(drive):
     assert np.sqrt(np.mean((estimate.speed_m_s - drive.rows.truth.speed_m_s) ** 2)) < 0.04
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_run_and_another_another(drive):
     again, other = closed_loop.run(DRIVE), closed_loop.run(replace(DRIVE, seed=2))
     for name, values in columns(drive).items():
@@ -62,6 +63,7 @@ def test_the_same_seed_gives_the_same_run_and_another_another(drive):
     )
 
 
+@pytest.mark.slow
 def test_reverse_is_the_mirror_of_forward():
     level = replace(EXACT, grade=Grade(), ground=(FLOOR,), sensors=Sensing(drive_speed_std_rad_s=1e-300))
     level = replace(level, commands=(Command(speed_m_s=0.6),), duration_s=0.6)
@@ -75,6 +77,7 @@ def test_reverse_is_the_mirror_of_forward():
     assert reverse.account.battery == pytest.approx(forward.account.battery, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_our_plant_agrees_with_mujoco():
     """Both with the creep law, and without rolling resistance, which brakes wheels in MuJoCo and the body in ours."""
     pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
