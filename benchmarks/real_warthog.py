@@ -1,0 +1,147 @@
+"""A real skid-steered robot (Warthog, 280 kg, up to 4 m/s) in windows of 2 s: encoders and gyro against lidar.
+
+The column called `imu_yaw` holds the yaw rate of the gyro: it agrees with the lidar's turn over the window, the wheels
+say 1.6 times as much. There are no motor currents. The lidar gives a pose every second sample or so; its speed is the
+slope of the pose over half a second, unsure by several percent of the speed. Windows of even calibration steps
+calibrate the radius, those of odd steps are scored. Windows that the data call unsteady begin with a command that
+changes from full speed one way to full speed the other: there wheels may well slip, so their alarms are only shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from figure import Figure, at_least, at_most
+from ohmward.logs.drive_log import DriveLog
+from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
+from ohmward.traction.observers import Estimate
+from ohmward.traction.observers.observer_for import observer_for, without_scrubbing
+from ohmward.traction.observers.track import SlipEstimator
+from ohmward.traction.score import DriveTruth, score_drive
+from real_data import columns, false_alarms
+
+DATA = "Warthog, skid-steer"
+METHOD = "ukf, wheels and gyro, radius calibrated"
+WARTHOG = Robot(
+    "Warthog", 280.0, 60.0, SkidSteer(0.457, 0.457, 1.1652), Wheel(0.3, 0.25, 0.5), Motor(1.0, 1.0, gear_ratio=10.0)
+)
+#: The ground is not named: loose, to judge by the turns; a law in the slip ratio, as the speeds span a factor of 40.
+GROUND = hard_terrain("wet asphalt road", RollingResistance(0.03, 50.0, 0.0))
+FREE, _ = without_scrubbing(WARTHOG)
+STEP_S = 0.05
+#: A straight window turns by less than this [rad/s] and drives at least so fast [m/s].
+STRAIGHT_RAD_S, DRIVING_M_S = 0.1, 0.5
+#: Half width of the slope that makes a speed of poses [samples].
+HALF = 5
+
+
+class Windows(NamedTuple):
+    """All windows: (windows, samples) but the last three, which are (windows,)."""
+
+    left_rad_s: np.ndarray
+    right_rad_s: np.ndarray
+    gyro_rad_s: np.ndarray
+    speed_m_s: np.ndarray
+    turn_rad_s: np.ndarray
+    steady: np.ndarray
+    held_out: np.ndarray
+
+
+def rows() -> Iterator[Figure]:
+    windows = recording()
+    straight = is_straight(windows)
+    share = calibrated(windows, straight & ~windows.held_out)
+    drives = [drive(windows, k, share) for k in range(len(windows.turn_rad_s))]
+    estimates = observed(drives)
+    going = straight & windows.held_out
+    rolling, starting = joined(estimates, going & windows.steady), joined(estimates, going & ~windows.steady)
+    yield from false_alarms(f"{DATA}, straight and steady", METHOD, rolling, WARTHOG.wheel.radius_m)
+    share = float(np.mean(starting.slipping))
+    yield at_most(f"{DATA}, straight, command changed", METHOD, "alarms at 0.001, slip is possible", share, form=".2g")
+    yield from speed_figures(f"{DATA}, straight", windows, estimates, going)
+    yield from speed_figures(f"{DATA}, turning", windows, estimates, ~straight & windows.held_out)
+    yield from turn_figures(windows, estimates, windows.held_out)
+
+
+def recording() -> Windows:
+    data = columns("norlab_skidsteer/drive_warthog_windows.parquet")
+    shape = (len(np.unique(data["window"])), -1)
+    pose = [data[name].reshape(shape) for name in ("icp_x", "icp_y", "icp_yaw")]
+    yaw = np.unwrap(pose[2], axis=1)
+    forward = np.cos(yaw) * slope(pose[0]) + np.sin(yaw) * slope(pose[1])
+    turn = (yaw[:, -1] - yaw[:, 0]) / (STEP_S * (yaw.shape[1] - 1))
+    steady, step = data["steady"].astype(bool).reshape(shape)[:, 0], data["calib_step"].reshape(shape)[:, 0]
+    wheels = [data[name].reshape(shape).astype(float) for name in ("left_wheel_vel", "right_wheel_vel")]
+    return Windows(*wheels, data["imu_yaw"].reshape(shape).astype(float), forward, turn, steady, step % 2 == 1)
+
+
+def slope(x: np.ndarray) -> np.ndarray:
+    """Rate of change of poses (windows, samples) by least squares over half a second; nan at the ends."""
+    k = STEP_S * np.arange(-HALF, HALF + 1)
+    rate = np.full(x.shape, np.nan)
+    seen = np.lib.stride_tricks.sliding_window_view(x, len(k), axis=1)
+    rate[:, HALF:-HALF] = seen @ k / (k @ k)
+    return rate
+
+
+def is_straight(windows: Windows) -> np.ndarray:
+    """(windows,) by lidar and wheels."""
+    rim_m_s = WARTHOG.wheel.radius_m * 0.5 * (windows.left_rad_s + windows.right_rad_s).mean(axis=1)
+    return (np.abs(windows.turn_rad_s) < STRAIGHT_RAD_S) & (np.abs(rim_m_s) > DRIVING_M_S)
+
+
+def calibrated(windows: Windows, chosen: np.ndarray) -> float:
+    """Share of the radius: travel by lidar over travel of the wheels."""
+    rim_m_s = WARTHOG.wheel.radius_m * 0.5 * (windows.left_rad_s + windows.right_rad_s)[chosen]
+    seen = np.isfinite(windows.speed_m_s[chosen])
+    return float(np.median(windows.speed_m_s[chosen][seen] / rim_m_s[seen]))
+
+
+def drive(windows: Windows, k: int, share: float) -> DriveLog:
+    left, right = share * windows.left_rad_s[k], share * windows.right_rad_s[k]
+    wheels = np.column_stack([left, right, left, right])
+    time_s = STEP_S * np.arange(len(left))
+    return DriveLog(f"window {k}", time_s, wheels, np.full(wheels.shape, np.nan), windows.gyro_rad_s[k])
+
+
+def observed(drives: list[DriveLog]) -> list[Estimate]:
+    """Each window from its own start, all with one observer, chosen from the windows one after the other."""
+    together = DriveLog(
+        "all windows",
+        STEP_S * np.arange(sum(len(d) for d in drives)),
+        np.concatenate([d.wheel_speed_rad_s for d in drives]),
+        np.concatenate([d.motor_current_A for d in drives]),
+        np.concatenate([np.asarray(d.yaw_rate_rad_s) for d in drives]),
+    )
+    estimator = SlipEstimator(observer_for(WARTHOG, together, GROUND).observer)
+    return [from_start(estimator, d) for d in drives]
+
+
+def from_start(estimator: SlipEstimator, log: DriveLog) -> Estimate:
+    """Estimates of a drive that has nothing to do with the one before; the compiled step is kept."""
+    estimator.state, estimator.time_s = None, np.nan
+    return estimator.run(log).estimates
+
+
+def joined(estimates: list[Estimate], chosen: np.ndarray) -> Estimate:
+    """Those of the chosen windows, one after the other."""
+    picked = [estimates[k] for k in np.flatnonzero(chosen)]
+    return Estimate(*(np.concatenate(values) for values in zip(*picked, strict=True)))
+
+
+def speed_figures(data: str, windows: Windows, estimates: list[Estimate], chosen: np.ndarray) -> Iterator[Figure]:
+    found = joined(estimates, chosen)
+    score = score_drive(FREE, found, DriveTruth(windows.speed_m_s[chosen].ravel()))
+    yield at_most(f"{data} ({chosen.sum()} windows)", METHOD, "speed RMSE against lidar [m/s]", score.speed_rmse_m_s)
+    yield at_least(data, METHOD, "coverage of 95 % of the speed", score.speed_coverage_95, 0.9, ".3f")
+
+
+def turn_figures(windows: Windows, estimates: list[Estimate], chosen: np.ndarray) -> Iterator[Figure]:
+    turned = np.array([np.mean(e.yaw_rate_rad_s) for e in estimates])
+    by_wheels = WARTHOG.wheel.radius_m / WARTHOG.chassis.track_m * (windows.right_rad_s - windows.left_rad_s)
+    for method, rate in ((METHOD, turned), ("wheels alone", by_wheels.mean(axis=1))):
+        error = (rate - windows.turn_rad_s)[chosen]
+        yield at_most(DATA, method, "yaw rate over a window, RMSE [rad/s]", float(np.sqrt(np.mean(error**2))))
