@@ -36,6 +36,18 @@ def test_where_the_wheel_grips_the_speed_follows_its_ramp():
     assert flagged(steps, Flag.SLIP_BOUND).mean() < 0.01
 
 
+def test_a_ramp_that_eases_off_covers_as_much_in_the_same_time_with_eight_ninths_of_the_loss():
+    state, loss, way = CONTROL.init(measured(Truth())), 0.0, 0.0
+    eased = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=2 / 3, easing_m_s3=2 / 9)
+    for _ in range(3000):
+        a = eased.ramp_m_s2(state, SpeedCommand(1.0), DT)
+        state = state._replace(reference_m_s=state.reference_m_s + a * DT)
+        loss, way = loss + a * a * DT, way + state.reference_m_s * DT
+    assert state.reference_m_s == pytest.approx(1.0, abs=1e-3)
+    assert way == pytest.approx(2.0, abs=0.01)  # as 0.5 m/s^2 for 2 s and 1 m/s for 1 s
+    assert loss == pytest.approx(8 / 9 * 0.5, rel=0.01)
+
+
 def test_where_the_ground_gives_way_slip_stays_at_its_bound_and_it_is_said():
     hard = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=4.0)
     steps = drive(hard, go(3.0), SLIPPERY, 1.0)
