@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make demo      a simulated robot day: pulse test -> battery file -> state of charge -> report (demo/)"
+	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
 	@echo "make test      every test"
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"

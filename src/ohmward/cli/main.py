@@ -18,7 +18,7 @@ REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _EPILOG = """\
 a first look:
-  ohmward demo                                      a simulated robot day, from pulse test to report
+  ohmward demo                                      a simulated robot, from battery test to the way home
   ohmward simulate --list                           drives of a simulated robot in closed loop
 
 with your own logs (CSV, Parquet or BDF):
@@ -54,7 +54,7 @@ def build_parser() -> Parser:
     """The parser of `ohmward` with all its commands."""
     parser = Parser(
         prog="ohmward",
-        description="State of charge of batteries from logs of current and voltage, with uncertainties that hold.",
+        description="Charge, wheel slip and range of battery-powered robots, with uncertainties that hold.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
