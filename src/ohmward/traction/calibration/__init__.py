@@ -2,7 +2,7 @@
 
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import calibrate_motor
-from ohmward.traction.calibration.parameter import Parameter
+from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
 from ohmward.traction.calibration.truth import Drive, motion_from_pose, motion_from_speed
 
@@ -14,4 +14,5 @@ __all__ = [
     "learn_floor",
     "motion_from_pose",
     "motion_from_speed",
+    "with_parameters",
 ]

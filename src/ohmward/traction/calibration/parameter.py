@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from ohmward.traction.robot import Robot
 
 
 class Parameter(NamedTuple):
-    """name: with its unit; value, std: of it; reason: why it could not be identified, empty where it was."""
+    """A number of the robot file.
+
+    name: where it stands in the robot, with its unit: "motor.friction_Nm".
+    value: as calibrated, or the robot's own where it was not.
+    std: standard deviation of that.
+    reason: why it could not be identified; empty where it was.
+    """
 
     name: str
     value: float
@@ -17,3 +27,13 @@ class Parameter(NamedTuple):
     def identified(self) -> bool:
         """Whether the drives tell it."""
         return not self.reason
+
+
+def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
+    """The robot with those numbers that were identified."""
+    for p in parameters:
+        if p.identified:
+            part, _, name = p.name.partition(".")
+            changed: Any = replace(getattr(robot, part), **{name: p.value})
+            robot = replace(robot, **{part: changed})
+    return robot

@@ -28,7 +28,7 @@ from ohmward.traction.floors.floor import Floor
 from ohmward.traction.robot import Robot
 
 #: Smallest change that counts, ripple and its growth with the drag, where no floors are known; shares of the weight.
-STEP, RIPPLE, GROWTH = 0.03, 0.01, 0.07
+STEP, RIPPLE, GROWTH = 0.05, 0.01, 0.07
 #: Floors whose drags differ less are one floor to this test.
 ALIKE = 0.02
 #: A motion that differs from that at the start of the test by more than this share of it starts it anew.
@@ -148,8 +148,8 @@ class CrossingTest:
 
 
 def crossing_test(robot: Robot, floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:
-    """The test for a robot that knows these floors: what counts is half of the lightest wheel's change."""
+    """The test for a robot that knows these floors: what counts is the change of its lightest wheel."""
     apart = np.diff(np.sort([f.drag for f in floors]))
     apart = apart[apart > ALIKE]
-    step = 0.5 * float(apart.min() * robot.loads[:, 0].min()) if len(apart) else STEP
+    step = float(apart.min() * robot.loads[:, 0].min()) if len(apart) else STEP
     return CrossingTest(step_share=step, false_alarms_per_hour=false_alarms_per_hour)

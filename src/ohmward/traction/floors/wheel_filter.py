@@ -87,7 +87,7 @@ class WheelFilter:
     encoder_std_rad_s: float = 0.1
     current_std_A: float = 0.2
     speed_walk: float = 0.03
-    force_walk: float = 0.1
+    force_walk: float = 0.15
     window: float = 100.0
 
     def __post_init__(self) -> None:

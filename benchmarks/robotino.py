@@ -1,0 +1,267 @@
+"""Slip of Festo's Robotino on floors, from encoders and motor currents alone, against an overhead camera.
+
+Radius, motor and the table's floor are calibrated on the table; the gray floor is learnt from the gray runs of even
+number. What is judged: the gray runs of odd number, the runs along the seam of both floors, and floors that were never
+met. Every constant is one of the package or a measured one of the robot (`README` of the data).
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from benchmarks.figure import DATA, Figure, at_least, at_most, data_file
+
+from ohmward.logs.drive_read import read_drive
+from ohmward.traction import ROBOTINO, Robot
+from ohmward.traction.calibration import (
+    Drive,
+    calibrate_motor,
+    calibrate_radius,
+    learn_floor,
+    motion_from_pose,
+    with_parameters,
+)
+from ohmward.traction.calibration.stretches import rim_motion, travel_speed
+from ohmward.traction.calibration.truth import local_slope
+from ohmward.traction.floors import Floor, SlipOnFloors, SlipTrack, slip_on_floors
+
+FOLDER = "robotino_slip_tpu"
+#: The camera: metres per pixel, and how the mark on the robot is turned against the picture. Rows count downwards.
+PIXEL_M, MARK_DEG = (1.84046e-3, -1.83716e-3), 91.4
+GRAVITY = 9.80665
+#: Runs are judged from here [s] to so long before their end: the robot starts from rest.
+START_S, STOP_S = 1.0, 0.3
+#: A crossing counts as found within [s]; those nearer to the ends of a run leave no room for it.
+FOUND_S = 1.0
+#: A wheel is across when it stands so far [m] beyond the seam; the rollers' contact moves by about as much.
+ACROSS_M = 0.008
+SENSORS = "encoders + currents"
+
+
+class Run(NamedTuple):
+    """A run: its drive, with the motion that the camera saw, and the pose (T, 3) in metres and radians."""
+
+    drive: Drive
+    pose: np.ndarray
+
+
+class Judged(NamedTuple):
+    """Mean slip of one run by the camera and as estimated, the estimate's sigma, and the error over time (RMS)."""
+
+    true: float
+    found: float
+    std: float
+    rms: float
+    crossings: int
+    seconds: float
+
+
+def rows() -> Iterator[Figure]:
+    """All figures; raises FileNotFoundError where the data are absent."""
+    table, gray, uniform = (runs(name) for name in ("table", "gray", "gray_uniform_wheel_load"))
+    robot = calibrated(weighed("wheel_load_nonuniform_load.csv"), table)
+    even = {number: run for number, run in gray.items() if number % 2 == 0}
+    odd = {number: run for number, run in gray.items() if number % 2 == 1}
+    floors = floor_of("table", table, robot), floor_of("gray", even, robot)
+    estimator = slip_on_floors(robot, floors)
+    yield from _learnt(judge(estimator, odd), judge(estimator, table))
+    yield from _unseen(robot, floors, gray, uniform, table)
+    yield from _filters(robot, floors, odd)
+    yield from _crossings(estimator, runs("two_table_gray"), odd, table)
+
+
+def runs(name: str) -> dict[int, Run]:
+    """The runs of a file by number, read as `ohmward slip --where exp=N --motor-shaft` reads them."""
+    path = data_file(f"{FOLDER}/{name}.parquet")
+    import pyarrow.parquet as pq
+
+    numbers = sorted(set(pq.read_table(path, columns=["exp"])["exp"].to_pylist()))
+    return {int(number): _run(path, number) for number in numbers}
+
+
+def weighed(name: str) -> Robot:
+    """The robot with its wheels' loads as weighed."""
+    with data_file(f"{FOLDER}/{name}").open(encoding="utf-8", newline="") as file:
+        grams = np.array([[float(v) for v in row[1:4]] for row in list(csv.reader(file))[3:]])
+    load_N = grams.mean(axis=0) * 1e-3 * GRAVITY
+    return replace(ROBOTINO, mass_kg=float(load_N.sum()) / GRAVITY, wheel_load_N=tuple(load_N.tolist()))
+
+
+def calibrated(robot: Robot, table: Mapping[int, Run]) -> Robot:
+    """Radius and motor from the runs on the table."""
+    drives = [run.drive for run in table.values()]
+    robot = with_parameters(robot, [calibrate_radius(drives, robot)])
+    return with_parameters(robot, calibrate_motor(drives, robot))
+
+
+def floor_of(name: str, of: Mapping[int, Run], robot: Robot) -> Floor:
+    """The floor of these runs."""
+    return learn_floor(name, [run.drive for run in of.values()], robot)
+
+
+def judge(estimator: SlipOnFloors, of: Mapping[int, Run]) -> list[Judged]:
+    """Each run against the camera."""
+    return [_judged(estimator.run(run.drive.log), run, estimator.wheels.robot) for run in of.values()]
+
+
+def seam_crossings(of: Sequence[Run]) -> list[list[float]]:
+    """Times [s] at which a wheel crossed the seam, for each run.
+
+    The seam is a straight line x = const of the camera; where it lies is found once for all runs, as the line for which
+    the number of wheels beyond it explains the currents best. It is the truth's only parameter.
+    """
+    places = [_wheel_x(run) for run in of]
+    current = np.concatenate([np.abs(run.drive.log.motor_current_A).sum(axis=1) for run in of])
+    x = np.concatenate(places)
+    candidates = np.quantile(x, np.linspace(0.05, 0.95, 181))
+    best = max(candidates, key=lambda seam: np.corrcoef((x > seam).sum(axis=1), current)[0, 1])
+    return [_crossing_times(run.drive.log.time_s, place - best) for run, place in zip(of, places, strict=True)]
+
+
+def _run(path, number: float) -> Run:
+    log = read_drive(
+        path,
+        [p.name for p in ROBOTINO.places],
+        ROBOTINO.driven,
+        gear_ratio=ROBOTINO.motor.gear_ratio,
+        at_motor_shaft=True,
+        where={"exp": number},
+    )
+    pose = np.column_stack(
+        [
+            PIXEL_M[0] * log.extra["xpos"],
+            PIXEL_M[1] * log.extra["ypos"],
+            np.unwrap(np.radians(log.extra["ang"] + MARK_DEG)),
+        ]
+    )
+    return Run(Drive(log, motion_from_pose(log.time_s, *pose.T)), pose)
+
+
+def _judged(track: SlipTrack, run: Run, robot: Robot) -> Judged:
+    time_s = track.time_s
+    rim, body = travel_speed(_smooth_rim(run, robot)), travel_speed(run.drive.motion)
+    part = (time_s > START_S) & (time_s < time_s[-1] - STOP_S) & np.isfinite(track.travel_slip)
+    error = track.travel_slip[part] - (1 - body[part] / rim[part])
+    return Judged(
+        true=float(1 - body[part].mean() / rim[part].mean()),
+        found=float(track.travel_slip[part].mean()),
+        std=float(track.travel_slip_std[part].mean()),
+        rms=float(np.sqrt(np.mean(error**2))),
+        crossings=len(track.crossings),
+        seconds=run.drive.log.duration_s,
+    )
+
+
+def _smooth_rim(run: Run, robot: Robot) -> np.ndarray:
+    """Motion of the rims (T, 3) over the same window as the camera's."""
+    log = run.drive.log
+    turned = rim_motion(robot, log.wheel_speed_rad_s) * np.diff(log.time_s, prepend=log.time_s[0])[:, None]
+    return np.column_stack([local_slope(log.time_s, way) for way in np.cumsum(turned, axis=0).T])
+
+
+def _learnt(odd: list[Judged], table: list[Judged]) -> Iterator[Figure]:
+    data, method = "Robotino, gray floor, runs not learnt from", f"UKF on learnt floors, {SENSORS}"
+    error = _errors(odd)
+    yield at_most(data, method, "mean slip of a run, mean absolute error", float(np.abs(error).mean()), 0.03)
+    yield at_most(data, method, "mean slip of all runs, error", abs(float(error.mean())), 0.03)
+    yield at_least(data, method, "runs within 0.03", float((np.abs(error) <= 0.03).mean()), form=".1%")
+    yield at_least(data, method, "runs in the 95 % band", _covered(odd), form=".1%")
+    data = "Robotino, table"
+    yield at_most(data, method, "mean slip of a run, mean absolute error", float(np.abs(_errors(table)).mean()), 0.03)
+
+
+def _unseen(
+    robot: Robot, floors: tuple[Floor, Floor], gray: Mapping, uniform: Mapping, table: Mapping
+) -> Iterator[Figure]:
+    other = weighed("wheel_load_uniform_load.csv")
+    other = replace(other, wheel=robot.wheel, motor=robot.motor)
+    cases = (
+        ("gray floor, only the table known", slip_on_floors(robot, floors[:1]), gray),
+        ("gray floor, other loads, only the table known", slip_on_floors(other, floors[:1]), uniform),
+        ("table, only the gray floor known", slip_on_floors(robot, floors[1:]), table),
+        ("gray floor known, other loads", slip_on_floors(other, floors), uniform),
+    )
+    for data, estimator, of in cases:
+        judged = judge(estimator, of)
+        data, method = f"Robotino, {data}", f"UKF on learnt floors, {SENSORS}"
+        yield at_least(data, method, "runs in the 95 % band", _covered(judged), 0.85, form=".1%")
+        yield at_most(data, method, "half width of the band", 1.96 * float(np.mean([j.std for j in judged])))
+        yield at_most(data, method, "mean slip of a run, mean absolute error", float(np.abs(_errors(judged)).mean()))
+
+
+def _filters(robot: Robot, floors: tuple[Floor, ...], odd: Mapping[int, Run]) -> Iterator[Figure]:
+    rms = {m: _rms(judge(slip_on_floors(robot, floors, m), odd)) for m in ("ekf", "aekf", "ukf", "aukf")}
+    data = "Robotino, gray floor, runs not learnt from"
+    for method, value in rms.items():
+        yield at_most(data, f"{method.upper()}, {SENSORS}", "slip over time, RMSE", value, form=".4f")
+    yield at_most(data, "AUKF over UKF", "slip over time, ratio of RMSE", rms["aukf"] / rms["ukf"], 1.0, form=".4f")
+
+
+def _crossings(
+    estimator: SlipOnFloors, seam: Mapping[int, Run], odd: Mapping[int, Run], table: Mapping[int, Run]
+) -> Iterator[Figure]:
+    found, false, quiet = [], 0, []
+    for run, crossed in zip(seam.values(), seam_crossings(list(seam.values())), strict=True):
+        end = run.drive.log.time_s[-1] - FOUND_S
+        alarms = [c.time_s for c in estimator.run(run.drive.log).crossings]
+        false += sum(all(abs(a - t) > FOUND_S for t in crossed) for a in alarms)
+        if due := [t for t in crossed if START_S <= t <= end]:
+            found.append([any(abs(a - t) <= FOUND_S for a in alarms) for t in due])
+        elif not crossed:
+            quiet.append(not alarms)
+    data, method = "Robotino, along the seam of table and gray floor", f"CUSUM, {SENSORS}"
+    yield at_least(data, method, "runs with every crossing found within 1 s", _share(map(all, found)), 0.9, form=".1%")
+    yield at_least(data, method, "runs with a crossing found within 1 s", _share(map(any, found)), form=".1%")
+    yield at_least(data, method, "crossings found within 1 s", _share(f for run in found for f in run), form=".1%")
+    yield at_least(data, method, "runs without a crossing and without an alarm", _share(quiet), form=".1%")
+    yield at_most(data, method, "alarms farther than 1 s from a crossing", float(false), form=".0f")
+    for name, of in (("gray floor", odd), ("table", table)):
+        judged = judge(estimator, of)
+        yield at_most(
+            f"Robotino, {name}", method, "runs with a false alarm", _share(j.crossings > 0 for j in judged), 0.05, ".1%"
+        )
+
+
+def _errors(judged: Sequence[Judged]) -> np.ndarray:
+    return np.array([j.found - j.true for j in judged])
+
+
+def _covered(judged: Sequence[Judged]) -> float:
+    return _share(abs(j.found - j.true) <= 1.96 * j.std for j in judged)
+
+
+def _rms(judged: Sequence[Judged]) -> float:
+    return float(np.sqrt(np.mean([j.rms**2 for j in judged])))
+
+
+def _share(of) -> float:
+    return float(np.mean([bool(v) for v in of]))
+
+
+def _wheel_x(run: Run) -> np.ndarray:
+    """Where each wheel stands along x of the camera (T, 3) [m]."""
+    bearing = np.radians(ROBOTINO.chassis.bearings_deg)  # type: ignore[union-attr]
+    return run.pose[:, :1] + ROBOTINO.chassis.arm_m * np.cos(run.pose[:, 2:] + bearing)  # type: ignore[union-attr]
+
+
+def _crossing_times(time_s: np.ndarray, beyond_m: np.ndarray) -> list[float]:
+    """When a wheel (T, 3) last passed the seam before it stood clearly on the other side."""
+    times = []
+    for x in beyond_m.T:
+        side, passed = np.sign(x[0]), time_s[0]
+        for t, before, now in zip(time_s[1:], x[:-1], x[1:], strict=True):
+            passed = t if np.sign(now) != np.sign(before) else passed
+            if side * now < -ACROSS_M:
+                times.append(float(passed))
+                side = np.sign(now)
+    return sorted(times)
+
+
+if __name__ == "__main__":
+    print(f"data in {DATA}")
+    for row in rows():
+        print(" | ".join(str(v) for v in row))
