@@ -13,6 +13,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, snapshot
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
+from ohmward.traction.observers.slow_channel import held
 from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
 
 Progress = Callable[[int, int], None]
@@ -128,7 +129,8 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
     start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
     nothing = np.full(len(log), math.nan)
     given = {name: nothing if (values := getattr(log, name)) is None else values for name in Sample._fields[3:]}
-    return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
+    current_A = held(log.time_s, log.motor_current_A)
+    return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, current_A, **given)
 
 
 def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
