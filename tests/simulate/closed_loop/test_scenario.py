@@ -78,10 +78,6 @@ def test_the_example_shows_every_key():
     assert missing == []
 
 
-def test_the_command_of_a_time_is_the_last_that_began():
-    assert [FULL.command(t).speed_m_s for t in (0.0, 3.2, 3.25, 9.0)] == [0.4, 0.4, -0.2, -0.2]
-
-
 @pytest.mark.parametrize(
     "change, message",
     [

@@ -20,7 +20,8 @@ from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observation, make_observer
 from ohmward.simulate.closed_loop.power_limit import available_torque
-from ohmward.simulate.closed_loop.run import Instant, Row, Run, stacked
+from ohmward.simulate.closed_loop.records import Records
+from ohmward.simulate.closed_loop.run import Instant, Row, Run
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.closed_loop.sensing import Sensors
 from ohmward.simulate.closed_loop.supply import Supplied, Supply
@@ -64,8 +65,8 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     drive.look()
     return Run(
         scenario,
-        stacked(drive.history),
-        stacked(drive.rows),
+        drive.history.stacked(),
+        drive.rows.stacked(),
         drive.watch.sentences(),
         time.perf_counter() - begun,
     )
@@ -101,8 +102,8 @@ class Drive:
         self._state, self._control = _controller(scenario, self._wanted[0])
         self._keep_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
         self._under_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
-        self.history: list[Instant] = []
-        self.rows: list[Row] = []
+        self.history: Records[Instant] = Records()
+        self.rows: Records[Row] = Records()
 
     @property
     def empty(self) -> bool:
@@ -118,7 +119,7 @@ class Drive:
             truth, current_A, voltage_V, soc = self._under_way.pop(arrival.taken_s)
             estimate = self.observation.take(arrival)
             row = Row(arrival.taken_s, arrival.sample, estimate, truth, current_A, voltage_V, soc)
-            self.rows.append(row)
+            self.rows.add(row)
             self._under_way = {t: known for t, known in self._under_way.items() if t > arrival.taken_s}
 
     def step(self) -> None:
@@ -148,7 +149,7 @@ class Drive:
     def _keep(self, report: Report, supplied: Supplied) -> None:
         if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9 or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
-            self.history.append(Instant(self.truth, report, *battery, self.account))
+            self.history.add(Instant(self.truth, report, *battery, self.account))
 
 
 class PackSensors:

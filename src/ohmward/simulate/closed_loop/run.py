@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,14 +66,6 @@ class Run(NamedTuple):
     rows: Row
     warnings: tuple[str, ...]
     seconds: float
-
-
-def stacked(records: Sequence[Any]) -> Any:
-    """NamedTuples of numbers and arrays, nested, as one with time (T,) in front of every leaf."""
-    first = records[0]
-    if isinstance(first, tuple):
-        return type(first)(*(stacked(column) for column in zip(*records, strict=True)))
-    return None if first is None else np.array(records, dtype=float)
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:

@@ -93,10 +93,6 @@ class Scenario:
         """The ground under the robot's wheels."""
         return surface(self.ground, [p.name for p in self.model.places])
 
-    def command(self, time_s: float) -> Command:
-        """The command that holds now."""
-        return self.commands[int(np.searchsorted([c.from_s for c in self.commands], time_s, side="right")) - 1]
-
     def _check_commands(self) -> None:
         times = [c.from_s for c in self.commands]
         if not times or times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
