@@ -69,7 +69,7 @@ def spinning_otherwise() -> Iterator[Figure]:
 
 
 def wrong_ground() -> Iterator[Figure]:
-    """Ground that creeps 2.2 times as much as believed; rolling resistance believed to grow with speed, as it does not."""
+    """Ground that creeps 2.2 times as much as believed; rolling resistance believed to grow with speed."""
     stiff = runs.FLOOR._replace(traction=WardIagnemma(0.7, 20.0))
     found = drives(0.8, runs.cruising, terrain=stiff)
     yield from judged("wheels grip, creep 2.2 times", "UKF, encoders and currents", found, FIRST_SECOND, None)

@@ -1,0 +1,244 @@
+"""[T]'s observer again: UKF and AUKF of four states, a drive forward, and one forward and backward (figures 4.7-4.16).
+
+`python benchmarks/dissertation.py` draws docs/pictures/dissertation-*.svg and writes benchmarks/dissertation.md, which
+docs/dissertation-figures.md shows. The robot is our own plant at 1 kHz, its sensors are ours: encoders of 4096 counts
+read every 10 ms, currents with 0.1 A of noise. The filters know robot and ground, as in [T], and start from a noise
+that is right, or wrong by a factor of 100.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.filters import Belief, adaptive
+from ohmward.report import TIME, Figure, Series
+from ohmward.report.svg import to_svg
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, Input, RollingResistance, Terrain, next_state, scene
+from ohmward.traction.laws import WardIagnemma
+from ohmward.traction.observers import KNOWN_GROUND, quantisation_std_rad_s, wheel_speeds
+from ohmward.traction.observers.slip_step import Moved, slip_step
+from ohmward.traction.observers.states import Layout
+from ohmward.traction.robot import GRAVITY
+
+HERE = Path(__file__).resolve().parent
+PICTURES = HERE.parent / "docs" / "pictures"
+WET = scene(RLMA, Terrain("wet tiles", WardIagnemma(0.4, 8.0), RollingResistance(), "assumed"))
+LAYOUT = Layout(RLMA, KNOWN_GROUND)
+CONSTANT, RADIUS = RLMA.motor.torque_constant_Nm_per_A, RLMA.wheel.radius_m
+PLANT_S, DT_S, COUNTS, CURRENT_STD_A, DURATION_S, RUNS = 1e-3, 1e-2, 4096, 0.1, 12.0, 10
+R = quantisation_std_rad_s(COUNTS, DT_S) ** 2 * np.eye(2)
+#: What a matched covariance may not fall below, as a share of the right one: next to nothing, as [T] has no floor.
+FLOOR = 1e-6
+
+
+class Drive(NamedTuple):
+    """What the motors do over time.
+
+    title: in words.
+    speed: wanted speed [m/s] over time (T,), which is where the current comes from.
+    steer_A: current that the right motor has more than the left, over time (T,).
+    """
+
+    title: str
+    speed: Callable[[np.ndarray], np.ndarray]
+    steer_A: Callable[[np.ndarray], np.ndarray]
+
+
+DRIVES = {
+    "forward": Drive("Forward", lambda t: 0.3 - 0.2 * np.cos(1.5 * t), lambda t: 0.4 * np.sin(0.8 * t)),
+    "backward": Drive("Forward and backward", lambda t: 0.4 * np.sin(0.9 * t), lambda t: 0.4 * np.sin(0.8 * t)),
+}
+
+
+class Recorded(NamedTuple):
+    """A drive as it was and as the sensors saw it: time_s (T,), truth (T, 4), speeds and currents (T, 2)."""
+
+    time_s: np.ndarray
+    truth: np.ndarray
+    speed_rad_s: np.ndarray
+    current_A: np.ndarray
+
+
+class Filter(NamedTuple):
+    """A filter of the table: its name, and which noise it matches."""
+
+    name: str
+    match_Q: bool = False
+    match_R: bool = False
+
+
+class Wrong(NamedTuple):
+    """By which factors the noise is wrong that a filter starts with."""
+
+    name: str
+    Q: float = 1.0
+    R: float = 1.0
+
+
+STARTS = (
+    Wrong("right"),
+    Wrong("R / 100", R=0.01),
+    Wrong("R x 100", R=100.0),
+    Wrong("Q / 100", Q=0.01),
+    Wrong("Q x 100", Q=100.0),
+)
+UKF = Filter("UKF")
+AUKF = Filter("AUKF, R matched", match_R=True)
+AUKF_T = Filter("AUKF of [T], Q and R matched", match_Q=True, match_R=True)
+
+
+def record(drive: Drive, rng: np.random.Generator) -> Recorded:
+    """The drive, from its first speed on."""
+    every = round(DT_S / PLANT_S)
+    time_s = PLANT_S * np.arange(round(DURATION_S / PLANT_S))
+    current_A = currents(drive, time_s)
+    speed = float(drive.speed(np.zeros(1))[0])
+    x = np.array([speed, 0.0, speed / RADIUS, speed / RADIUS])
+    _, truth = Kernel(plant, x, np.zeros(2)).scan(x, current_A)
+    angle = PLANT_S * np.cumsum(truth[:, 2:], axis=0) + rng.uniform(0.0, 1.0, 2)
+    sampled = slice(every - 1, None, every)
+    counts = np.floor(angle * COUNTS / (2 * np.pi)).astype(int)[sampled]
+    measured_A = current_A.reshape(-1, every, 2).mean(axis=1)
+    measured_A = measured_A + CURRENT_STD_A * rng.standard_normal(measured_A.shape)
+    speeds = wheel_speeds(counts, time_s[sampled], COUNTS)
+    return Recorded(time_s[sampled][1:], truth[sampled][1:], speeds[1:], measured_A[1:])
+
+
+def plant(x: np.ndarray, current_A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x = next_state(x, Input(current_A), WET, PLANT_S)
+    return x, x
+
+
+def currents(drive: Drive, time_s: np.ndarray) -> np.ndarray:
+    """Currents (T, 2) of the motors: what a robot without slip needs, and the steering."""
+    speed = drive.speed(time_s)
+    mass_kg = RLMA.inertia[0] + 2 * RLMA.inertia[2] / RADIUS**2
+    push_N = mass_kg * np.gradient(speed, time_s) - WET.terrains[0].rolling.force_N(speed, RLMA.mass_kg * GRAVITY)
+    return (push_N * RADIUS / (2 * CONSTANT))[:, None] + drive.steer_A(time_s)[:, None] * np.array([-0.5, 0.5])
+
+
+class Found(NamedTuple):
+    """What a filter makes of a drive: mean (T, 4) and variance (T, 4) of the state."""
+
+    mean: np.ndarray
+    variance: np.ndarray
+
+
+def observer(kind: Filter, wrong: Wrong) -> Kernel:
+    """The filter, compiled; its samples are the wheels' speeds and the currents, each (2,)."""
+
+    def one(packed: adaptive.PackedAdaptiveState, sample: tuple) -> tuple:
+        state, (y, current_A) = adaptive.unpack(packed), sample
+        moved = slip_step(LAYOUT.split(state.belief.mean), Input(current_A), WET, DT_S)
+        Q = process_noise(moved.torque_response) * (FLOOR if kind.match_Q else wrong.Q)
+        floors = Q, R * (FLOOR if kind.match_R else wrong.R)
+        matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
+        state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, moved), lambda x: x[2:], y, matching)
+        return adaptive.pack(state), Found(state.belief.mean, np.diag(state.belief.cov))
+
+    return Kernel(one, start(np.zeros(4), wrong), (np.zeros(2), np.zeros(2)))
+
+
+def start(x: np.ndarray, wrong: Wrong) -> adaptive.PackedAdaptiveState:
+    """State before the first sample of a drive that starts at x (4,)."""
+    first = Belief(x, np.diag([0.02, 0.05, 0.1, 0.1]) ** 2)
+    return adaptive.pack(adaptive.init(first, wrong.Q * np.diag([1e-6, 1e-6, 1e-5, 1e-5]), wrong.R * R))
+
+
+def estimate(filter_: Kernel, drive: Recorded, wrong: Wrong) -> Found:
+    return filter_.scan(start(drive.truth[0], wrong), (drive.speed_rad_s, drive.current_A))[1]
+
+
+def follow(x: np.ndarray, current_A: np.ndarray, mean: Moved) -> np.ndarray:
+    moved = slip_step(LAYOUT.split(x), Input(current_A), WET, DT_S, mean.slip_m_s)
+    return np.array([*moved.motion, *moved.omega])
+
+
+def process_noise(torque_response: np.ndarray) -> np.ndarray:
+    """Q (4, 4): unknown current through the model, and a little of everything."""
+    B = CURRENT_STD_A * CONSTANT * torque_response
+    return B @ B.T + DT_S * np.diag([0.003, 0.03, 0.03, 0.03]) ** 2
+
+
+class Errors(NamedTuple):
+    """RMS errors of a filter over its drives, and the mean NEES of the speed."""
+
+    speed_mm_s: float
+    wheel_rad_s: float
+    slip_mm_s: float
+    yaw_mrad_s: float
+    nees: float
+
+
+def errors(drives: list[Recorded], kind: Filter, wrong: Wrong) -> Errors:
+    filter_ = observer(kind, wrong)
+    found = [estimate(filter_, d, wrong) for d in drives]
+    e = np.concatenate([f.mean - d.truth for f, d in zip(found, drives, strict=True)])
+    slip = np.concatenate([slip_speed(f.mean) - slip_speed(d.truth) for f, d in zip(found, drives, strict=True)])
+    nees = e[:, 0] ** 2 / np.concatenate([f.variance for f in found])[:, 0]
+    return Errors(1e3 * rms(e[:, 0]), rms(e[:, 2:]), 1e3 * rms(slip), 1e3 * rms(e[:, 1]), float(nees.mean()))
+
+
+def slip_speed(x: np.ndarray) -> np.ndarray:
+    """Slip speeds (T, 2) [m/s] of states (T, 4)."""
+    return RADIUS * x[:, 2:] - x[:, :2] @ RLMA.rolling[:2].T
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def pictures(title: str, drive: Recorded, wrong: Wrong) -> tuple[Figure, ...]:
+    """Speed, wheel speed, slip, yaw rate and the error of the speed, of UKF and AUKF with the same wrong start."""
+    t = drive.time_s
+    found = {kind: estimate(observer(kind, wrong), drive, wrong).mean for kind in (UKF, AUKF)}
+
+    def figure(heading: str, label: str, of: Callable[[np.ndarray], np.ndarray]) -> Figure:
+        lines = [
+            Series(t, of(found[UKF]), "UKF", role="comparison"),
+            Series(t, of(found[AUKF]), "AUKF", role="estimate"),
+            Series(t, of(drive.truth), "truth", "dashed", "reference"),
+        ]
+        return Figure(heading, TIME, label, lines, height_px=170)
+
+    wrongly = [
+        Series(t, 1e3 * (found[kind] - drive.truth)[:, 0], kind.name.split(",")[0], role=role)
+        for kind, role in ((UKF, "comparison"), (AUKF, "estimate"))
+    ]
+    return (
+        figure(f"{title}, started with {wrong.name}: speed", "v [m/s]", lambda x: x[:, 0]),
+        figure("Front left wheel", "omega [rad/s]", lambda x: x[:, 2]),
+        figure("Its slip", "s [mm/s]", lambda x: 1e3 * slip_speed(x)[:, 0]),
+        figure("Yaw rate", "psi_dot [rad/s]", lambda x: x[:, 1]),
+        Figure("Error of the speed", TIME, "v_hat - v [mm/s]", wrongly, y_limits=(-6.0, 6.0), height_px=170),
+    )
+
+
+TABLE = """| drive | noise at first | filter | v [mm/s] | omega [rad/s] | slip [mm/s] | yaw rate [mrad/s] | NEES of v |
+|---|---|---|---|---|---|---|---|
+"""
+
+
+def main() -> None:
+    """Draw the pictures and write the table."""
+    lines = []
+    for name, drive in DRIVES.items():
+        drives = [record(drive, np.random.default_rng(seed)) for seed in range(RUNS)]
+        svg = to_svg(*pictures(drive.title, drives[0], STARTS[1]))
+        (PICTURES / f"dissertation-{name}.svg").write_text(svg, encoding="utf-8")
+        lines += [line(drive, wrong, kind, drives) for wrong in STARTS for kind in (UKF, AUKF, AUKF_T)]
+    (HERE / "dissertation.md").write_text(TABLE + "".join(lines), encoding="utf-8")
+
+
+def line(drive: Drive, wrong: Wrong, kind: Filter, drives: list[Recorded]) -> str:
+    values = " | ".join(f"{value:.2g}" for value in errors(drives, kind, wrong))
+    return f"| {drive.title.lower()} | {wrong.name} | {kind.name} | {values} |\n"
+
+
+if __name__ == "__main__":
+    main()
