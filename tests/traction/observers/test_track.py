@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from tests.traction.observers.examples import FLOOR
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
-from ohmward.traction.observers import Estimate, Sample, SlipEstimator, SpeedObserver, observe
+from ohmward.traction.observers import Estimate, Noise, Sample, SlipEstimator, SpeedObserver, observe
 from ohmward.traction.observers.track import first_of, samples_of
 
 OBSERVER = SpeedObserver(scene(RLMA, FLOOR), method="ekf")
@@ -97,3 +98,11 @@ def test_it_starts_from_the_first_speed_that_is_measured():
 def test_flags_are_counted():
     log = drive(wheel_speed=np.array([[math.nan, 2.0]] * 3 + [[2.0, 2.0]] * 37))
     assert observe(OBSERVER, log).counts()["no_encoder"] == 3
+
+
+def test_a_robot_that_turns_on_the_spot_is_not_stuck():
+    turning = drive(300, wheel_speed=np.array([[-2.0, 2.0]]))
+    rate = 4.0 * RLMA.wheel.radius_m / RLMA.chassis.track_m
+    gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
+    whole = {"yaw_rate_rad_s": np.full(300, rate), "speed_m_s": np.zeros(300)}
+    assert not observe(gyro, replace(turning, **whole)).estimates.immobilised.any()

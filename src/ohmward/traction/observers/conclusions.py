@@ -42,7 +42,7 @@ def conclude(
 
     shown = some([*(used & (g > LEAST_GRIP) for used, g in zip(agrees, grip, strict=True)), fused.shown > 0.5])
     unobserved_s = where(shown, 0.0, before.unobserved_s + reading.dt_s)
-    stands = every(test.stands(x[0], std(P[0, 0]), v) for v in rim)
+    stands = every(test.stands(v, s, w) for v, s, w in zip(travel, travel_std(P, model), rim, strict=True))
     stuck_s = test.standing_s(stands, before.stuck_s, reading.dt_s)
     yaw = model.layout.index("yaw_rate_rad_s")
     estimate = Estimate(
@@ -68,6 +68,12 @@ def conclude(
         flags=fused.flags + where(unobserved_s > UNOBSERVED_S, float(Flag.SPEED_UNOBSERVED), 0.0),
     )
     return estimate, Known(unobserved_s, stuck_s)
+
+
+def travel_std(P: np.ndarray, model: Model) -> np.ndarray:
+    """Standard deviation (driven,) [m/s] of the speed of each wheel's centre along its rolling direction."""
+    free, rows = model.scene.robot.freedoms, model.scene.robot.rolling[: model.driven]
+    return np.array([std(row @ P[:free, :free] @ row) for row in rows])
 
 
 def std_of(name: str, P: np.ndarray, model: Model) -> Any:
