@@ -45,6 +45,9 @@ ON_BOARD = [
     "ohmward.filters",
     "ohmward.trace",
     "ohmward.logs",
+    "ohmward.traction",
+    "ohmward.traction.observers",
+    "ohmward.traction.control",
     "ohmward.energy",
 ]
 
