@@ -26,8 +26,9 @@ BELOW: dict[str, set[str]] = {
     "battery": {"trace", "filters", "logs.log"} | GROUND,
     "traction": {"trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
     "energy": {"battery", "traction", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
+    "export": {"battery", "traction", "trace", "filters"} | GROUND,
     "simulate": {"battery", "traction", "energy", "trace", "filters", "logs"} | GROUND,
-    "cli": {"battery", "traction", "energy", "simulate", "logs", "report"} | GROUND,
+    "cli": {"battery", "traction", "energy", "simulate", "export", "logs", "report"} | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.

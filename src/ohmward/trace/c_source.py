@@ -55,13 +55,18 @@ class Member(NamedTuple):
 
 
 def c_source(
-    step: Program, name: str, start: Program | None = None, comments: Mapping[str, str] | None = None
+    step: Program,
+    name: str,
+    start: Program | None = None,
+    comments: Mapping[str, str] | None = None,
+    constants: Mapping[str, int] | None = None,
 ) -> CSource:
     """The library of a step(state, sample) -> (state, output) and, where there is one, its start(sample, ...) -> state.
 
     name:     prefix of all symbols: small letters, digits and underscores.
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
     comments: what a member means and its unit, by its path: "sample.current_A".
+    constants: whole numbers that the header defines as NAME_WORD.
 
     Raises:
         InputError: the name is no prefix, or a function has another form.
@@ -72,7 +77,7 @@ def c_source(
     structs = {word: members(structure) for word, structure in parts.items()}
     functions = [_start(start, parts, name, structs)] if start else []
     functions.append(_step(step, name, structs))
-    return CSource(_header(name, structs, functions, comments or {}), _source(name, functions))
+    return CSource(_header(name, structs, functions, comments or {}, constants or {}), _source(name, functions))
 
 
 class _Function(NamedTuple):
@@ -137,10 +142,16 @@ def _parts(program: Program) -> tuple[Structure, Structure, Structure]:
 
 
 def _header(
-    name: str, structs: dict[str, list[Member]], functions: list[_Function], comments: Mapping[str, str]
+    name: str,
+    structs: dict[str, list[Member]],
+    functions: list[_Function],
+    comments: Mapping[str, str],
+    constants: Mapping[str, int],
 ) -> str:
     guard = f"{name.upper()}_H"
     lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
+    lines += [f"#define {name.upper()}_{word} {value}" for word, value in constants.items()]
+    lines += [""] if constants else []
     for struct, parts in structs.items():
         lines += ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
     for function in functions:

@@ -1,0 +1,6 @@
+"""C99 libraries for microcontrollers: a filter with its build files, test vectors and a README; see docs/export.md."""
+
+from ohmward.export.battery import battery_export
+from ohmward.export.library import Export, library, write_library
+
+__all__ = ["Export", "battery_export", "library", "write_library"]

@@ -1,0 +1,82 @@
+"""An estimator of a battery file as a C99 library."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.estimators import ESTIMATORS, make_estimator
+from ohmward.battery.reading import ROOM_DEGC
+from ohmward.export.library import Export
+from ohmward.trace import trace
+
+if TYPE_CHECKING:
+    from ohmward.battery.battery import Battery
+
+_STEPS = 64
+_EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+
+
+def battery_export(
+    battery: Battery, filter_name: str = "ekf", name: str = "battery", soc: float = 0.5, soc_std: float = 0.3
+) -> Export:
+    """The estimator `filter_name` of a battery, ready to be written.
+
+    name: prefix of the symbols and files.
+    soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
+
+    Raises:
+        InputError: no such estimator, or the battery file lacks its model.
+    """
+    estimator: Any = make_estimator(filter_name, battery)
+    rest = Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
+    state = estimator.init(rest, soc, soc_std)
+    traceable = hasattr(estimator, "start")
+    start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
+    return Export(
+        name=name,
+        title=f"State of charge of {battery.name}: {ESTIMATORS[filter_name].title}",
+        step=trace(estimator.step, state, _EXAMPLE),
+        start=start,
+        types=(type(state), Sample, Estimate),
+        flags=Flag,
+        arguments=(soc, soc_std) if traceable else (),
+        samples=vector_samples(battery),
+    )
+
+
+def vector_samples(battery: Battery) -> np.ndarray:
+    """(T, 4) samples that reach every corner: a drive, a rest, charging, and faults of each sensor."""
+    rng = np.random.default_rng(0)
+    capacity = battery.capacity_Ah
+    current = capacity * np.concatenate([rng.normal(-0.5, 0.5, _STEPS // 2), np.zeros(8), rng.uniform(0, 0.5, 24)])
+    voltage = _usual_voltage(battery) * (1.0 + 0.01 * rng.standard_normal(_STEPS)) + 0.002 * current / capacity
+    samples = np.stack([np.ones(_STEPS), current, voltage, np.full(_STEPS, ROOM_DEGC)], axis=1)
+    for row, column, value in _FAULTS:
+        samples[row, column] = value
+    samples[0, 0] = 0.0
+    return samples
+
+
+#: Row, column, value: what sensors and clocks do when they fail.
+_FAULTS: tuple[tuple[int, int, Any], ...] = (
+    (5, 1, math.nan),
+    (9, 2, math.nan),
+    (12, 3, math.nan),
+    (15, 0, 0.0),
+    (18, 0, -1.0),
+    (21, 0, 3600.0),
+    (24, 2, 0.0),
+    (27, 1, 1e9),
+    (30, 2, math.inf),
+    (33, 0, math.nan),
+)
+
+
+def _usual_voltage(battery: Battery) -> float:
+    """At rest, half charged."""
+    model = battery.thevenin or battery.rc
+    return model.ocv.voltage_V[len(model.ocv.voltage_V) // 2] if model else 0.0

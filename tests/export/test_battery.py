@@ -1,0 +1,117 @@
+"""Exported filters, compiled and run as their user would: the vectors pass, the compiler has nothing to say."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.estimate import Sample
+from ohmward.battery.estimators import available, make_estimator
+from ohmward.errors import InputError, OhmwardError
+from ohmward.export import battery_export, library, write_library
+from ohmward.export.comments import field_comments
+from ohmward.export.library import check_fits, size
+from ohmward.trace import Kernel
+
+BATTERY: Battery = generic_battery("lfp", 12.0, 4)
+needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+
+
+def made(folder, *arguments):
+    return subprocess.run(
+        ["make", "-s", "-C", folder, "CFLAGS=-O1 -Werror", *arguments], capture_output=True, text=True, check=False
+    )
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", ["ekf", "textbook-ukf", "coulomb"])
+def test_the_vectors_pass_to_the_last_bit_and_the_compiler_is_silent(name, tmp_path):
+    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
+    result = made(tmp_path, "test")
+    assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
+    assert "64 of 64 vectors right to the last bit" in result.stdout
+
+
+@needs_gcc
+def test_a_wrong_bit_is_found(tmp_path):
+    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    files["soc.c"] = files["soc.c"].replace("output->soc_std = ", "output->soc_std = 1.0000001f * ")
+    write_library(files, tmp_path)
+    result = made(tmp_path, "test")
+    assert result.returncode != 0 and "is wrong" in result.stdout
+
+
+@needs_gcc
+def test_sanitizers_find_nothing(tmp_path):
+    write_library(library(battery_export(BATTERY, "ekf", "soc")), tmp_path)
+    result = made(tmp_path, "test", "TARGET=-fsanitize=address,undefined -fno-sanitize-recover=all")
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@needs_gcc
+@pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+def test_cppcheck_finds_nothing(tmp_path):
+    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    command = ["cppcheck", "--quiet", "--enable=warning,portability", "--error-exitcode=1", tmp_path / "soc.c"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+@needs_gcc
+@pytest.mark.slow
+@pytest.mark.parametrize("name", available(BATTERY))
+def test_every_estimator_can_be_exported(name, tmp_path):
+    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
+    assert made(tmp_path, "test").returncode == 0
+
+
+def test_single_precision_is_good_enough():
+    from ohmward.trace import single_precision
+
+    export = battery_export(BATTERY, "ekf", "soc")
+    samples = np.nan_to_num(export.samples, nan=0.0, posinf=13.2)[:40]
+    estimator = make_estimator("ekf", BATTERY)
+    start = estimator.init(Sample(0.0, 0.0, 13.2, 25.0), 0.5, 0.3)
+    kernel = Kernel(estimator.step, start, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
+    _, double = kernel.scan(start, Sample(*samples.T))
+    flat = np.concatenate([np.ravel(x) for part in start for x in (part if isinstance(part, tuple) else (part,))])
+    _, single = single_precision.run(export.step, flat.astype(float), samples)
+    np.testing.assert_allclose(single[:, 0], double.soc, atol=2e-4)
+    np.testing.assert_allclose(single[:, 1], double.soc_std, rtol=2e-3)
+
+
+def test_the_header_says_what_the_docstrings_say():
+    header = library(battery_export(BATTERY, "ekf", "soc"))["soc.h"]
+    assert "float voltage_V; /* measured terminal voltage [V] of the whole pack */" in header
+    assert "#define SOC_VOLTAGE_REJECTED 16" in header
+    assert "void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);" in header
+
+
+def test_comments_come_from_docstrings_of_several_lines():
+    comments = field_comments(Sample)
+    assert comments["dt_s"] == "time since the sample before [s]; 0 for the first"
+    assert set(comments) == set(Sample._fields)
+
+
+def test_no_symbol_is_without_its_prefix(tmp_path):
+    source = library(battery_export(BATTERY, "textbook-ukf", "pack"))["pack.c"]
+    functions = [line for line in source.splitlines() if line.startswith(("static", "void"))]
+    assert functions and all("pack_" in line for line in functions)
+
+
+def test_what_does_not_fit_is_refused_before_anything_is_written():
+    export = battery_export(BATTERY, "ekf", "soc")
+    check_fits(export, size(export).flash, size(export).state)
+    with pytest.raises(InputError, match="bytes of flash, more than the 2048 there are"):
+        check_fits(export, 2048.0, None)
+    with pytest.raises(InputError, match="bytes of RAM"):
+        check_fits(export, None, 64.0)
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OhmwardError, match="cannot be made"):
+        write_library({"a.c": ""}, tmp_path / "file" / "folder")
