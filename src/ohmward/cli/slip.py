@@ -24,6 +24,7 @@ from ohmward.cli.progress import progress
 if TYPE_CHECKING:
     import numpy as np
 
+    from ohmward.cli.on_floors import OnFloors
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
     from ohmward.traction.observers import Track
@@ -33,6 +34,7 @@ _EXAMPLES = """\
   ohmward slip drive.csv --robot rlma --terrain gravel --truth speed_true_m_s --json
   ohmward slip drive.csv --robot robot.toml -o slip.csv --report slip.html
   ohmward slip gray.parquet --robot robotino --where exp=5 --motor-shaft
+  ohmward slip gray.parquet --robot robot.toml --floors floors.toml --where exp=5 --motor-shaft
   ohmward slip husky.csv --robot husky.toml --unit wheel_speed=m/s --column yaw_rate=gyro_up
 """
 _MOST_EPISODES = 8
@@ -48,10 +50,11 @@ class Task(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The track of the drive, and everything that was assumed for it."""
+    """The track of the drive, everything that was assumed for it, and what learnt floors say besides."""
 
     track: Track
     notes: list[str]
+    on_floors: OnFloors | None = None
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
@@ -61,6 +64,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_robot_options(parser)
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="ukf", metavar="NAME", help="ekf, aekf, ukf or aukf (default %(default)s)")
+    group.add_argument(
+        "--floors", metavar="FILE.toml", help="floors that `ohmward calibrate` has learnt: slip by motor currents alone"
+    )
     group.add_argument(
         "--truth", metavar="COLUMN[,...]", help=f"references in the log to compare with: {', '.join(TRUTHS)}"
     )
@@ -74,11 +80,11 @@ def run(args: argparse.Namespace) -> Outcome:
     """Observe, compare with the truth, write the estimates."""
     check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.robot])
     task = make_task(args)
-    answer = observe_task(task, args.filter)
+    answer = observe_task_on_floors(task, args) if args.floors else observe_task(task, args.filter)
     if args.output:
         from ohmward.logs import write_table
 
-        write_table(estimate_table(task, answer.track), args.output)
+        write_table(estimate_table(task, answer.track) | floor_columns(answer), args.output)
 
     def page():
         from ohmward.cli.pages.slip import make_page
@@ -113,6 +119,17 @@ def observe_task(task: Task, name: str) -> Answer:
     return Answer(track, [*(str(note) for note in (*faults, *task.log.notes, *chosen.notes)), *truth])
 
 
+def observe_task_on_floors(task: Task, args: argparse.Namespace) -> Answer:
+    """Slip as the floors of --floors explain the motor currents."""
+    from ohmward.cli.on_floors import observe_on_floors
+    from ohmward.traction.drive_checks import check_drive
+
+    faults = check_drive(task.robot, task.log)
+    track, on_floors, told = observe_on_floors(task.robot, task.log, args.floors, args.filter)
+    truth = [f"info: {task.truth.note}"] if task.truth else []
+    return Answer(track, [*(str(note) for note in (*faults, *task.log.notes)), *told, *truth], on_floors)
+
+
 def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
     """The object of --json."""
     import numpy as np
@@ -126,7 +143,7 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
         "command": "slip",
         "log": log.name,
         "robot": task.robot.name,
-        "terrain": task.terrain.name,
+        "terrain": "learnt floors" if answer.on_floors else task.terrain.name,
         "filter": name,
         "steps": len(log),
         "seconds": track.seconds,
@@ -149,7 +166,22 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
         **scores(task, track),
         "truth": task.truth.note if task.truth else None,
         "notes": answer.notes,
+        **floor_figures(answer),
     }
+
+
+def floor_figures(answer: Answer) -> dict[str, Any]:
+    """What learnt floors say besides; nothing without them."""
+    from ohmward.cli import on_floors
+
+    return on_floors.figures(answer.on_floors) if answer.on_floors else {}
+
+
+def floor_columns(answer: Answer) -> dict[str, np.ndarray]:
+    """The same along the drive, (T,) by name."""
+    from ohmward.cli import on_floors
+
+    return on_floors.columns(answer.on_floors) if answer.on_floors else {}
 
 
 def driven_wheels(robot: Robot) -> list[str]:
@@ -200,6 +232,10 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "flagged samples": flags or "none",
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
+    if "travel_slip_mean" in figures:
+        from ohmward.cli.on_floors import described
+
+        rows |= described(figures)
     return {name: value for name, value in rows.items() if value}
 
 

@@ -37,7 +37,7 @@ class SlipTrack(NamedTuple):
 
     time_s: (T,).
     rim: (T, freedoms) motion that the wheels make, as if none slipped.
-    motion: (T, freedoms) of the body.
+    motion, motion_std: (T, freedoms) of the body.
     speed_m_s, speed_std_m_s: (T,) over ground.
     travel_slip, travel_slip_std: (T,) share of the rims' travel speed that is lost; nan while the wheels hardly turn.
     slip_ratio, slip_ratio_std: (T, driven) of each wheel, slip speed over the rims' travel speed.
@@ -49,6 +49,7 @@ class SlipTrack(NamedTuple):
     time_s: np.ndarray
     rim: np.ndarray
     motion: np.ndarray
+    motion_std: np.ndarray
     speed_m_s: np.ndarray
     speed_std_m_s: np.ndarray
     travel_slip: np.ndarray
@@ -134,6 +135,7 @@ class SlipOnFloors:
         motion = belief.rim - travel[:, None] * slip @ back.T
         speed = _travel(motion)
         along = np.einsum("tf,fd->td", motion[:, :-1] / np.maximum(speed, 1e-6)[:, None], back[:-1])
+        spread = travel[:, None] * np.sqrt(np.einsum("fi,tij,fj->tf", back, cov, back))
         share_std = np.sqrt(np.einsum("ti,tij,tj->t", along, cov, along))
         moving = travel >= SLOWEST_M_S
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -142,6 +144,7 @@ class SlipOnFloors:
             time_s,
             belief.rim,
             motion,
+            spread,
             speed,
             travel * share_std,
             lost,
