@@ -89,7 +89,7 @@ def test_our_plant_agrees_with_mujoco():
     mine, other = (run.history.account for run in (ours, theirs))
     assert mine.battery[-1] == pytest.approx(other.battery[-1], rel=3e-3)
     assert mine.slip[-1] == pytest.approx(other.slip[-1], rel=0.06)
-    assert abs(other.numerical[-1]) < 1e-4 * other.battery[-1]
+    assert abs(other.numerical[-1]) < 1e-3 * other.battery[-1]
 
 
 def test_late_samples_are_used_late():

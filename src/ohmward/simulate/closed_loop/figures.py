@@ -16,8 +16,8 @@ from ohmward.traction.slip import driving_slip_ratio
 
 #: A slip this close to the one asked for counts as reached.
 TOLERANCE = 0.02
-#: A slower robot [m/s] has braked to its stop.
-SLOWEST_M_S = 0.1
+#: Below this speed [m/s] a braking slip is no ratio any more: there controllers hold a slip speed (v_0).
+SLOWEST_M_S = 0.2
 #: A shorter way [m] is no way to spread energy over.
 _SHORTEST_M = 0.01
 

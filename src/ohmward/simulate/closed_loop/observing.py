@@ -17,8 +17,10 @@ from ohmward.trace import Kernel
 from ohmward.traction.chassis import Differential, SkidSteer
 from ohmward.traction.control import Measurement
 from ohmward.traction.dynamics import scene
+from ohmward.traction.laws import CoulombCreep, WardIagnemma
 from ohmward.traction.observers import Estimate, Noise, SpeedObserver, quantisation_std_rad_s
 from ohmward.traction.robot import Robot
+from ohmward.traction.terrain import Terrain
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "true")
 #: How far the speed at the start is from zero: the robot stands.
@@ -63,11 +65,23 @@ def make_observer(observing: Observing, sensing: Sensing, robot: Robot, base: Pa
     """The observer that knows the robot, the noise of its sensors, and what it believes of the ground."""
     believed = free_sideways(robot)
     return SpeedObserver(
-        scene(believed, observing.believed(base).ground(believed)),
+        scene(believed, believed_ground(observing.believed(base), believed)),
         noise=noise(sensing, robot),
         method=observing.method.removeprefix("a"),
         matching=observing.method.startswith("a"),
     )
+
+
+def believed_ground(patch: Patch, robot: Robot) -> Terrain:
+    """The terrain of a patch, without the corner of `CoulombCreep`: beyond it nothing would tell of the friction.
+
+    The law of Ward and Iagnemma with the same friction and the same slope at rest takes its place.
+    """
+    ground = patch.ground(robot)
+    law = ground.traction
+    if not isinstance(law, CoulombCreep):
+        return ground
+    return ground._replace(traction=WardIagnemma(law.adhesion, law.slope_s_per_m / law.adhesion))
 
 
 def free_sideways(robot: Robot) -> Robot:
