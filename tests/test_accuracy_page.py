@@ -65,7 +65,7 @@ def test_an_unknown_part_is_refused_with_those_that_exist(monkeypatch, page_file
 
 
 def test_the_battery_and_the_robot_have_parts():
-    assert {"a123", "panasonic", "inr20r", "vrla", "ornl"} <= set(accuracy.all_parts())
+    assert {"a123", "panasonic", "inr20r", "vrla", "ornl", "traction_real"} <= set(accuracy.all_parts())
 
 
 def test_the_readme_takes_every_figure_with_a_goal():
