@@ -30,9 +30,11 @@ def battery(ocv_V=(24.0, 24.0), r_ohm=0.0, capacity_Ah=10.0):
 def certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=0.0, climb=1.0, descent=0.0) -> Consumption:
     """A consumption without any doubt, on grass."""
     c = with_terrain(start(PRIOR), "grass")
-    mean = np.array([idle_W, speed_N_s_per_m, climb, descent, 0.0, force_N, 0.0])
+    mean = np.array([idle_W, speed_N_s_per_m, climb, descent, 0.0, 0.0, force_N, 0.0])
     nothing = Variance(1e12, 1e-12)
-    return replace(c, mean=mean, cov=np.zeros((7, 7)), scatter=nothing, day=nothing)
+    return replace(
+        c, prior=replace(PRIOR, model_std=0.0), mean=mean, cov=np.zeros((8, 8)), scatter=nothing, day=nothing
+    )
 
 
 def learned(drives=3, seed=0) -> Consumption:
@@ -43,5 +45,9 @@ def learned(drives=3, seed=0) -> Consumption:
         for k in range(12):
             name, force_N = (("grass", 30.0), ("gravel", 15.0))[k // 3 % 2]
             s = stretch_of(Leg(40.0, name, 0.3 + 0.05 * k, stop_s=5.0))
-            c = learn(c, s, 12.0 * s.time_s + force_N * 40.0 + 6.0 * s.speed_distance_m2_s + rng.normal(0.0, 60.0))
+            c = learn(
+                c,
+                s,
+                12.0 * s.time_s + force_N * 40.0 + 6.0 * s.speed_distance_m2_s + rng.normal(0.0, 0.1 * force_N * 40.0),
+            )
     return begin_drive(c, days=1.0)

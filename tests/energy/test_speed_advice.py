@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from energy.examples import certain, learned
-from ohmward.energy.consumption import need
+from ohmward.energy.consumption import HEAT, need
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.energy.speed_advice import speed_advice
 from ohmward.errors import InputError
@@ -34,8 +36,10 @@ def test_idle_power_dominates_a_slow_robot():
 
 
 def test_heat_of_the_windings_asks_for_haste_too():
-    c = certain(idle_W=6.0, speed_N_s_per_m=10.0)
-    assert speed_advice(c, "grass", 0.3, WIDE, heat_W=4.0).speed_m_s == pytest.approx(1.0)
+    c = certain(idle_W=6.0, force_N=20.0, speed_N_s_per_m=10.0)
+    mean = c.mean.copy()
+    mean[HEAT] = 0.01  # 4 W at 20 N
+    assert speed_advice(replace(c, mean=mean), "grass", 0.3, WIDE).speed_m_s == pytest.approx(1.0)
 
 
 def test_the_deviation_of_the_saving_against_random_draws():

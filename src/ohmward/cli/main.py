@@ -8,12 +8,12 @@ import sys
 from collections.abc import Sequence
 
 from ohmward import __version__
-from ohmward.cli import calibrate, compare, demo, doctor, export, generic, identify, simulate, slip, soc
+from ohmward.cli import calibrate, compare, demo, doctor, export, generic, identify, mission, simulate, slip, soc
 from ohmward.cli.outcome import Outcome, check_output, show, write_page
 from ohmward.cli.parser import Parser
 from ohmward.errors import OhmwardError
 
-COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, simulate, export, demo)
+COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, mission, simulate, export, demo)
 REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _EPILOG = """\
@@ -27,6 +27,7 @@ with your own logs (CSV, Parquet or BDF):
   ohmward soc day.csv --battery battery.toml --report day.html
   ohmward compare day.csv --battery battery.toml    all estimators side by side
   ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive
+  ohmward mission drive.csv --robot robot.toml --battery battery.toml
 
 exit status: 0 done, 1 a log has errors (doctor), 2 refused: the message says what to change
 """

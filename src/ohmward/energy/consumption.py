@@ -2,12 +2,15 @@
 
 A stretch of time t, distance d, mean speed v, heights climbed and lost h+ and h-, and load share q = m / m_0 takes
 
-E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a m g h+ - b m g h- + e,     e ~ N(0, sigma^2 E_0)
+E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a m g h+ - b m g h- + r F^2 d / v + e
+F = q f_k + m g (h+ - h-) / d,     e ~ N(0, sigma^2 (q f_k)^2 d)
 
-f_k [N] is the resistance of terrain k, losses of the drive included. `load` and `own_k` are what is different on this
-drive: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So what was learned on many
-drives is told apart from what this one shows, a mission under way sees its own day, and the next day is as uncertain as
-days are. E_0 is the energy expected before anything was learned: scatter comes in lumps, and long stretches average it.
+f_k [N] is the resistance of terrain k, losses of the drive included; r heats the windings. `load` and `own_k` are what
+is different on this drive: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So what
+was learned on many drives is told apart from what this one shows, a mission under way sees its own day, and the next
+day is as uncertain as days are. Scatter comes in lumps of ground: sigma^2 [m] is their length times the square of their
+relative deviation, and long stretches average
+them; standing teaches the idle power only.
 
 Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that what is predicted follows Student's t. For known
 variances this is exact Bayesian regression. The variances are learned from the part of each surprise that the update
@@ -30,9 +33,12 @@ from ohmward.errors import InputError
 from ohmward.traction.robot import GRAVITY
 
 #: What every terrain shares, in the order of the vector; then `force` and `own` of each terrain.
-SHARED = ("idle_W", "speed_N_s_per_m", "climb", "descent", "load")
-LOAD = SHARED.index("load")
+SHARED = ("idle_W", "speed_N_s_per_m", "climb", "descent", "heat_W_per_N2", "load")
+HEAT, LOAD = SHARED.index("heat_W_per_N2"), SHARED.index("load")
 _DAYS_PER_MONTH = 30.0
+#: Idle power is steadier than ground: it scatters as a resistance would at this speed.
+_IDLE_SPEED_M_S = 30.0
+_LEAST_FORCE = 0.1
 #: A drive tells of its own day only where it has narrowed it by this share.
 _LEAST_INFORMATION = 0.02
 
@@ -48,8 +54,10 @@ class Prior:
         speed_N_s_per_m, speed_std_N_s_per_m: how it grows with speed.
         climb, climb_std: energy from the battery over the potential energy won, about 1/efficiency.
         descent, descent_std: energy saved or regained over the potential energy lost.
-        scatter_J: sigma^2, variance of a stretch over its expected energy.
+        heat_W_per_N2, heat_std_W_per_N2: heat of the windings over the square of the force.
+        scatter_m: sigma^2, see above; 1 m is a fifth over 25 m.
         day_std: tau, how much the resistance differs from drive to drive, as a share.
+        model_std: what no drive teaches, as a share of the whole: gains of the sensors, curves taken as lines.
         drift_std: change of forces and idle power in a month, as a share of the prior's.
         dof: degrees of freedom that the last two variances are believed with, >= 3.
         terrain_force_N: resistance of terrains of which something is known before, by name.
@@ -66,18 +74,29 @@ class Prior:
     climb_std: float = 0.25
     descent: float = 0.6
     descent_std: float = 0.3
-    scatter_J: float = 10.0
+    heat_W_per_N2: float = 0.0
+    heat_std_W_per_N2: float = 0.0
+    scatter_m: float = 1.0
     day_std: float = 0.15
+    model_std: float = 0.02
     drift_std: float = 0.05
     dof: float = 4.0
     terrain_force_N: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass_kg", "force_N", "force_std_N", "scatter_J", "day_std"):
+        for name in ("mass_kg", "force_N", "force_std_N", "scatter_m", "day_std"):
             require_positive(f"prior.{name}", getattr(self, name))
-        for name in ("idle_W", "idle_std_W", "speed_std_N_s_per_m", "climb_std", "descent_std", "drift_std"):
+        for name in (
+            "idle_W",
+            "idle_std_W",
+            "speed_std_N_s_per_m",
+            "climb_std",
+            "descent_std",
+            "drift_std",
+            "model_std",
+        ):
             require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
-        for name in ("climb", "descent", "speed_N_s_per_m"):
+        for name in ("climb", "descent", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
             require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
         require_between("prior.dof", self.dof, 3.0, np.inf)
         for name, force_N in self.terrain_force_N.items():
@@ -120,10 +139,10 @@ class Consumption:
     Attributes:
         prior: what was believed at the start.
         terrains: (K,) names, in the order in which they were met.
-        mean: (5 + 2 K,) coefficients: `SHARED`, then force [N] and own share of each terrain.
+        mean: (6 + 2 K,) coefficients: `SHARED`, then force [N] and own share of each terrain.
         cov: their covariance.
         reference_N: (K,) forces to which the shares of this drive belong.
-        scatter: sigma^2 [J].
+        scatter: sigma^2 [m].
         day: tau^2.
         visits: (K,) what was driven there.
         on_this_drive: terrains of the drive under way.
@@ -163,7 +182,7 @@ class Need(NamedTuple):
     """Energy that stretches will take: mean, and variances by what is not known.
 
     mean_J: expected.
-    learned_J2: what more drives would teach.
+    learned_J2: coefficients and model.
     day_J2: what differs from drive to drive.
     scatter_J2: what differs from place to place.
     day_dof, scatter_dof: how well the last two are known.
@@ -184,10 +203,11 @@ class Need(NamedTuple):
 
 def start(prior: Prior) -> Consumption:
     """What is known before the first drive."""
-    mean = np.array([prior.idle_W, prior.speed_N_s_per_m, prior.climb, prior.descent, 0.0])
-    std = [prior.idle_std_W, prior.speed_std_N_s_per_m, prior.climb_std, prior.descent_std, 0.0]
+    p = prior
+    mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.descent, p.heat_W_per_N2, 0.0])
+    std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.descent_std, p.heat_std_W_per_N2, 0.0]
     day = Variance(prior.dof, prior.dof * prior.day_std**2)
-    scatter = Variance(prior.dof, prior.dof * prior.scatter_J)
+    scatter = Variance(prior.dof, prior.dof * prior.scatter_m)
     return begin_drive(Consumption(prior, (), mean, np.diag(np.square(std)), (), scatter, day))
 
 
@@ -213,22 +233,21 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
-    x, expected_J = features(c, stretch), prior_energy_J(c.prior, stretch)
-    if expected_J <= 0.0:
+    x, scattered = features(c, stretch), lumps(c, stretch)
+    if scattered <= 0.0:
         return c
-    noise_J2 = c.scatter.value * expected_J
+    noise_J2 = c.scatter.value * scattered
     spread_J2 = x @ c.cov @ x + noise_J2
     surprise_J = energy_J - x @ c.mean
     gain = c.cov @ x / spread_J2
     keep = np.eye(len(x)) - np.outer(gain, x)
+    cov = keep @ c.cov @ keep.T + noise_J2 * np.outer(gain, gain)
+    c = replace(c, mean=c.mean + gain * surprise_J, cov=cov)
+    if not stretch.terrain:
+        return c
     left_J = surprise_J * noise_J2 / spread_J2
-    c = replace(
-        c,
-        mean=c.mean + gain * surprise_J,
-        cov=keep @ c.cov @ keep.T + noise_J2 * np.outer(gain, gain),
-        scatter=c.scatter.learned(left_J**2 / expected_J, noise_J2 / spread_J2),
-    )
-    return _visited(c, stretch, energy_J) if stretch.terrain else c
+    scatter = c.scatter.learned(left_J**2 / scattered, noise_J2 / spread_J2)
+    return _visited(replace(c, scatter=scatter), stretch, energy_J)
 
 
 def need(c: Consumption, stretches: Sequence[Stretch]) -> Need:
@@ -241,12 +260,12 @@ def need(c: Consumption, stretches: Sequence[Stretch]) -> Need:
     shares = np.zeros(len(x), dtype=bool)
     shares[[LOAD, *(c.force_index(name) + 1 for name in c.terrains)]] = True
     all_J2, day_J2 = x @ c.cov @ x, x[shares] @ c.cov[np.ix_(shares, shares)] @ x[shares]
-    expected_J = sum(prior_energy_J(c.prior, s) for s in stretches)
+    scattered = sum(lumps(c, s) for s in stretches)
     return Need(
         float(x @ c.mean),
-        float(max(all_J2 - day_J2, 0.0)),
+        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * (x @ c.mean)) ** 2),
         float(min(day_J2, all_J2)),
-        c.scatter.value * expected_J,
+        c.scatter.value * scattered,
         c.day.dof,
         c.scatter.dof,
     )
@@ -273,31 +292,51 @@ def with_terrain(c: Consumption, name: str) -> Consumption:
 
 
 def features(c: Consumption, stretch: Stretch) -> np.ndarray:
-    """What each coefficient is multiplied by (5 + 2 K,) on this stretch."""
+    """What each coefficient is multiplied by (6 + 2 K,) on this stretch."""
     x = np.zeros(len(c.mean))
-    mass_kg = c.prior.mass_kg + stretch.payload_kg
-    loaded = mass_kg / c.prior.mass_kg
-    lift_N = mass_kg * GRAVITY
-    x[:LOAD] = (
-        stretch.time_s,
-        loaded * stretch.speed_distance_m2_s,
-        lift_N * stretch.climb_m,
-        -lift_N * stretch.descent_m,
-    )
+    lift_N = (c.prior.mass_kg + stretch.payload_kg) * GRAVITY
+    x[:2] = stretch.time_s, loaded(c, stretch) * stretch.speed_distance_m2_s
+    x[2:4] = lift_N * stretch.climb_m, -lift_N * stretch.descent_m
     if stretch.terrain:
         _require_known(c, stretch.terrain)
-        k = c.force_index(stretch.terrain)
-        share_J = c.reference_N[c.terrains.index(stretch.terrain)] * loaded * stretch.distance_m
-        x[[k, k + 1, LOAD]] = loaded * stretch.distance_m, share_J, share_J
+        k, q_d = c.force_index(stretch.terrain), loaded(c, stretch) * stretch.distance_m
+        share_J = q_d * c.reference_N[c.terrains.index(stretch.terrain)]
+        x[[k, k + 1, LOAD]] = q_d, share_J, share_J
+        x[HEAT] = pull_N(c, stretch) ** 2 * moving_s(stretch)
     return x
 
 
-def prior_energy_J(prior: Prior, stretch: Stretch) -> float:
-    """E_0: what the stretch was expected to take before anything was learned, the slope left out."""
-    loaded = (prior.mass_kg + stretch.payload_kg) / prior.mass_kg
-    force_N = prior.force_of(stretch.terrain)
-    driven_J = force_N * stretch.distance_m + prior.speed_N_s_per_m * stretch.speed_distance_m2_s
-    return prior.idle_W * stretch.time_s + loaded * driven_J
+def loaded(c: Consumption, stretch: Stretch) -> float:
+    """q: mass with payload over the mass that the forces belong to."""
+    return (c.prior.mass_kg + stretch.payload_kg) / c.prior.mass_kg
+
+
+def force_N(c: Consumption, terrain: str) -> float:
+    """Resistance [N] as it is known now; never below a tenth of what was expected, where squares are made of it."""
+    return max(float(c.mean[c.force_index(terrain)]), _LEAST_FORCE * c.prior.force_of(terrain))
+
+
+def pull_N(c: Consumption, stretch: Stretch) -> float:
+    """F: force [N] along the ground, mean of the stretch; < 0 where it brakes."""
+    if not stretch.distance_m:
+        return 0.0
+    slope = (stretch.climb_m - stretch.descent_m) / stretch.distance_m
+    return loaded(c, stretch) * (force_N(c, stretch.terrain) + c.prior.mass_kg * GRAVITY * slope)
+
+
+def moving_s(stretch: Stretch) -> float:
+    """Time [s] without the stops, at the mean speed."""
+    return stretch.distance_m**2 / stretch.speed_distance_m2_s if stretch.speed_distance_m2_s else 0.0
+
+
+def lumps(c: Consumption, stretch: Stretch) -> float:
+    """What sigma^2 is multiplied by [N^2 m]: resistance squared times distance, and idle power as if at 30 m/s."""
+    idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
+    if not stretch.terrain:
+        return idle
+    _require_known(c, stretch.terrain)
+    resistance_N = loaded(c, stretch) * force_N(c, stretch.terrain)
+    return idle + resistance_N**2 * stretch.distance_m
 
 
 def _learn_day(c: Consumption) -> Variance:

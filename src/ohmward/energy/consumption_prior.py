@@ -31,8 +31,6 @@ SPEED_RESISTANCE_S_PER_M = 0.02
 ELECTRONICS_EFFICIENCY = 0.9
 #: Idle power of a robot of which nothing is said [W].
 ANY_IDLE_W = 10.0
-#: Expected scatter: a fifth of the energy of ten metres.
-_LUMP_M, _LUMP_SHARE = 10.0, 0.2
 
 
 def prior_from_robot(robot: Robot) -> Prior:
@@ -40,16 +38,24 @@ def prior_from_robot(robot: Robot) -> Prior:
     efficiency = robot.motor.gear_efficiency * ELECTRONICS_EFFICIENCY
     friction_N = robot.driven * robot.motor.friction_Nm / robot.wheel.radius_m
     damping = robot.driven * robot.motor.damping_Nms_per_rad / robot.wheel.radius_m**2
-    return _prior(robot.mass_kg, robot.idle_W, efficiency, friction_N, damping)
+    return _prior(robot.mass_kg, robot.idle_W, efficiency, friction_N, damping, heat_W_per_N2(robot))
+
+
+def heat_W_per_N2(robot: Robot) -> float:
+    """Heat of all windings over the square of the robot's force, all driven wheels pulling alike."""
+    ampere_per_newton = robot.wheel.radius_m / robot.driven / robot.motor.wheel_constant_Nm_per_A
+    return robot.driven * robot.motor.resistance_ohm * ampere_per_newton**2
 
 
 def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> Prior:
     """From the mass alone; idle_W: 0 where nobody said."""
     require_positive("mass_kg", mass_kg)
-    return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0)
+    return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0, 0.0)
 
 
-def _prior(mass_kg: float, idle_W: float, efficiency: float, friction_N: float, damping_N_s_per_m: float) -> Prior:
+def _prior(
+    mass_kg: float, idle_W: float, efficiency: float, friction_N: float, damping_N_s_per_m: float, heat: float
+) -> Prior:
     weight_N = mass_kg * GRAVITY
     force_N = (ANY_RESISTANCE * weight_N + friction_N) / efficiency
     drag = (SPEED_RESISTANCE_S_PER_M * weight_N + damping_N_s_per_m) / efficiency
@@ -63,6 +69,7 @@ def _prior(mass_kg: float, idle_W: float, efficiency: float, friction_N: float, 
         speed_std_N_s_per_m=drag,
         climb=1.0 / efficiency,
         climb_std=0.2 / efficiency,
-        scatter_J=_LUMP_SHARE**2 * force_N * _LUMP_M,
+        heat_W_per_N2=heat,
+        heat_std_W_per_N2=0.3 * heat,
         terrain_force_N={name: (c * weight_N + friction_N) / efficiency for name, c in RESISTANCE.items()},
     )

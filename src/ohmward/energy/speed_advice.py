@@ -1,10 +1,10 @@
 """The speed of the least energy per metre.
 
-e(v) = (idle + heat) / v + f + c v,     so v* = sqrt((idle + heat) / c)
+e(v) = (idle + r F^2) / v + f + c v,     so v* = sqrt((idle + r F^2) / c)
 
 Idle power and the heat of the windings, which the force sets and not the speed, ask for haste; resistance that grows
 with speed asks for patience. What one speed saves against another is linear in the coefficients, so its standard
-deviation is exact: s = (idle + heat) (1/v - 1/v*) + c (v - v*).
+deviation is exact: s = (idle + r F^2) (1/v - 1/v*) + c (v - v*).
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
-from ohmward.energy.consumption import SHARED, Consumption
+from ohmward.checks import require_positive
+from ohmward.energy.consumption import HEAT, SHARED, Consumption, features
+from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 
-_IDLE, _SPEED = SHARED.index("idle_W"), SHARED.index("speed_N_s_per_m")
+IDLE, SPEED = SHARED.index("idle_W"), SHARED.index("speed_N_s_per_m")
 
 #: Idle power dominates where it takes more than this share of the energy per metre.
 DOMINATES = 0.5
@@ -49,34 +50,34 @@ def speed_advice(
     speed_m_s: float,
     limits_m_s: tuple[float, float],
     payload_kg: float = 0.0,
-    heat_W: float = 0.0,
 ) -> SpeedAdvice:
     """Advice for level ground of this terrain.
 
     speed_m_s: present speed, > 0.
     limits_m_s: slowest and fastest speed that may be advised.
-    heat_W: of the windings at the steady force, where it is known and not part of what was learned.
 
     Raises:
         InputError: a terrain that is not known, a speed or limits that are not > 0, limits that do not ascend.
     """
-    _check(c, terrain, speed_m_s, limits_m_s, heat_W)
-    loaded = (c.prior.mass_kg + payload_kg) / c.prior.mass_kg
-    force_N = loaded * c.mean[c.force_index(terrain)]
-    haste_W, drag = max(c.mean[_IDLE], 0.0) + heat_W, loaded * max(c.mean[_SPEED], 0.0)
-    best = best_speed(haste_W, drag, limits_m_s)
-    x = np.zeros(len(c.mean))
-    x[_IDLE], x[_SPEED] = 1 / speed_m_s - 1 / best, loaded * (speed_m_s - best)
-    now = haste_W / speed_m_s + force_N + drag * speed_m_s
-    idle_share = (haste_W - heat_W) / speed_m_s / now
+    _check(c, terrain, speed_m_s, limits_m_s)
+
+    def per_metre(v: float) -> np.ndarray:
+        return features(c, Stretch(terrain, 1 / v, 1.0, v, payload_kg=payload_kg))
+
+    level = per_metre(1.0)
+    haste_W = max(c.mean[IDLE], 0.0) + max(c.mean[HEAT], 0.0) * level[HEAT]
+    best = best_speed(haste_W, max(c.mean[SPEED], 0.0) * level[SPEED], limits_m_s)
+    now, then = per_metre(speed_m_s), per_metre(best)
+    saving = now - then
+    idle_share = float(now[IDLE] * c.mean[IDLE] / (now @ c.mean))
     return SpeedAdvice(
         best,
         best in limits_m_s,
-        haste_W / best + force_N + drag * best,
-        float(x @ c.mean + heat_W * x[_IDLE]),
-        float(np.sqrt(x @ c.cov @ x)),
-        float(idle_share),
-        bool(idle_share > DOMINATES),
+        float(then @ c.mean),
+        float(saving @ c.mean),
+        float(np.sqrt(saving @ c.cov @ saving)),
+        idle_share,
+        idle_share > DOMINATES,
     )
 
 
@@ -88,11 +89,10 @@ def best_speed(haste_W: float, drag_N_s_per_m: float, limits_m_s: tuple[float, f
     return float(np.clip(np.sqrt(haste_W / drag_N_s_per_m), slowest, fastest))
 
 
-def _check(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float], heat_W: float) -> None:
+def _check(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float]) -> None:
     if terrain not in c.terrains:
         raise InputError(f"terrain must be one of {', '.join(c.terrains)}; got {terrain!r}")
     require_positive("speed_m_s", speed_m_s)
     require_positive("limits_m_s", limits_m_s)
-    require_between("heat_W", heat_W, 0.0, np.inf)
     if not limits_m_s[0] < limits_m_s[1]:
         raise InputError(f"limits_m_s must ascend, got {limits_m_s[0]:g} and {limits_m_s[1]:g}")

@@ -25,8 +25,10 @@ from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
 
 #: Points of the state of charge from 0 to 1.
-_GRID = 501
+_GRID = 251
 _SECONDS_PER_HOUR = 3600.0
+#: Margin of a voltage that does not exist: far below any cut-off.
+_NO_POWER_V = -1e9
 
 
 @dataclass(frozen=True)
@@ -95,11 +97,11 @@ def discharge(battery: Battery, charge: Charge, power_W: float, z: np.ndarray) -
     capacity = np.maximum(charge.capacity_share + charge.capacity_std * z[1], 0.0)
     resistance = np.maximum(charge.resistance_share + charge.resistance_std * z[2], 0.0)
     voltage_V, holds = loaded_voltage(ocv_V[:, None], r_ohm[:, None] * resistance, power_W)
-    holds &= voltage_V >= charge.cutoff_V
+    margin_V = np.where(holds, voltage_V - charge.cutoff_V, _NO_POWER_V)
     start = np.clip(charge.soc + charge.soc_std * z[0], 0.0, 1.0)
     whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * capacity * _integral(voltage_V, 1.0 / (_GRID - 1))
     at_reserve_J = _at(soc, whole_J, np.full(start.shape, charge.reserve_soc))
-    end_J = np.maximum(at_reserve_J, _at_end(whole_J, holds, soc, start))
+    end_J = np.maximum(at_reserve_J, _at_end(whole_J, margin_V, soc, start))
     return Discharge(soc, np.maximum(whole_J - end_J, 0.0), start)
 
 
@@ -149,12 +151,15 @@ def _integral(values: np.ndarray, step: float) -> np.ndarray:
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(inner, axis=0)])
 
 
-def _at_end(whole_J: np.ndarray, holds: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """(N,) running integral where a battery that comes down from its start has to stop."""
-    fails = ~holds & (soc[:, None] <= start)
-    first_good = len(soc) - np.argmax(fails[::-1], axis=0)
-    first_good = np.where(fails.any(axis=0), first_good, 0)
-    return np.take_along_axis(whole_J, np.minimum(first_good, len(soc) - 1)[None], axis=0)[0]
+def _at_end(whole_J: np.ndarray, margin_V: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(N,) running integral where a battery that comes down from its start has no margin (K, N) left."""
+    fails = (margin_V < 0) & (soc[:, None] <= start)
+    above = np.where(fails.any(axis=0), len(soc) - np.argmax(fails[::-1], axis=0), 0)
+    above, below = np.minimum(above, len(soc) - 1), np.maximum(above - 1, 0)
+    good, bad = (np.take_along_axis(margin_V, k[None], axis=0)[0] for k in (above, below))
+    share = np.where((bad < 0) & (good > 0), good / np.where(bad < 0, good - bad, 1.0), 0.0)
+    high, low = (np.take_along_axis(whole_J, k[None], axis=0)[0] for k in (above, below))
+    return high - share * (high - low)
 
 
 def _at(grid: np.ndarray, columns: np.ndarray, x: np.ndarray) -> np.ndarray:
