@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from ohmward.trace import Kernel
+from ohmward.traction import Input, next_state
 from ohmward.traction.observers import Flag, Noise, SpeedObserver, wheel_speeds
 
 from .examples import DT_S, RLMA_ON_FLOOR, log, observed
@@ -134,3 +136,72 @@ def test_standstill_is_zero_speed_whatever_was_believed():
     e = watch(samples)
     assert has(e, Flag.STANDSTILL)[-1] and not has(e, Flag.STANDSTILL)[:340].any()
     assert abs(e.speed_m_s[-1]) < 1e-3 and e.speed_std_m_s[-1] < 1e-3
+
+
+def weaving(steps=600):
+    """Encoders (T, 2), currents (T, 2) and true states (T, 4) of a robot that accelerates and weaves."""
+    time_s, rng = DT_S * np.arange(steps), np.random.default_rng(0)
+    steer = 1.5 * np.sin(2 * time_s)
+    current_A = (CRUISE_A + np.where(time_s < 1, 2.5, 0.0))[:, None] + steer[:, None] * np.array([-1.0, 1.0])
+    kernel = Kernel(lambda x, u: (next_state(x, Input(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
+    _, x = kernel.scan(np.zeros(4), current_A)
+    return x[:, 2:] + 0.05 * rng.standard_normal((steps, 2)), current_A, x
+
+
+def watch_weaving(encoders, current_A, x, gyro=True):
+    samples = log(encoders[:, 0], current_A[:, 0], yaw_rate_rad_s=x[:, 1])
+    samples.wheel_speed_rad_s[:, 1] = encoders[:, 1]
+    samples.current_A[:] = current_A
+    return watch(samples, gyro_std_rad_s=0.01 if gyro else None)
+
+
+def test_weaving_is_no_fault():
+    e = watch_weaving(*weaving())
+    assert not e.flags.any()
+
+
+MISWIRED = {
+    "encoders of left and right exchanged": lambda w, i: (w[:, ::-1], i),
+    "currents of left and right exchanged": lambda w, i: (w, i[:, ::-1]),
+    "one encoder counts backwards": lambda w, i: (w * np.array([-1.0, 1.0]), i),
+    "currents with the wrong sign": lambda w, i: (w, -i),
+    "one encoder stuck at a speed": lambda w, i: (np.column_stack([np.full(len(w), w[200, 0]), w[:, 1]]), i),
+    "both encoders stuck at a speed": lambda w, i: (np.where(np.arange(len(w))[:, None] < 200, w, w[200]), i),
+}
+
+
+@pytest.mark.parametrize("fault", MISWIRED)
+def test_wires_in_the_wrong_order_are_flagged_and_stop_nothing(fault):
+    encoders, current_A, x = weaving()
+    e = watch_weaving(*MISWIRED[fault](encoders, current_A), x)
+    wrong = Flag.GROUND_CHANGED | Flag.ENCODER_DOUBTED | Flag.SPEED_UNOBSERVED
+    assert has(e, wrong).mean() > 0.1
+    assert_finite(e)
+
+
+def test_without_a_gyro_exchanged_encoders_are_a_turn_the_other_way():
+    encoders, current_A, x = weaving()
+    e = watch_weaving(encoders[:, ::-1], current_A, x, gyro=False)
+    assert e.yaw_rate_rad_s == pytest.approx(-x[:, 1], abs=0.3)
+    assert e.speed_m_s[-1] == pytest.approx(x[-1, 0], abs=0.02)
+
+
+def assert_finite(e):
+    for name, values in e._asdict().items():
+        if name != "slip_ratio":  # which is none at rest
+            assert np.isfinite(values).all(), name
+    assert (e.speed_std_m_s > 0).all()
+
+
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_that_a_sensor_can_say_makes_it_stop(seed, method):
+    rng, steps = np.random.default_rng(seed), 1500
+    garbage = np.array([np.nan, np.inf, -np.inf, 0.0, 1e30, -1e30, 1e-300, 400.0, -400.0, 5.0, -0.1])
+    samples = cruise(steps, yaw_rate_rad_s=np.zeros(steps), speed_m_s=np.full(steps, 0.5), pitch_rad=np.zeros(steps))
+    for column in (c for c in samples if c.shape[0] == steps):
+        spoilt = rng.random(column.shape) < 0.05
+        column[spoilt] = rng.choice(garbage, spoilt.sum())
+    noise = Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.05, pitch_std_rad=0.01)
+    e = observed(SpeedObserver(RLMA_ON_FLOOR, noise=noise, method=method, matching=True), samples)[1]
+    assert_finite(e)

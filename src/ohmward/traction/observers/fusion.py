@@ -13,15 +13,20 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gating import choose, passes
-from ohmward.trace import isfinite, maximum, where
+from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.traction.observers.estimate import Flag, Sample
 from ohmward.traction.observers.late import History, change_since
 from ohmward.traction.observers.model import Model
-from ohmward.traction.observers.reading import Reading
+from ohmward.traction.observers.reading import Reading, within
 from ohmward.traction.robot import GRAVITY
 
 #: Standard deviation of "it stands" [m/s, rad/s].
 STANDSTILL_STD = 0.003
+
+#: An external speed beyond these limits is a source's fault: the speed [m/s] and its age [s] make it no measurement, a
+#: standard deviation [m/s] outside of its own is replaced by the one of `Noise`.
+FASTEST_M_S, OLDEST_S = 100.0, 60.0
+SPEED_STD_M_S = (1e-4, 10.0)
 
 
 class Fused(NamedTuple):
@@ -90,13 +95,14 @@ def use_speed(
     std = model.noise.speed_std_m_s
     if std is None:
         return fused, 0.0 * fused.flags
-    own = where(sample.speed_std_m_s > 0, sample.speed_std_m_s, std)
-    age_s = where(sample.speed_age_s > 0, sample.speed_age_s, 0.0)
-    y = sample.speed_m_s + change_since(history, age_s)
+    credible = (sample.speed_std_m_s >= SPEED_STD_M_S[0]) & (sample.speed_std_m_s <= SPEED_STD_M_S[1])
+    own = where(credible, sample.speed_std_m_s, std)
+    age_s = where((sample.speed_age_s > 0) & (sample.speed_age_s <= OLDEST_S), sample.speed_age_s, 0.0)
+    there = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
+    y = where(there, sample.speed_m_s + change_since(history, age_s), np.nan)
     drift = GRAVITY * model.noise.grade_std_rad * age_s
-    finite = isfinite(y)
-    nu = where(finite, y, fused.belief.mean[0]) - fused.belief.mean[0]
-    anew = finite & doubtful
+    nu = where(there, y, fused.belief.mean[0]) - fused.belief.mean[0]
+    anew = there & doubtful
     belief = choose(anew, widened(fused.belief, 0, nu * nu), fused.belief)
     accepted, belief = gated(belief, y, lambda x: x[:1], own * own + drift * drift, gate)
     flags = refused(y, accepted, Flag.SPEED_REJECTED) + where(anew, float(Flag.SPEED_TAKEN_ANEW), 0.0)
