@@ -41,12 +41,6 @@ def test_radius_and_latency_are_found():
     assert real_car.calibrated(log) == pytest.approx((1 / 0.98, 0.2), rel=1e-3)
 
 
-def test_poses_have_a_speed():
-    x = 2.0 * real_warthog.STEP_S * np.arange(40.0)[None, :]
-    speed = real_warthog.slope(x)
-    assert np.isnan(speed[:, :5]).all() and speed[0, 5:-5] == pytest.approx(2.0)
-
-
 def test_the_wheel_in_sand_pulls_when_it_drives_and_drags_when_it_brakes():
     trials = recorded(real_sand.recording)
     assert len(trials.group) == 27 and np.all(trials.data.contact.load_N > 15)
