@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cli import test_slip
 from cli.test_soc import KEYS, SCORES
 from ohmward.cli.main import main
 
@@ -46,6 +47,10 @@ def listed(command: str) -> set[str]:
 
 def test_keys_of_soc_are_all_listed():
     assert listed("soc") >= KEYS | SCORES
+
+
+def test_keys_of_slip_are_all_listed():
+    assert listed("slip") >= test_slip.KEYS | test_slip.SCORES
 
 
 def test_keys_of_compare_are_all_listed(here, as_json):

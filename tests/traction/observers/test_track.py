@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from tests.traction.observers.examples import FLOOR
 
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.observers import Estimate, Noise, Sample, SlipEstimator, SpeedObserver, observe
 from ohmward.traction.observers.track import first_of, samples_of
+from traction.observers.examples import FLOOR
 
 OBSERVER = SpeedObserver(scene(RLMA, FLOOR), method="ekf")
 
