@@ -74,8 +74,17 @@ def test_a_slip_that_is_no_number_changes_nothing():
     assert not found.identified
 
 
+def test_a_swing_from_afar_is_not_learned_from():
+    seeker = SetPointSeeker()
+    state = seeker.init(0.3)
+    for slip in np.linspace(0.0, 0.26, 200):
+        state, found = seeker.step(state, slip, 3.0 * slip, DT)
+    assert state == seeker.init(0.3)
+    assert not found.identified
+
+
 def test_the_slope_is_the_regression():
-    seeker = SetPointSeeker(window_s=1e9, pace_per_s=1e-9)
+    seeker = SetPointSeeker(window_s=1e9, pace_per_s=1e-9, reach=0.1)
     rng = np.random.default_rng(4)
     slips = rng.uniform(0.05, 0.15, 300)
     mus = 0.1 + 3.0 * slips + 0.01 * rng.standard_normal(300)

@@ -8,8 +8,9 @@ energy:   climb (1 - lambda) rho slope / mu^2 - (1 - rho/mu)              d/dlam
 
 with rho = R/N, the resistance over the load. A small sine on the set-point makes lambda vary. Where it does not,
 because the wheel does not follow or the command is held elsewhere, there is nothing to learn: the set-point stays, and
-`identified` says so. On one driven axle at constant speed the force, and so the slip, is no choice; it takes an
-acceleration or a second axle to make a set-point matter.
+`identified` says so. The way to the set-point, from rest or after a skid, is not learned from either: one such swing
+weighs as much as a hundred periods of the sine. On one driven axle at constant speed the force, and so the slip, is no
+choice; it takes an acceleration or a second axle to make a set-point matter.
 """
 
 from __future__ import annotations
@@ -60,6 +61,7 @@ class SetPointSeeker:
         dither_Hz: its frequency, > 0.
         window_s: of the regression, > 0; a few periods of the sine.
         least_std: standard deviation of slip below which nothing is learned, > 0.
+        reach: slip farther from the set-point is no part of the line around it and not learned from, > the dither.
         least_slope: slope [1] that counts as the peak for "traction", >= 0.
         pace_per_s: fastest change of the set-point, > 0.
         full_pace: gradient at which it moves at that pace, > 0.
@@ -73,6 +75,7 @@ class SetPointSeeker:
     dither_Hz: float = 2.0
     window_s: float = 1.0
     least_std: float = 0.003
+    reach: float = 0.03
     least_slope: float = 0.1
     pace_per_s: float = 0.05
     full_pace: float = 1.0
@@ -86,6 +89,7 @@ class SetPointSeeker:
             require_positive(f"set_point_seeker.{name}", getattr(self, name))
         for name in ("dither", "least_slope"):
             require_between(f"set_point_seeker.{name}", getattr(self, name), 0.0, math.inf)
+        require_between("set_point_seeker.reach", self.reach, self.dither, 1.0)
         require_between("set_point_seeker.lowest", self.lowest, 1e-3, 0.99)
         require_between("set_point_seeker.highest", self.highest, self.lowest, 0.99)
 
@@ -97,7 +101,7 @@ class SetPointSeeker:
     def step(self, state: SeekerState, slip_ratio: Any, adhesion: Any, dt_s: Any) -> tuple[SeekerState, SetPoint]:
         """The state after the slip ratio and adhesion F/N of this instant, and the slip to hold."""
         learned = self.learn(state, slip_ratio, adhesion, dt_s)
-        known = isfinite(slip_ratio) & isfinite(adhesion)
+        known = isfinite(adhesion) & (abs(slip_ratio - state.set_point) <= self.reach)
         learned = SeekerState(*(where(known, new, old) for new, old in zip(learned, state, strict=True)))
         varied = learned.variance > self.least_std**2
         identified = known & varied & (learned.time_s > self.window_s)
