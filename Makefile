@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test check accuracy speed docs format clean
+.PHONY: help demo test check accuracy speed slip-control firmware docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -11,7 +11,9 @@ help:
 	@echo "make test      every test"
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
+	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
 	@echo "make speed     time per step -> benchmarks/speed.md"
+	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
@@ -23,7 +25,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test check accuracy speed docs: export OMP_NUM_THREADS = 1
+demo test check accuracy speed slip-control firmware docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab,fast.stamp
 	$(BIN)/ohmward demo --out demo
@@ -47,6 +49,12 @@ accuracy: $(VENV)/test.stamp
 
 speed: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/speed.py
+
+slip-control: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/slip_control.py
+
+firmware: $(VENV)/test.stamp
+	$(BIN)/python firmware/measure.py
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
