@@ -35,6 +35,12 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     group.add_argument(
         "--initial-soc-std", type=positive, default=0.3, metavar="S", help="how sure that is (default %(default)s)"
     )
+    group.add_argument(
+        "--sample-time",
+        type=positive,
+        metavar="S",
+        help="samples always come so many seconds apart: smaller and faster, dt_s is not looked at",
+    )
     group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
     group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
@@ -48,7 +54,8 @@ def run(args: argparse.Namespace) -> Outcome:
     from ohmward.export.library import check_fits, size
 
     battery = load_battery(args.battery)
-    export = battery_export(battery, args.filter, args.name, args.initial_soc, args.initial_soc_std)
+    start = args.initial_soc, args.initial_soc_std
+    export = battery_export(battery, args.filter, args.name, *start, args.sample_time)
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
     paths = write_library(library(export), Path(args.output))
     needed = size(export)
@@ -57,6 +64,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "battery": battery.name,
         "filter": args.filter,
         "name": args.name,
+        "sample_time_s": args.sample_time,
         "operations": needed.operations,
         "flash_bytes_estimated": needed.flash,
         "state_bytes": needed.state,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.estimators import ESTIMATORS, make_estimator
 from ohmward.battery.reading import ROOM_DEGC
+from ohmward.checks import require_positive
 from ohmward.export.library import Export
 from ohmward.trace import trace
 
@@ -21,12 +23,18 @@ _EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
 
 
 def battery_export(
-    battery: Battery, filter_name: str = "ekf", name: str = "battery", soc: float = 0.5, soc_std: float = 0.3
+    battery: Battery,
+    filter_name: str = "ekf",
+    name: str = "battery",
+    soc: float = 0.5,
+    soc_std: float = 0.3,
+    sample_time_s: float | None = None,
 ) -> Export:
     """The estimator `filter_name` of a battery, ready to be written.
 
     name: prefix of the symbols and files.
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
+    sample_time_s: of samples that always come so far apart; `dt_s` is then not looked at, and the code is smaller.
 
     Raises:
         InputError: no such estimator, or the battery file lacks its model.
@@ -39,13 +47,21 @@ def battery_export(
     return Export(
         name=name,
         title=f"State of charge of {battery.name}: {ESTIMATORS[filter_name].title}",
-        step=trace(estimator.step, state, _EXAMPLE),
+        step=trace(_at_fixed_rate(estimator.step, sample_time_s), state, _EXAMPLE),
         start=start,
         types=(type(state), Sample, Estimate),
         flags=Flag,
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
     )
+
+
+def _at_fixed_rate(step: Callable, sample_time_s: float | None) -> Callable:
+    """The step with a time step that is a constant of the program."""
+    if sample_time_s is None:
+        return step
+    require_positive("sample_time_s", sample_time_s)
+    return lambda state, sample: step(state, sample._replace(dt_s=float(sample_time_s)))
 
 
 def vector_samples(battery: Battery) -> np.ndarray:

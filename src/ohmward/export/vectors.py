@@ -6,7 +6,6 @@ import numpy as np
 
 from ohmward.trace import single_precision
 from ohmward.trace.c_source import members
-from ohmward.trace.elementary import F32, expand
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 
@@ -18,7 +17,7 @@ def vectors_header(name: str, step: Program, start: Program, arguments: tuple[fl
     """
     singles = np.asarray(samples, np.float32)
     first = np.concatenate([singles[0], np.array(arguments, np.float32)])
-    state = single_precision.evaluate(expand(start, F32), first)
+    state = single_precision.evaluate(single_precision.expanded(start), first)
     _, outputs = single_precision.run(step, state, singles)
     sample, output = step.argument_structure.children[1], step.result_structure.children[1]  # type: ignore[union-attr]
     reads = [f"    sample->{place} = {_from_bits(kind)};" for place, kind in _scalars(sample)]

@@ -3,7 +3,7 @@
     void NAME_start(NAME_state *state, const NAME_sample *sample, ...);
     void NAME_step(NAME_state *state, const NAME_sample *sample, NAME_output *output);
 
-No heap, no static state, no libm but sqrtf, fabsf and floorf; exp, log and their like are those of `elementary`.
+No heap, no static state, no libm but sqrtf and fabsf; exp, log and their like are those of `elementary`.
 Compiled with -ffp-contract=off the results are those of the machine code in "f32" without contraction, bit by bit, on
 every processor with IEEE 754 singles. Every symbol begins with NAME_.
 """
@@ -198,12 +198,13 @@ class _Writer:
         self.name = name
         self.lines: list[str] = []
         self.words: dict[int, str] = {}
+        self.indices: dict[tuple[str, int], str] = {}
         self.tables: dict[tuple, str] = {}
         self.helpers: set[str] = set()
 
     def begin(self) -> None:
         """Another function, with the same tables and helpers."""
-        self.lines, self.words = [], {}
+        self.lines, self.words, self.indices = [], {}, {}
 
     def assign(self, node: Expression, formula: str) -> None:
         """A constant with the value of a node."""
@@ -218,12 +219,18 @@ class _Writer:
         """The C of an operation."""
         if node.operation.name == "gather":
             index, values = node.args
-            self.helpers.add("entry")
-            return f"{self.name}_entry({self.table(values)}, {len(values)}, {self.word(index)})"
+            return f"{self.table(values)}[{self.index(self.word(index), len(values))}]"
         template = _TEMPLATES[node.operation.name]
-        if isinstance(template, str) and "{name}_" in template:
-            self.helpers.add(node.operation.name)
+        self.helpers |= {helper for helper in _HELPERS if f"{{name}}_{helper}(" in template}
         return template.format(*(self.word(a) for a in node.args), name=self.name)
+
+    def index(self, word: str, count: int) -> str:
+        """The place in tables of `count` entries, found once for all of them."""
+        if (word, count) not in self.indices:
+            self.helpers.add("index")
+            name = self.indices[word, count] = f"i{len(self.indices)}"
+            self.lines.append(f"const int32_t {name} = {self.name}_index({word}, {count});")
+        return self.indices[word, count]
 
     def table(self, values: tuple[float, ...]) -> str:
         """The constant array of a table."""
@@ -261,11 +268,11 @@ _TEMPLATES: dict[str, str] = {
     "multiply": "{0} * {1}",
     "divide": "{0} / {1}",
     "negative": "-{0}",
-    "remainder": "{0} - floorf({0} / {1}) * {1}",
-    "floor_divide": "floorf({0} / {1})",
+    "remainder": "{0} - {name}_floor({0} / {1}) * {1}",
+    "floor_divide": "{name}_floor({0} / {1})",
     "absolute": "fabsf({0})",
     "sqrt": "sqrtf({0})",
-    "floor": "floorf({0})",
+    "floor": "{name}_floor({0})",
     "minimum": "({0} < {1} || {0} != {0}) ? {0} : {1}",
     "maximum": "({0} > {1} || {0} != {0}) ? {0} : {1}",
     "where": "{0} ? {1} : {2}",
@@ -285,7 +292,7 @@ _TEMPLATES: dict[str, str] = {
 _HELPERS = {
     "power_of_two": """\
 /* 2^n for a whole n from -126 to 127: the sum has n + 127 in its lowest bits. */
-static float NAME_power_of_two(float n)
+static inline float NAME_power_of_two(float n)
 {
     const float lifted = n + 12583039.0f;
     uint32_t bits;
@@ -298,7 +305,7 @@ static float NAME_power_of_two(float n)
 """,
     "exponent": """\
 /* The exponent of a normal x > 0. */
-static float NAME_exponent(float x)
+static inline float NAME_exponent(float x)
 {
     uint32_t bits;
     float result;
@@ -308,14 +315,25 @@ static float NAME_exponent(float x)
     return result - 8388735.0f;
 }
 """,
-    "entry": """\
-/* An entry of a table; beyond its ends the last one there, the first for no number. */
-static float NAME_entry(const float *table, int32_t count, float index)
+    "floor": """\
+/* The largest whole number that is not above x. */
+static inline float NAME_floor(float x)
 {
-    if (!(index > 0.0f)) {
-        return table[0];
+    if (!(fabsf(x) < 8388608.0f)) {
+        return x;
     }
-    return index < (float)(count - 1) ? table[(int32_t)index] : table[count - 1];
+    const float cut = (float)(int32_t)x;
+    return cut > x ? cut - 1.0f : cut;
+}
+""",
+    "index": """\
+/* A place in a table; beyond its ends the last one there, the first for no number. */
+static inline int32_t NAME_index(float x, int32_t count)
+{
+    if (!(x > 0.0f)) {
+        return 0;
+    }
+    return x < (float)(count - 1) ? (int32_t)x : count - 1;
 }
 """,
 }

@@ -20,26 +20,31 @@ def run(program: Program, state: np.ndarray, samples: np.ndarray) -> tuple[np.nd
     samples: (T, m).
     Returns: the state (n,) after the last sample and the outputs (T, k), all float32; conditions are 0 and 1.
     """
-    expanded = expand(program, F32)
+    program = expanded(program)
     now, rows = np.asarray(state, np.float32), []
     for sample in np.asarray(samples, np.float32):
-        results = evaluate(expanded, np.concatenate([now, sample]))
+        results = evaluate(program, np.concatenate([now, sample]))
         now = results[: now.size]
         rows.append(results[now.size :])
     return now, np.array(rows, np.float32)
 
 
-def evaluate(expanded: Program, inputs: np.ndarray) -> np.ndarray:
-    """Outputs (k,) of inputs (n,) of float32; the program without exp, log and their like."""
+def expanded(program: Program) -> Program:
+    """The program without exp, log and their like, as `evaluate` takes it."""
+    return expand(program, F32)
+
+
+def evaluate(program: Program, inputs: np.ndarray) -> np.ndarray:
+    """Outputs (k,) of inputs (n,) of float32, for a program that is `expanded`."""
     values: dict[int, Any] = {
         symbol.serial: bool(x) if symbol.boolean else np.float32(x)
-        for symbol, x in zip(expanded.inputs, inputs, strict=True)
+        for symbol, x in zip(program.inputs, inputs, strict=True)
     }
     with np.errstate(all="ignore"):
-        for node in expanded.nodes:
+        for node in program.nodes:
             arguments = [_value(a, values) for a in node.args]
             values[node.serial] = _FUNCTIONS[node.operation.name](*arguments)
-        return np.array([_value(y, values) for y in expanded.outputs], np.float32)
+        return np.array([_value(y, values) for y in program.outputs], np.float32)
 
 
 def _value(x: Any, values: dict[int, Any]) -> Any:

@@ -1,0 +1,95 @@
+/* The least that a Cortex-M4F needs before main: vectors, memory, the floating-point unit; and a way to talk. */
+#include "board.h"
+
+extern uint32_t _sidata, _sdata, _edata, _sbss, _ebss, _estack;
+int main(void);
+
+void reset(void)
+{
+    const uint32_t *from = &_sidata;
+    for (uint32_t *to = &_sdata; to < &_edata;) {
+        *to++ = *from++;
+    }
+    for (uint32_t *to = &_sbss; to < &_ebss;) {
+        *to++ = 0u;
+    }
+    *(volatile uint32_t *)0xE000ED88u |= 0xFu << 20; /* CPACR: full access to the FPU */
+    __asm volatile("dsb\n isb");
+    leave(main());
+}
+
+static void stop(void)
+{
+    say("fault\n");
+    leave(70);
+}
+
+__attribute__((section(".vectors"), used)) static const void *const vectors[16] = {
+    &_estack, (void *)reset, (void *)stop, (void *)stop, (void *)stop, (void *)stop, (void *)stop,
+};
+
+static int semihosting(int operation, const void *argument)
+{
+    register int r0 __asm("r0") = operation;
+    register const void *r1 __asm("r1") = argument;
+    __asm volatile("bkpt 0xAB" : "+r"(r0) : "r"(r1) : "memory");
+    return r0;
+}
+
+void say(const char *text)
+{
+    semihosting(0x04, text);
+}
+
+void say_number(const char *name, uint32_t number)
+{
+    char digits[12];
+    char *at = digits + sizeof digits - 1;
+    *at = '\0';
+    do {
+        *--at = (char)('0' + number % 10u);
+        number /= 10u;
+    } while (number);
+    say(name);
+    say(" ");
+    say(at);
+    say("\n");
+}
+
+void leave(int status)
+{
+    const uint32_t block[2] = {0x20026u, (uint32_t)status};
+    semihosting(0x20, block);
+    for (;;) {
+    }
+}
+
+void clock_start(void)
+{
+    *(volatile uint32_t *)0xE000E014u = 0xFFFFFFu; /* SysTick: counts down from here */
+    *(volatile uint32_t *)0xE000E018u = 0u;
+    *(volatile uint32_t *)0xE000E010u = 5u;
+}
+
+uint32_t clock_now(void)
+{
+    return 0xFFFFFFu - *(volatile uint32_t *)0xE000E018u;
+}
+
+void stack_paint(void)
+{
+    uint32_t *here;
+    __asm volatile("mov %0, sp" : "=r"(here));
+    for (uint32_t *at = &_ebss; at < here - 4; ++at) {
+        *(volatile uint32_t *)at = 0xA5A5A5A5u;
+    }
+}
+
+uint32_t stack_left(void)
+{
+    const uint32_t *at = &_ebss;
+    while (*at == 0xA5A5A5A5u) {
+        ++at;
+    }
+    return (uint32_t)((const char *)at - (const char *)&_ebss);
+}
