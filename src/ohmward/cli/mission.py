@@ -420,10 +420,10 @@ def result(figures: Mapping[str, Any]) -> dict[str, str]:
 
 def band(values: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
     """P10 / P50 / P90 with their unit."""
-    return " / ".join(f"{scale * v:.3g}" for v in values.values()) + f" {unit}  (P10 / P50 / P90)"
+    return " / ".join(f"{float(f'{scale * v:.3g}'):g}" for v in values.values()) + f" {unit}  (P10 / P50 / P90)"
 
 
-TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "another day, P10-P90", "resistance"]
+TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
 
 
 def terrain_rows(figures: Mapping[str, Any]) -> list[list[str]]:

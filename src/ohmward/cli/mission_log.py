@@ -70,7 +70,7 @@ def record(args: argparse.Namespace, battery: Battery, robot: Robot | None) -> R
     battery_W = -log.voltage_V * log.current_A
     driven = cut_drive(log.time_s, motion.speed_m_s, battery_W, _ground(args, log), motion.grade_rad, args.payload_kg)
     split = _split(drive, motion, log.time_s, battery_W, driven) if drive and motion.track else None
-    notes = [*map(str, log.notes), *motion.notes]
+    notes = [*map(str, log.notes), *motion.notes, *_idle_notes(split)]
     return Recording(log, motion.speed_m_s, battery_W, driven, split, soc, notes)
 
 
@@ -195,6 +195,12 @@ def _split(
     at_drive_W = np.interp(drive.time_s, time_s[known], battery_W[known])
     power = drive_split(drive, track.estimates, scene, at_drive_W, idle_W(driven))
     return Split(drive.time_s, power, add_up(drive, power, track.estimates, scene.robot))
+
+
+def _idle_notes(split: Split | None) -> list[str]:
+    if split is None or split.energy.parts.idle > 0:
+        return []
+    return ["warning: the idle power is not known (robot.idle_W is 0, and the robot never stood): 'unexplained' has it"]
 
 
 def idle_W(driven: list[Driven]) -> float | None:

@@ -157,7 +157,8 @@ def _at_end(whole_J: np.ndarray, margin_V: np.ndarray, soc: np.ndarray, start: n
     above = np.where(fails.any(axis=0), len(soc) - np.argmax(fails[::-1], axis=0), 0)
     above, below = np.minimum(above, len(soc) - 1), np.maximum(above - 1, 0)
     good, bad = (np.take_along_axis(margin_V, k[None], axis=0)[0] for k in (above, below))
-    share = np.where((bad < 0) & (good > 0), good / np.where(bad < 0, good - bad, 1.0), 0.0)
+    crosses = (bad < 0) & (good > 0)
+    share = np.where(crosses, good / np.where(crosses, good - bad, 1.0), 0.0)
     high, low = (np.take_along_axis(whole_J, k[None], axis=0)[0] for k in (above, below))
     return high - share * (high - low)
 

@@ -20,7 +20,7 @@ from ohmward.cli.mission import (
 )
 from ohmward.cli.mission_log import Recording, Split
 from ohmward.cli.pages.common import FOOTER, with_assumptions
-from ohmward.cli.wording import duration, percent
+from ohmward.cli.wording import duration, percent, quantity
 from ohmward.energy import Charge, Consumption, Outlook
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series
 from ohmward.report.palette import Meaning
@@ -35,6 +35,8 @@ _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
 _SMOOTH_S = 2.0
 _MOST_TERRAINS = 6
 _SPEEDS = 25
+#: Shorter stretches are starts and stops: their energy per metre says nothing.
+_SHORTEST_M = 5.0
 
 
 def make_page(task: Task, answer: Answer) -> Page:
@@ -107,7 +109,7 @@ def terrain_figure(c: Consumption, name: str, recording: Recording | None) -> Fi
     expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
     series = [_line(speeds, expected)]
     there = [d for d in recording.driven if d.stretch.terrain == name] if recording else []
-    if there := [d for d in there if d.stretch.distance_m > 0]:
+    if there := [d for d in there if d.stretch.distance_m > _SHORTEST_M]:
         v = np.array([d.stretch.speed_distance_m2_s / d.stretch.distance_m for d in there])
         points = np.array([d.energy_J / d.stretch.distance_m for d in there])
         series.append(Series(v, points, "stretches of this drive", "points", "comparison"))
@@ -122,13 +124,13 @@ def _subtitle(figures: dict[str, Any]) -> str:
 def _numbers(figures: dict[str, Any]) -> dict[str, str]:
     reach = figures["range_m"]
     numbers = {
-        "Range left, P50": f"{reach['p50']:.3g} m",
-        "with 90 % probability": f"{reach['p10']:.3g} m",
+        "Range left, P50": quantity(reach["p50"], "m"),
+        "with 90 % probability": quantity(reach["p10"], "m"),
         "Time left, P50": duration(figures["time_left_s"]["p50"]),
         "SoC now": percent(figures["soc"], 1),
     }
     if drive := figures["drive"]:
-        numbers["Energy per metre"] = f"{drive['energy_J_per_m']:.3g} J/m" if drive["energy_J_per_m"] else "-"
+        numbers["Energy per metre"] = quantity(drive["energy_J_per_m"], "J/m")
     if figures["plan"]:
         numbers["Plan with the reserve left"] = percent(figures["probability"], 1)
     return {label: value for label, value in numbers.items() if value != "-"}
