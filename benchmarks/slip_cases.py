@@ -47,7 +47,7 @@ def drive(case: Case, raw: bool) -> Observed:
     control = SlipController(WHEEL, QUIET, LIMITS)
     braking = Stepper(control, lambda _: SlipCommand(BRAKE))
     driving = (
-        Stepper(SpeedController(WHEEL, QUIET, LIMITS, easing_m_s3=10.0), lambda _: SpeedCommand(1.0))
+        Stepper(SpeedController(WHEEL, QUIET, LIMITS), lambda _: SpeedCommand(1.0))
         if case.slip_ratio is None
         else Stepper(control, lambda _: SlipCommand(DRIVE))
     )

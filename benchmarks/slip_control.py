@@ -67,7 +67,7 @@ SENSORS = {
 TORQUE_CONSTANT, RESISTANCE = 0.517, 0.3
 DISTANCE_M, SPEED_M_S, RAMP_M_S2 = 5.0, 1.0, 0.5
 #: A ramp that eases off all the way, and takes as long as the constant one to the same place.
-EASED = {"acceleration_m_s2": 4 / 3 * RAMP_M_S2, "easing_m_s3": (4 / 3 * RAMP_M_S2) ** 2 / (2 * SPEED_M_S)}
+EASED = {"acceleration_m_s2": 4 / 3 * RAMP_M_S2, "easing_m_s": SPEED_M_S}
 
 
 def hold(_: float) -> SlipCommand:

@@ -112,7 +112,7 @@ def test_case_2_driving_on_the_normal_floor_then_braking_on_the_slippery_one():
 
 
 def test_the_speed_loop_stays_within_its_bound_where_the_floor_turns_slippery():
-    control = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=1.5, easing_m_s3=10.0)
+    control = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=1.5)
     ground = switching([0.8], [0.8, 0.2])
     truth, flags = drive(control, lambda _: SpeedCommand(2.0), ground, 2.0, parameters=RlmaParameters())
     rim = WHEEL.radius_m * truth.wheel_speed_rad_s[:, :2]

@@ -38,7 +38,7 @@ def test_where_the_wheel_grips_the_speed_follows_its_ramp():
 
 def test_a_ramp_that_eases_off_covers_as_much_in_the_same_time_with_eight_ninths_of_the_loss():
     state, loss, way = CONTROL.init(measured(Truth())), 0.0, 0.0
-    eased = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=2 / 3, easing_m_s3=2 / 9)
+    eased = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=2 / 3, easing_m_s=1.0)
     for _ in range(3000):
         a = eased.ramp_m_s2(state, SpeedCommand(1.0), DT)
         state = state._replace(reference_m_s=state.reference_m_s + a * DT)

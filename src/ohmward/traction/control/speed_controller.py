@@ -9,8 +9,8 @@ wheel grips they leave room; where the ground gives way the speed loop loses its
 the slip at its bound until the speed needs less. While the torque is bounded v_ref goes no further than the speed
 itself, and the integral waits.
 
-v_ref is a ramp that eases off: a_ref = min(a, sqrt(2 j |v_c - v_ref|)) falls linearly in time to zero. Copper and creep
-lose the square of the force, and of all ways to cover a distance in a time and end at a speed, the one of least
+v_ref is a ramp that eases off: a_ref = a min(1, sqrt(|v_c - v_ref| / v_e)) falls linearly in time to zero. Copper and
+creep lose the square of the force, and of all ways to cover a distance in a time and end at a speed, the one of least
 int a^2 dt has an acceleration linear in time. A ramp that starts with 4/3 of a constant one's acceleration and eases
 off all the way covers as much in the same time, with 8/9 of int a^2 dt.
 
@@ -73,7 +73,7 @@ class SpeedController:
         limits: of the torque.
         observer: of force and acceleration, and what it takes as a measurement.
         acceleration_m_s2: a, most of the ramp, > 0.
-        easing_m_s3: j, how fast it may fall towards the end of the ramp, > 0.
+        easing_m_s: v_e, the last part of a change of speed, over which it eases off, > 0.
         bandwidth_rad_s: w, of the speed loop, > 0.
         creep_m_s: slip speed that is always allowed, so that a robot can start and climb, > 0.
         stop_m_s: below this speed a robot that shall stop has stopped, > 0.
@@ -84,13 +84,13 @@ class SpeedController:
     limits: Limits
     observer: Observer = field(default_factory=Observer)
     acceleration_m_s2: float = 0.5
-    easing_m_s3: float = 0.5
+    easing_m_s: float = 0.25
     bandwidth_rad_s: float = 3.0
     creep_m_s: float = 0.06
     stop_m_s: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("acceleration_m_s2", "easing_m_s3", "bandwidth_rad_s", "creep_m_s", "stop_m_s"):
+        for name in ("acceleration_m_s2", "easing_m_s", "bandwidth_rad_s", "creep_m_s", "stop_m_s"):
             require_positive(f"speed_controller.{name}", getattr(self, name))
 
     def init(self, first: Measurement) -> SpeedState:
@@ -142,7 +142,7 @@ class SpeedController:
     def ramp_m_s2(self, state: SpeedState, command: SpeedCommand, dt_s: Any) -> Any:
         """Acceleration of the reference towards the command."""
         to_go = where(understandable(command), command.speed_m_s, 0.0) - state.reference_m_s
-        most = minimum(self.acceleration_m_s2, sqrt(2 * self.easing_m_s3 * abs(to_go)))
+        most = self.acceleration_m_s2 * minimum(1.0, sqrt(abs(to_go) / self.easing_m_s))
         return clip(to_go / maximum(dt_s, _SHORTEST), -most, most)
 
     def speed_torque_Nm(self, acceleration_m_s2: Any, error_m_s: Any, integral_m: Any) -> Any:
