@@ -178,18 +178,20 @@ def read_one(text: str, robot: Robot, args: argparse.Namespace) -> Drive:
     if args.pose:
         return Drive(log, pose_motion(log, names, args, robot))
     truth = read_drive_truth(log, robot, args.truth).values
-    return Drive(log, speed_motion(robot, truth))
+    return Drive(log, speed_motion(robot, log.time_s, truth))
 
 
-def speed_motion(robot: Robot, truth: Any) -> Any:
+def speed_motion(robot: Robot, time_s: Any, truth: Any) -> Any:
     """Motion (T, freedoms) from measured speeds."""
     import numpy as np
 
     from ohmward.traction.calibration import motion_from_speed
+    from ohmward.traction.calibration.truth import between
 
     if robot.freedoms == 3 and truth.lateral_speed_m_s is not None and truth.yaw_rate_rad_s is not None:
-        return np.column_stack([truth.speed_m_s, truth.lateral_speed_m_s, truth.yaw_rate_rad_s])
-    return motion_from_speed(robot, truth.speed_m_s, truth.yaw_rate_rad_s)
+        columns = truth.speed_m_s, truth.lateral_speed_m_s, truth.yaw_rate_rad_s
+        return np.column_stack([between(time_s, column) for column in columns])
+    return motion_from_speed(robot, time_s, truth.speed_m_s, truth.yaw_rate_rad_s)
 
 
 def pose_motion(log: DriveLog, names: list[str], args: argparse.Namespace, robot: Robot) -> Any:

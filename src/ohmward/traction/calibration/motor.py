@@ -28,8 +28,8 @@ from ohmward.traction.robot import Robot
 #: Rolling resistance of the floor, share of the load, and its standard deviation, where nothing is said of it.
 ROLLING = (0.02, 0.02)
 _KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
-#: A number counts as identified where its sigma is at most this share of what was believed before.
-IDENTIFIED_SHARE = 0.5
+#: The torque constant counts as identified where its sigma is at most this share of it, a loss from so many sigmas on.
+CONSTANT_SHARE, LOSS_SIGMAS = 0.1, 2.0
 _LENGTH_S = 0.5
 #: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
 _SPEED_RATIO = 2.0
@@ -64,7 +64,7 @@ def calibrate_motor(
     if not _speeds_differ(stretches):
         prior_std[4] = _HELD
     fit = _fit(row, prior, prior_std)
-    scale_known = np.sqrt(fit.cov[0, 0]) <= IDENTIFIED_SHARE * _KAPPA_STD * abs(fit.beta[0]) and fit.beta[0] > 0
+    scale_known = fit.beta[0] > 0 and np.sqrt(fit.cov[0, 0]) <= CONSTANT_SHARE * fit.beta[0]
     if not scale_known:
         prior_std[0] = _HELD
         fit = _fit(row, prior, prior_std)
@@ -122,20 +122,17 @@ def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
 
 def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Parameter, Parameter]:
     """Friction and damping, over kappa."""
-    std = np.sqrt(np.diag(fit.cov)) / fit.beta[0]
-    held = {3: robot.motor.friction_Nm, 4: robot.motor.damping_Nms_per_rad}
-    names = {3: "motor.friction_Nm", 4: "motor.damping_Nms_per_rad"}
-    causes = {
-        3: "it cannot be told from the rolling resistance of the floor",
-        4: "the speeds are too much alike, or it is too small",
-    }
-    found = []
-    for i, name in names.items():
-        value = float(fit.beta[i] / fit.beta[0])
-        wide = std[i] > IDENTIFIED_SHARE * prior_std[i] or prior_std[i] == _HELD
-        if wide or value < 0:
-            reason = causes[i] if wide else f"the fit gives {value:.3g}, less than nothing"
-            found.append(Parameter(name, held[i], float(prior_std[i] if wide else std[i]), reason))
-        else:
-            found.append(Parameter(name, value, float(std[i])))
-    return found[0], found[1]
+    motor = robot.motor
+    alike = (
+        "the speeds are too much alike" if prior_std[4] == _HELD else "it is small, or the speeds are too much alike"
+    )
+    return (
+        _loss("motor.friction_Nm", 3, fit, motor.friction_Nm, "it is not told from the floor's rolling resistance"),
+        _loss("motor.damping_Nms_per_rad", 4, fit, motor.damping_Nms_per_rad, alike),
+    )
+
+
+def _loss(name: str, i: int, fit: Regression, kept: float, reason: str) -> Parameter:
+    """The loss in column i where it is clearly more than nothing, else the robot's own."""
+    value, std = float(fit.beta[i] / fit.beta[0]), float(np.sqrt(fit.cov[i, i]) / fit.beta[0])
+    return Parameter(name, value, std) if value > LOSS_SIGMAS * std else Parameter(name, kept, std, reason)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.truth import Drive, local_slope
+from ohmward.traction.calibration.truth import Drive
 from ohmward.traction.robot import Robot
 
 LENGTH_S = 1.0
@@ -17,7 +17,7 @@ SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
 
 
 class Stretches(NamedTuple):
-    """K stretches, means over each.
+    """K stretches, means over each with the weights of `parabola`.
 
     drive: (K,) number of the recording.
     wheel_speed_rad_s: (K, wheels), nan for a wheel without encoder.
@@ -65,29 +65,45 @@ def travel_speed(motion: np.ndarray) -> np.ndarray:
 def _of_drive(number: int, drive: Drive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
     rim = rim_motion(robot, log.wheel_speed_rad_s[:, : robot.driven])
-    rate = np.column_stack([local_slope(t, column) for column in drive.motion.T])
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
     for first, last in zip(edges, [*edges[1:], t.size], strict=True):
         part = slice(first, last)
-        if last - first < 3 or not np.isfinite(drive.motion[part]).any():
+        if last - first < 3 or np.isfinite(drive.motion[part]).all(axis=1).sum() < 3:
             continue
-        mean = _mean(rim[part])
-        change = np.abs(_mean(rim[part][(last - first) // 2 :]) - _mean(rim[part][: (last - first) // 2]))[:-1].max()
+        weight, half = parabola(t[part]), (last - first) // 2
+        mean = _mean(rim[part], weight)
+        change = np.abs(rim[part][half:].mean(axis=0) - rim[part][:half].mean(axis=0))[:-1].max()
         speed = travel_speed(mean)
         if speed >= SLOWEST_M_S and (not steady or change <= STEADY_SHARE * speed):
             yield (
                 number,
-                _mean(log.wheel_speed_rad_s[part]),
-                _mean(log.motor_current_A[part]),
+                _mean(log.wheel_speed_rad_s[part], weight),
+                _mean(log.motor_current_A[part], weight),
                 mean,
-                _mean(drive.motion[part]),
-                _mean(rate[part]),
+                _mean(drive.motion[part], weight),
+                _slope(t[part], drive.motion[part]),
             )
 
 
-def _mean(values: np.ndarray) -> np.ndarray:
-    """Mean over the known rows (rows, n), nan for a column without any."""
-    known = np.isfinite(values)
-    count = known.sum(axis=0)
-    total = np.where(known, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+def parabola(time_s: np.ndarray) -> np.ndarray:
+    """Weights (rows,) under which the mean of a rate is the slope of the line through its integral.
+
+    The slope of a least-squares line through v is the mean of dv/dt with weights 1 - x^2 over x in [-1, 1]: forces and
+    accelerations taken so belong together even where they step within a stretch.
+    """
+    x = 2 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]) - 1
+    return 1 - (x * (1 - 1 / time_s.size)) ** 2
+
+
+def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slope (n,) of straight lines through the known values (rows, n) of a stretch."""
+    known = np.isfinite(values).all(axis=1)
+    t = time_s[known] - time_s[known].mean()
+    return t @ values[known] / max(float(t @ t), 1e-12)
+
+
+def _mean(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Weighted mean over the known rows (rows, n), nan for a column without any."""
+    known = np.isfinite(values) * weight[:, None]
+    total = known.sum(axis=0)
+    return np.where(total > 0, np.nan_to_num(values * known).sum(axis=0) / np.maximum(total, 1e-12), np.nan)

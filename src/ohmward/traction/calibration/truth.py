@@ -43,8 +43,13 @@ def motion_from_pose(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, headi
     return np.column_stack([c * v_x + s * v_y, c * v_y - s * v_x, yaw_rate])
 
 
-def motion_from_speed(robot: Robot, speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None = None) -> np.ndarray:
+def motion_from_speed(
+    robot: Robot, time_s: np.ndarray, speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None = None
+) -> np.ndarray:
     """Motion (T, 2) of a robot that cannot move sideways, from its forward speed; straight ahead without a yaw rate.
+
+    Between speeds that come less often than the log's samples it is a straight line, nan before the first and after the
+    last.
 
     Raises:
         InputError: the robot moves sideways too.
@@ -53,8 +58,16 @@ def motion_from_speed(robot: Robot, speed_m_s: np.ndarray, yaw_rate_rad_s: np.nd
         raise InputError(
             f"{robot.name} moves sideways too: one speed does not say how; give its pose (--pose X,Y,HEADING)"
         )
-    yaw_rate = np.zeros_like(speed_m_s) if yaw_rate_rad_s is None else yaw_rate_rad_s
-    return np.column_stack([speed_m_s, yaw_rate])
+    yaw_rate = np.zeros_like(speed_m_s) if yaw_rate_rad_s is None else between(time_s, yaw_rate_rad_s)
+    return np.column_stack([between(time_s, speed_m_s), yaw_rate])
+
+
+def between(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (T,) with straight lines where there is none, nan before the first and after the last."""
+    known = np.isfinite(values)
+    if not known.any():
+        return values
+    return np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
 
 
 def local_slope(time_s: np.ndarray, values: np.ndarray, half_window_s: float = HALF_WINDOW_S) -> np.ndarray:

@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+
+from ohmward.traction.calibration.stretches import cut, parabola
+from traction.floors.drives import OMNI, SOFT, omni_drive
+
+
+def test_the_weighted_mean_of_a_rate_is_the_slope_of_its_integral():
+    t = np.linspace(0.0, 1.0, 2001)
+    rate = np.where(t < 0.37, -1.0, 2.0)  # a step within the stretch
+    integral = np.concatenate([[0.0], np.cumsum(rate[:-1] * np.diff(t))])
+    weight = parabola(t)
+    assert weight @ rate / weight.sum() == pytest.approx(np.polyfit(t, integral, 1)[0], rel=2e-3)
+
+
+def test_starts_and_stops_are_left_out_where_motion_must_be_steady():
+    drive = omni_drive([SOFT] * 3, 0.0, seconds=6.0)
+    speeds = drive.log.wheel_speed_rad_s * np.minimum(drive.log.time_s / 3.0, 1.0)[:, None]
+    started = drive._replace(log=type(drive.log)("start", drive.log.time_s, speeds, drive.log.motor_current_A))
+    assert len(cut([started], OMNI).drive) == 4
+    assert len(cut([started], OMNI, steady=False).drive) == 6
+
+
+def test_a_drive_without_its_motion_gives_no_stretch():
+    drive = omni_drive([SOFT] * 3, 0.0, seconds=6.0)
+    motion = drive.motion.copy()
+    motion[drive.log.time_s > 2.5] = np.nan
+    assert len(cut([drive, drive._replace(motion=motion)], OMNI).drive) == 6 + 3

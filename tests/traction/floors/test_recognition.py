@@ -1,0 +1,47 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.traction import RLMA
+from ohmward.traction.floors import Recognition, slip_on_floors
+from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
+
+MOVING = slice(60, None)
+
+
+@pytest.mark.parametrize("under", [(0, 0, 0), (1, 1, 1), (0, 1, 0), (1, 0, 1)])
+def test_the_floor_under_each_wheel_is_found(under):
+    floors = [(SMOOTH, SOFT)[k] for k in under]
+    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(omni_drive(floors, 20.0, rng=np.random.default_rng(4)).log)
+    found = track.floor_probability[MOVING].mean(axis=0).argmax(axis=1)
+    np.testing.assert_array_equal(found, under)
+    np.testing.assert_allclose(track.floor_probability.sum(axis=-1), 1.0, rtol=1e-12)
+
+
+def test_a_floor_that_asks_for_other_forces_than_all_known_ones_was_never_met():
+    carpet = replace(SOFT, rolling=0.3, roller=0.5)
+    track = slip_on_floors(OMNI, (SMOOTH,)).run(omni_drive([carpet] * 3, 20.0, rng=np.random.default_rng(5)).log)
+    assert track.floor_probability[MOVING, :, -1].min() > 0.99
+
+
+def test_before_anything_is_measured_known_floors_are_alike_and_a_new_one_is_unlikely():
+    r = Recognition(OMNI, (SMOOTH, SOFT))
+    share = r.by_wheel(r.init())
+    np.testing.assert_allclose(share[:, 0], share[:, 1])
+    assert np.all(share[:, 2] < 0.01)
+
+
+def test_bayes_rule_on_one_sample():
+    r = Recognition(RLMA, (SMOOTH, SOFT), crossing_rate=1e-12, correlation_s=1.0)
+    assert len(r.combinations) == 3  # wheels that roll beside each other are not told apart
+    after = r.step(np.array([0.5, 0.4, 0.1]), np.log([1.0, 4.0, 2.0]), 0.5)
+    np.testing.assert_allclose(after, np.array([0.5, 0.8, 0.1 * np.sqrt(2)]) / (1.3 + 0.1 * np.sqrt(2)), rtol=1e-9)
+
+
+def test_floors_of_one_name_and_too_many_floors_are_refused():
+    with pytest.raises(InputError, match="different names"):
+        Recognition(OMNI, (SOFT, SOFT))
+    with pytest.raises(InputError, match="combinations, more than 1000"):
+        Recognition(OMNI, [replace(SOFT, name=str(k)) for k in range(12)])

@@ -1,0 +1,73 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.traction.floors import slip_on_floors
+from ohmward.traction.floors.estimate import as_estimates
+from ohmward.traction.score import DriveTruth, score_drive
+from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
+
+LATE = slice(100, None)
+
+
+@pytest.mark.parametrize("method", ["ekf", "aekf", "ukf", "aukf"])
+@pytest.mark.parametrize("direction_deg", [0.0, 20.0, 90.0, 215.0])
+def test_slip_is_found_from_currents_alone(method, direction_deg):
+    drive = omni_drive([SOFT] * 3, direction_deg, rng=np.random.default_rng(9))
+    track = slip_on_floors(OMNI, (SMOOTH, SOFT), method).run(drive.log)
+    true = 1 - np.hypot(*drive.motion[LATE, :2].mean(axis=0)) / 0.15
+    assert 0.1 < true < 0.45
+    assert track.travel_slip[LATE].mean() == pytest.approx(true, abs=0.02)
+
+
+def test_the_band_on_a_floor_never_met_holds_and_is_wide():
+    drive = omni_drive([SOFT] * 3, 20.0, rng=np.random.default_rng(10))
+    known = slip_on_floors(OMNI, (SOFT,)).run(drive.log)
+    unseen = slip_on_floors(OMNI, (SMOOTH,)).run(drive.log)
+    true = 1 - np.hypot(*drive.motion[LATE, :2].mean(axis=0)) / 0.15
+    for track in (known, unseen):
+        assert abs(track.travel_slip[LATE].mean() - true) < 1.96 * track.travel_slip_std[LATE].mean()
+    assert unseen.travel_slip_std[LATE].mean() > 3 * known.travel_slip_std[LATE].mean()
+
+
+def test_speed_over_ground_is_what_the_slip_leaves_of_the_rims():
+    track = slip_on_floors(OMNI, (SOFT,)).run(omni_drive([SOFT] * 3, 20.0).log)
+    rim = np.hypot(track.rim[LATE, 0], track.rim[LATE, 1])
+    np.testing.assert_allclose(track.speed_m_s[LATE], rim * (1 - track.travel_slip[LATE]), rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(*track.motion[LATE, :2].T), track.speed_m_s[LATE], rtol=1e-12)
+
+
+def test_as_estimates_of_an_observer_it_is_scored_like_one():
+    drive = omni_drive([SOFT] * 3, 20.0, rng=np.random.default_rng(11))
+    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(drive.log)
+    truth = DriveTruth(drive.motion[:, 0], drive.motion[:, 2], drive.motion[:, 1])
+    score = score_drive(OMNI, as_estimates(track, OMNI), truth)
+    assert score.speed_rmse_m_s < 0.01
+    assert score.coverage_95 > 0.9
+
+
+def test_a_number_that_is_missing_keeps_its_last_value():
+    log = omni_drive([SOFT] * 3, 20.0).log
+    current = log.motor_current_A.copy()
+    current[[0, 50, 51]] = np.nan
+    holed = replace(log, motor_current_A=current)
+    estimator = slip_on_floors(OMNI, (SOFT,))
+    np.testing.assert_allclose(estimator.run(holed).travel_slip[LATE], estimator.run(log).travel_slip[LATE], atol=1e-6)
+
+
+def test_a_wheel_without_any_current_is_refused():
+    log = omni_drive([SOFT] * 3, 20.0).log
+    current = log.motor_current_A.copy()
+    current[:, 1] = np.nan
+    with pytest.raises(InputError, match="needs the motor current of every driven wheel"):
+        slip_on_floors(OMNI, (SOFT,)).run(replace(log, motor_current_A=current))
+
+
+def test_standing_wheels_have_no_slip_ratio():
+    log = omni_drive([SOFT] * 3, 20.0).log
+    still = replace(log, wheel_speed_rad_s=np.zeros((len(log), 3)), motor_current_A=np.zeros((len(log), 3)))
+    track = slip_on_floors(OMNI, (SOFT,)).run(still)
+    assert np.isnan(track.travel_slip).all()
+    np.testing.assert_allclose(track.speed_m_s, 0.0, atol=1e-9)

@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.trace import Kernel
+from ohmward.traction.floors.wheel_filter import METHODS, WheelFilter, WheelSample
+from traction.floors.drives import OMNI, SOFT, omni_drive, steady
+
+
+def run(method, drive, **settings):
+    wheels = WheelFilter(OMNI, method, **settings)
+    log = drive.log
+    samples = WheelSample(np.diff(log.time_s, prepend=0.0), log.wheel_speed_rad_s, log.motor_current_A)
+    first = WheelSample(0.0, log.wheel_speed_rad_s[0], log.motor_current_A[0])
+    state = wheels.init(first)
+    return Kernel(wheels.step, state, first).scan(state, samples)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_forces_and_rims_are_found_where_nothing_is_noisy(method):
+    _, belief = run(method, omni_drive([SOFT] * 3, 20.0))
+    _, force = steady(OMNI, [SOFT] * 3, 0.15 * np.array([np.cos(np.radians(20)), np.sin(np.radians(20)), 0.0]))
+    np.testing.assert_allclose(belief.force_N[-1], force, rtol=0.01, atol=0.05)
+    np.testing.assert_allclose(
+        belief.rim[-1], [0.15 * np.cos(np.radians(20)), 0.15 * np.sin(np.radians(20)), 0], atol=1e-6
+    )
+
+
+def test_the_sigma_of_the_forces_is_the_size_of_their_errors():
+    rng = np.random.default_rng(2)
+    _, force = steady(OMNI, [SOFT] * 3, np.array([0.0, 0.15, 0.0]))
+    _, belief = run("ukf", omni_drive([SOFT] * 3, 90.0, seconds=60.0, rng=rng), current_std_A=0.15)
+    error = belief.force_N[200:] - force
+    assert np.all(np.std(error, axis=0) < 1.3 * belief.force_std_N[200:].mean(axis=0))
+    assert np.all(np.abs(error.mean(axis=0)) < 0.3)
+
+
+def test_matching_finds_the_noise_of_encoders_and_currents():
+    rng = np.random.default_rng(3)
+    drive = omni_drive([SOFT] * 3, 45.0, seconds=60.0, rng=rng)
+    state, _ = run("aukf", drive, encoder_std_rad_s=0.3, current_std_A=0.5, window=300.0)
+    np.testing.assert_allclose(np.sqrt(state.variance[:3]), 0.1, rtol=0.25)
+    np.testing.assert_allclose(np.sqrt(state.variance[3:]), 0.15, rtol=0.25)
+
+
+def test_wrong_settings_are_refused():
+    with pytest.raises(InputError, match="method must be one of ekf, aekf, ukf, aukf, got 'kf'"):
+        WheelFilter(OMNI, "kf")
+    with pytest.raises(InputError, match="window must be > 0"):
+        WheelFilter(OMNI, window=0.0)
