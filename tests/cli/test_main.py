@@ -175,3 +175,12 @@ def test_counts_that_are_none(text):
 
 def test_the_demo_is_a_command():
     assert demo in main.COMMANDS
+
+
+def test_threads_do_not_fight_over_small_matrices_unless_the_user_wants_it(monkeypatch, capsys):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert main.main(["simulate", "--list"]) == 0
+    assert os.environ["OMP_NUM_THREADS"] == "3"
+    monkeypatch.delenv("OMP_NUM_THREADS")
+    assert main.main(["simulate", "--list"]) == 0
+    assert os.environ["OMP_NUM_THREADS"] == "1"

@@ -35,6 +35,8 @@ exit status: 0 done, 1 a log has errors (doctor), 2 refused: the message says wh
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, sys.argv without it; returns the exit status."""
+    # read once, by NumPy; small matrices: more threads only fight each other, and `identify` takes ten times as long
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         arguments = build_parser().parse_args(argv)
         outcome = run(arguments)
