@@ -161,9 +161,10 @@ def load_matrix(places: Sequence[Place]) -> np.ndarray:
     """(wheels, 3): normal loads from the force on the ground and its first moments in x and y.
 
     The loads vary linearly with the place, as those of a stiff body on equal springs: for a rectangle and for three
-    wheels this is the only solution without twist.
+    wheels this is the only solution without twist. Wheels that mirror each other get the same numbers to the last bit.
     """
-    return np.linalg.pinv(np.array([[1.0, p.x_m, p.y_m] for p in places]).T)
+    moments = np.array([[1.0, p.x_m, p.y_m] for p in places])
+    return np.linalg.solve(moments.T @ moments, moments.T).T
 
 
 def _row(x: float, y: float, heading: float) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """Resistance of a wheel that rolls: on hard ground ([T] 4.5), and on soil that it compacts.
 
-F_rr = -sign(v) N (A1 (1 - e^(-A2 |v|)) + A3 |v|)
+F_rr = -sign(v) N (A1 (1 - e^(-A2 |v|)) + A3 |v|), the form of Ward and Iagnemma's traction.
 
 The force acts on the body at the contact; the moment that belongs to it cancels it in the wheel's equation. (With the
 force in the wheel's equation, as in [T] (4.18)-(4.19), a rolling wheel would create energy.)
@@ -16,6 +16,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.traction.laws.soft_ground import SoftGround
+from ohmward.traction.laws.ward_iagnemma import adhesion
 from ohmward.traction.odd import direction_and_size
 
 
@@ -48,8 +49,7 @@ class RollingResistance:
 
     def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
         """Force [N] of the ground on the body along x."""
-        direction, speed = direction_and_size(travel_speed_m_s)
-        return -direction * load_N * (-self.a1 * np.expm1(-self.a2_s_per_m * speed) + self.a3_s_per_m * speed)
+        return -load_N * adhesion(travel_speed_m_s, self.a1, self.a2_s_per_m, self.a3_s_per_m)
 
 
 @dataclass(frozen=True)
