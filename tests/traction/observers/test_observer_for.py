@@ -103,6 +103,11 @@ def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
     assert any("skid-steered" in note.text for note in found.notes)
 
 
+def test_the_currents_of_wheels_that_scrub_tell_no_force():
+    states = chosen(drive(SKID), SKID).observer.states
+    assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+
+
 def test_slow_logs_have_no_gaps():
     log = drive()
     slow = replace(log, time_s=20 * log.time_s)

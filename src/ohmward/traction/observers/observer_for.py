@@ -86,15 +86,14 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
         raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {name!r}")
     method, matching = FILTERS[name]
     rolling, scrubs = without_scrubbing(robot)
-    noise = noise_of(rolling, log)
-    knows_force = bool(np.isfinite(log.motor_current_A).any())
-    if scrubs:
-        noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
-    if not knows_force:
+    force = knows_force(robot, log)
+    noise = noise_of(rolling, log, force)
+    if not force:
         noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
-    if scrubs and not knows_force and noise.speed_std_m_s is None:
-        noise = replace(noise, radius_std=SCRUBBING_SHARE)
-    states = states_of(noise, log)
+    if scrubs:
+        share = RADIUS_STD if "speed_m_s" in log.channels else SCRUBBING_SHARE
+        noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK, radius_std=share)
+    states = states_of(noise, force)
     observer = SpeedObserver(
         scene(rolling, terrain),
         states,
@@ -115,20 +114,25 @@ def without_scrubbing(robot: Robot) -> tuple[Robot, tuple[Note, ...]]:
         return robot, ()
     free = Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all")
     text = (
-        "a skid-steered robot is observed as one whose wheels are free sideways; its turns are the gyro's, not theirs"
+        "a skid-steered robot is observed as one whose wheels are free sideways: its turns are the gyro's, and its "
+        "motor currents tell no force, because much of them drags the wheels sideways"
     )
     return replace(robot, chassis=free), (Note(text),)
 
 
-def noise_of(robot: Robot, log: DriveLog) -> Noise:
-    """How wrong the sensors of this log are, and which there are.
+def knows_force(robot: Robot, log: DriveLog) -> bool:
+    """Whether the motor currents tell the force that drives the robot; those of wheels that scrub mostly do not."""
+    return not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
 
-    The accelerometer serves where the motor currents do not tell the force, and the pitch tells gravity from it.
+
+def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
+    """How wrong the sensors of this log are, and which there are; force: whether its currents tell it.
+
+    The accelerometer serves where they do not, and the pitch tells gravity from it.
     """
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
-    knows_force = np.isfinite(log.motor_current_A).any()
-    accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not knows_force
+    accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not force
     return Noise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
@@ -137,8 +141,8 @@ def noise_of(robot: Robot, log: DriveLog) -> Noise:
         pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
         accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
         accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
-        radius_std=RADIUS_STD if "speed_m_s" in has or not knows_force else Noise.radius_std,
-        torque_std_Nm=Noise.torque_std_Nm if knows_force else unknown_torque_Nm(robot, usual_step_s(log)),
+        radius_std=RADIUS_STD if "speed_m_s" in has or not force else Noise.radius_std,
+        torque_std_Nm=Noise.torque_std_Nm if force else unknown_torque_Nm(robot, usual_step_s(log)),
         initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
     )
 
@@ -168,18 +172,17 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
     return abs(float(known[0])) * robot.wheel.radius_m if known.size else 0.0
 
 
-def states_of(noise: Noise, log: DriveLog) -> States:
-    """What the log can show: without motor currents no force, so nothing of the ground.
+def states_of(noise: Noise, force: bool) -> States:
+    """What the log can show: without a force nothing of the ground.
 
     Nor of the radius then: where any torque is possible, a filter learns one that nothing shows. Its part in the sigmas
     is considered instead, see `consider_radius`.
     """
-    knows_force = bool(np.isfinite(log.motor_current_A).any())
     return States(
-        friction="one" if knows_force else "known",
-        stiffness=knows_force,
-        grade=knows_force,
-        radius=knows_force,
+        friction="one" if force else "known",
+        stiffness=force,
+        grade=force,
+        radius=force,
         accelerometer_offset=noise.accelerometer_std_m_s2 is not None,
     )
 
