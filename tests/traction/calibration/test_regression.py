@@ -31,7 +31,8 @@ def test_a_column_that_says_nothing_keeps_its_prior():
 @pytest.mark.parametrize("together", [0.0, 0.3])
 def test_the_covariance_is_that_of_repetitions_even_when_drives_err_together(together):
     rng = np.random.default_rng(3)
-    fits = [regress(*sample(rng, together=together), np.zeros(2), NOTHING) for _ in range(300)]
+    samples = [sample(rng, together=together) for _ in range(300)]
+    fits = [regress(A, y, drive, np.zeros(2), NOTHING) for A, y, drive in samples]
     errors = np.array([fit.beta for fit in fits]) - [0.3, 1.2]
     claimed = np.sqrt(np.mean([np.diag(fit.cov) for fit in fits], axis=0))
     np.testing.assert_allclose(errors.std(axis=0), claimed, rtol=0.2)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,7 +96,7 @@ class SlipBelief(NamedTuple):
     cov: np.ndarray
 
 
-def slip_at_force(force_share: np.ndarray, friction: np.ndarray | float, stiffness: np.ndarray | float) -> np.ndarray:
+def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
     """Slip ratio at which the ground gives this force over load; +-1, a wheel that spins, where it cannot."""
     size = np.minimum(np.abs(force_share) / friction, 1.0)
     with np.errstate(divide="ignore"):
