@@ -30,7 +30,7 @@ ENERGY = {
     "slip": "slip between wheels and ground",
     "rolling": "rolling resistance",
     "climb": "climbing",
-    "kinetic": "motion at the end",
+    "kinetic": "motion",
     "idle": "electronics",
     "resistor": "braking resistor",
     "numerical": "numerical",

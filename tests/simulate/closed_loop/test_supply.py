@@ -83,6 +83,14 @@ def test_the_voltage_limits_the_current_of_a_fast_wheel():
     assert torque[1] == -1.0
 
 
+def test_the_voltage_limits_the_current_of_a_wheel_that_turns_back():
+    motor, now = RLMA.motor, full_supply()
+    omega = np.full(2, -0.9 * now.voltage_V / motor.wheel_constant_Nm_per_A)
+    torque = available_torque(np.array([-50.0, 1.0]), omega, RLMA, now)
+    assert torque[0] == pytest.approx(-motor.wheel_constant_Nm_per_A * 0.1 * now.voltage_V / motor.resistance_ohm)
+    assert torque[1] == 1.0
+
+
 def test_the_power_limits_all_motors_in_proportion():
     robot, now = replace(RLMA, idle_W=20.0), full_supply()._replace(most_W=120.0)
     asked, omega = np.array([10.0, 5.0]), np.array([4.0, 4.0])

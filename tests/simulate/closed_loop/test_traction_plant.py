@@ -105,6 +105,21 @@ def test_a_circle_is_driven_as_a_circle():
     assert truth.wheel_centre_speed_m_s == pytest.approx(0.15 * rate * np.array([-1.0, 1.0, -1.0, 1.0]), rel=1e-9)
 
 
+def test_a_step_leads_along_the_mean_of_its_headings():
+    plant = TractionPlant(FLAT, [CREEP], longest_step_s=0.05)
+    plant.reset(0.5)
+    before, _ = drive(plant, np.array([-3.0, 3.0]), 0.5, dt_s=0.05)
+    after = plant.step(np.array([-3.0, 3.0]), 0.05)
+    moved = after.position_m - before.position_m
+    assert after.heading_rad - before.heading_rad > 0.01
+    assert math.atan2(moved[1], moved[0]) == pytest.approx(0.5 * (before.heading_rad + after.heading_rad), abs=1e-9)
+
+
+def test_the_ground_lies_under_the_wheels_of_a_robot_that_stands_across():
+    plant = TractionPlant(FLAT, [CREEP, Patch(friction=0.1, to_m=0.0)])
+    assert plant.reset(heading_rad=math.pi / 2).friction.tolist() == [0.1, 0.8, 0.1, 0.8]
+
+
 def test_the_accelerometer_shows_acceleration_less_gravity():
     rolling_off = TractionPlant(FLAT, [CREEP], Grade((0.0,), (0.1,))).reset()
     wheels_kg = 2 * RLMA.wheel.inertia_kg_m2 / RLMA.wheel.radius_m**2
