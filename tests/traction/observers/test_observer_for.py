@@ -45,6 +45,21 @@ def test_an_unknown_filter_is_refused():
         chosen(drive(), name="kf")
 
 
+def test_a_log_without_driven_wheels_is_refused():
+    log = drive(passive=True)
+    speeds = np.array(log.wheel_speed_rad_s)
+    speeds[:, :2] = math.nan
+    with pytest.raises(InputError, match="log 'drive' has no speed of a driven wheel"):
+        chosen(replace(log, wheel_speed_rad_s=speeds))
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+@pytest.mark.parametrize("robot", [RLMA, SKID])
+def test_logs_that_are_nearly_empty(robot, steps):
+    log = drive(robot, speed_m_s=np.zeros(TIME.size), yaw_rate_rad_s=np.zeros(TIME.size)).select(slice(0, steps))
+    assert np.isfinite(observe(chosen(log, robot, "ekf").observer, log).estimates.speed_std_m_s).all()
+
+
 def test_only_the_sensors_of_the_log_exist():
     bare = chosen(drive()).observer.noise
     assert (bare.gyro_std_rad_s, bare.passive_std_rad_s, bare.speed_std_m_s, bare.pitch_std_rad) == (None,) * 4

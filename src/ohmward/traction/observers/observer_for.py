@@ -80,10 +80,14 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     name: "ekf", "aekf", "ukf" or "aukf".
 
     Raises:
-        InputError: an unknown name.
+        InputError: an unknown name, or a log without the speed of a driven wheel.
     """
     if name not in FILTERS:
         raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {name!r}")
+    if not np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).any():
+        raise InputError(
+            f"log {log.name!r} has no speed of a driven wheel, only they can slip; name its column, or correct the robot"
+        )
     method, matching = FILTERS[name]
     rolling, scrubs = without_scrubbing(robot)
     force = knows_force(robot, log)
