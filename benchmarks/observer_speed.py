@@ -40,7 +40,7 @@ def step_times() -> Iterator[StepTime]:
         samples = drive(observer)
         first = Sample(*(np.asarray(c)[0] for c in samples))
         state = observer.init(first)
-        kernel = Kernel(observer.step, state, first)
+        kernel = Kernel(observer.step, state, first, lowering="python")
         kernel.scan(state, samples)
         log = partial(kernel.scan, state, samples)
         pairs = [(seconds(log), seconds(rounds)) for _ in range(REPEATS)]

@@ -1,4 +1,4 @@
-"""Time per step with NumPy alone: `make speed` writes benchmarks/speed.md.
+"""Time per step with NumPy alone and in machine code: `make speed` writes benchmarks/speed.md.
 
 Everything is measured side by side in one run, on one core, as the median of several repetitions: absolute times belong
 to the machine, ratios are what travels. FilterPy is the peer: the same models, as its users would write them.
@@ -22,12 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
+import machine_speed
 from observer_speed import step_times
 from ohmward.battery import rc
 from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.estimate import Sample
 from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
 from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.textbook_filter import TextbookFilter
 from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.logs import Log
 from ohmward.trace import Kernel
@@ -43,11 +45,12 @@ class Row(NamedTuple):
     how: str
     seconds: float
     bar_s: float | None = None
+    share: float = float("nan")
 
 
 def main() -> int:
     log = drive()
-    rows = [*one_log(log), *many_logs(log), *observers(), *peers(log), *start_up()]
+    rows = [*one_log(log), *many_logs(log), *observers(), *machine(log), *peers(log), *start_up()]
     for row in rows:
         print(_cells(row))
     (HERE / "speed.md").write_text(_page(rows))
@@ -81,7 +84,7 @@ def one_log(log: Log) -> list[Row]:
     samples, rows = samples_of(log), []
     for name, estimator in ESTIMATORS.items():
         state = estimator.init(Sample(*(float(c[0]) for c in samples)))
-        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0))
+        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
         kernel.scan(state, Sample(*(c[:10] for c in samples)))
         seconds = median(lambda k=kernel, s=state: k.scan(s, samples)) / STEPS
         rows.append(Row(name, "one log, Python source", seconds, 30e-6 if "AUKF" in name else None))
@@ -89,17 +92,35 @@ def one_log(log: Log) -> list[Row]:
 
 
 def many_logs(log: Log) -> list[Row]:
-    rng, rows = np.random.default_rng(2), []
-    columns = samples_of(log)
-    starts = rng.integers(0, STEPS - LANE_STEPS, LANES)
-    lanes = Sample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in columns))
+    columns, rows = samples_of(log), []
+    lanes = lanes_of(columns)
     for name, estimator in ESTIMATORS.items():
         state = estimator.init(Sample(*(float(c[0]) for c in columns)))
-        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0))
+        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
         kernel.scan_lanes(state, Sample(*(c[:2] for c in lanes)))
         seconds = median(lambda k=kernel, s=state: k.scan_lanes(s, lanes)) / (LANES * LANE_STEPS)
         rows.append(Row(name, f"{LANES} logs, NumPy over lanes", seconds, 700e-9 if "AUKF" in name else None))
     return rows
+
+
+def lanes_of(columns: Sample) -> Sample:
+    """Pieces of the drive, one for each lane: (T, B)."""
+    starts = np.random.default_rng(2).integers(0, STEPS - LANE_STEPS, LANES)
+    return Sample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in columns))
+
+
+def machine(log: Log) -> list[Row]:
+    """The same estimators and that of the textbooks in machine code."""
+    samples = samples_of(log)
+    estimators = ESTIMATORS | {"Thevenin UKF of the textbooks, 3 states": TextbookFilter(MODEL)}
+    public = {name: e for name, e in estimators.items() if "AUKF" not in name}
+    timed = [
+        *machine_speed.one_log(estimators, samples, median),
+        *machine_speed.many_logs(estimators, samples, lanes_of(samples), median),
+        *machine_speed.live(public, median),
+        *machine_speed.compilation(estimators, samples),
+    ]
+    return [Row(t.what, t.how, t.seconds, t.bar_s, t.share) for t in timed]
 
 
 def observers() -> list[Row]:
@@ -185,7 +206,8 @@ def median(run: Callable[[], object]) -> float:
 def _cells(row: Row) -> str:
     bar = "" if row.bar_s is None else f"{_time(row.bar_s)}"
     verdict = "" if row.bar_s is None else "met" if row.seconds <= row.bar_s else "**missed**"
-    return f"| {row.what} | {row.how} | {_time(row.seconds)} | {bar} | {verdict} |"
+    share = f"{row.share:.0%}" if np.isfinite(row.share) else ""
+    return f"| {row.what} | {row.how} | {_time(row.seconds)} | {share} | {bar} | {verdict} |"
 
 
 def _time(seconds: float) -> str:
@@ -199,13 +221,16 @@ def _page(rows: list[Row]) -> str:
     lines = [
         "# Speed",
         "",
-        "Written by `make speed`: medians on one core, with NumPy alone, everything in one run. Absolute times belong",
+        "Written by `make speed`: medians on one core, everything in one run; Python source and NumPy over lanes need",
+        "NumPy alone, machine code needs llvmlite. The peak is that of the core's fused multiply-adds, measured in the",
+        f"same run: {machine_speed.peak_flops('f64') / 1e9:.0f} GFLOP/s in f64; comparisons, choices and look-ups do",
+        "not count as operations. Absolute times belong",
         f"to the machine ({platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}): compare",
         "ratios. Our filters are the public ones: they survive bad samples, gate, and carry current offset, capacity",
         "and model error. FilterPy's run the bare model.",
         "",
-        "| what | how | time per step and log | to reach | |",
-        "|---|---|---|---|---|",
+        "| what | how | time per step and log | of the peak | to reach | |",
+        "|---|---|---|---|---|---|",
     ]
     return "\n".join([*lines, *map(_cells, rows), ""])
 

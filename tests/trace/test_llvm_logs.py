@@ -119,3 +119,8 @@ def test_a_live_state_can_be_set():
         first = live.step(SAMPLE)
         live.state = START
         assert_alike(live.step(SAMPLE), first)
+
+
+def test_tracing_again_gives_the_same_text_so_the_cache_finds_it():
+    sources = {Kernel(step, START, SAMPLE).source("llvm") for _ in range(3)}
+    assert len(sources) == 1

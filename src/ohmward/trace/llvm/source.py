@@ -95,6 +95,11 @@ class Target:
         return scalar if self.width == 1 else f"v{self.width}{scalar}"
 
 
+def signature() -> str:
+    """The arguments of every function that is made here."""
+    return _ARGUMENTS
+
+
 def _single(value: float) -> float:
     """The nearest single, inf where it is too large."""
     try:
@@ -279,7 +284,7 @@ class _Writer:
     def operation(self, node: Expression) -> Iterator[str]:
         """The lines of one operation."""
         name = node.operation.name
-        result = self.words[node.serial] = f"%n{node.serial}"
+        result = self.words[node.serial] = f"%n{len(self.words)}"  # not the serial: it differs from trace to trace
         yield from _SPELLINGS[name](self, result, node.args)
 
     def line(self, result: str, instruction: str, kind: str, *words: str) -> str:
