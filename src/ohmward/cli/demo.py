@@ -62,8 +62,9 @@ def run(args: argparse.Namespace) -> Outcome:
     days = {chemistry: make_robot_day(chemistry, args.seed) for chemistry in N_SERIES}
     worked = {chemistry: work_through(chemistry, day, folder) for chemistry, day in days.items()}
     home = drive_home(folder, days[DRIVEN], worked[DRIVEN]["soc"].summary, args.seed)
-    write_page(make_page(worked[DRIVEN] | home), str(folder / "report.html"))
     results = {chemistry: _summaries(outcomes) for chemistry, outcomes in worked.items()} | _summaries(home)
+    page = make_page(worked[DRIVEN] | home, drive_figures(results))
+    write_page(page, str(folder / "report.html"))
     return Outcome({"command": "demo", "folder": str(folder), **results}, describe(results, folder))
 
 
@@ -98,24 +99,30 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
     evening: the summary of `soc` at the end of the day.
     """
     from ohmward.simulate.closed_loop import save_scenario
-    from ohmward.simulate.robot_drive import robot_drive
+    from ohmward.simulate.robot_drive import WAY_HOME, robot_drive
+    from ohmward.traction import save_robot
 
     left = float(day.mission.extra["soc_true"][-1])
-    plant = "mujoco" if find_spec("mujoco") else "own"
-    save_scenario(robot_drive(DRIVEN, left, seed, plant), folder / "drive.toml")
+    drive = robot_drive(DRIVEN, left, seed, "mujoco" if find_spec("mujoco") else "own")
+    save_scenario(drive, folder / "drive.toml")
+    save_robot(drive.model, folder / "robot.toml")
+    (folder / "home.toml").write_text(WAY_HOME, encoding="utf-8")
     return _play(drive_steps(folder, evening["soc_final"], evening["soc_std_final"]))
 
 
 def drive_steps(folder: Path, soc: float, soc_std: float) -> list[Step]:
     """What a user would type for the drive; soc, soc_std: of the battery when it begins."""
-    scenario, log, robot = str(folder / "drive.toml"), str(folder / "drive.csv"), ("--robot", "rlma")
 
-    def report(command: str) -> tuple[str, str]:
-        return "--report", str(folder / f"drive-{command}.html")
+    def path(name: str) -> str:
+        return str(folder / name)
 
+    log, robot, battery = path("drive.csv"), ("--robot", path("robot.toml")), ("--battery", path(f"{DRIVEN}.toml"))
+    start = ("--current-sign", "charge", "--initial-soc", f"{soc:.3f}", "--initial-soc-std", f"{soc_std:.3f}")
+    ahead = ("--terrain", "floor", "--plan", path("home.toml"), "-o", path("consumption.toml"))
     return [
-        Step("simulate", ("simulate", scenario, "-o", log, *report("simulate"))),
-        Step("slip", ("slip", log, *robot, "--truth", "speed_true_m_s", *report("slip"))),
+        Step("simulate", ("simulate", path("drive.toml"), "-o", log, "--report", path("drive-simulate.html"))),
+        Step("slip", ("slip", log, *robot, "--truth", "speed_true_m_s", "--report", path("drive-slip.html"))),
+        Step("mission", ("mission", log, *robot, *battery, *start, *ahead, "--report", path("drive-mission.html"))),
     ]
 
 
@@ -133,10 +140,13 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
 
 def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     """What the commands found on the drive, by name."""
-    slip = results["slip"]
+    slip, mission = results["slip"], results["mission"]
+    reach = " / ".join(f"{metres / 1e3:.1f}" for metres in mission["range_m"].values())
     return {
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
         "wheel slip found": wording.percent(slip["detection_rate"], 1),
+        "range left": f"{reach} km (P10 / P50 / P90)",
+        "gets home": f"{wording.percent(mission['probability'], 0)} sure, with the reserve left",
     }
 
 

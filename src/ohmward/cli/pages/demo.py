@@ -16,12 +16,13 @@ CHAPTERS = {
     "soc": "Charge over the day",
     "simulate": "The drive home as it was",
     "slip": "Speed and slip as the robot knows them",
+    "mission": "Where the energy went, and whether it gets home",
 }
 
 
-def make_page(outcomes: Mapping[str, Outcome]) -> Page:
-    """A chapter for every step; outcomes: by the name of the step."""
-    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
+def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Page:
+    """A chapter for every step; outcomes: by the name of the step.  figures: what is to be seen first."""
+    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER).numbers(figures)
     for name, title in CHAPTERS.items():
         if make := outcomes[name].page:
             page = page.chapter(title, make())
