@@ -72,3 +72,11 @@ def test_without_llvmlite_the_error_says_what_to_install(monkeypatch):
         machine_code.llvm()
     monkeypatch.undo()
     machine_code.llvm.cache_clear()
+
+
+def test_the_cache_does_not_grow_for_ever(cache, monkeypatch):
+    monkeypatch.setattr(machine_code, "MOST_ENTRIES", 8)
+    for k in range(30):
+        counted(f"{SOURCE};{k}")
+        assert len(list(cache.iterdir())) <= 8
+    assert counted(f"{SOURCE};29")[1] is False

@@ -2,7 +2,8 @@
 
 The cache is keyed by the text, the processor and the version of LLVM. Entries are written aside and renamed, so several
 processes may write at once; each carries the checksum of its code, so a damaged one is compiled anew. A folder that
-cannot be written is no error: it is said once, and every process compiles for itself.
+cannot be written is no error: it is said once, and every process compiles for itself. The folder holds no more than
+`MOST_ENTRIES`: the parameters of a battery are constants of its program, so every battery has an entry of its own.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from ohmward.errors import OhmwardError
 #: Passes: 2 is LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
 _DIGEST = 32
+
+#: Entries of the cache, some 40 kB each; beyond them those go that were written longest ago.
+MOST_ENTRIES = 1000
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
 
 
@@ -141,8 +145,26 @@ def _write(path: Path, code: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(hashlib.sha256(code).digest() + code)
         temporary.replace(path)
+        _prune(path.parent)
     except OSError as error:
         _say_once(f"compiled programs cannot be kept in {path.parent} ({error.strerror}); name another folder in")
+
+
+def _prune(folder: Path) -> None:
+    """Remove the oldest entries when there are too many, a quarter of them at once."""
+    entries = list(folder.glob("*.o"))
+    if len(entries) <= MOST_ENTRIES:
+        return
+    for old in sorted(entries, key=_written)[: len(entries) - 3 * MOST_ENTRIES // 4]:
+        old.unlink(missing_ok=True)
+
+
+def _written(path: Path) -> float:
+    """When a file was written; 0 for one that another process has removed."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 @cache
