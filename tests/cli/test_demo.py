@@ -47,6 +47,10 @@ def test_it_does_what_it_prints(small, capsys):
     assert all((small / "out" / f"lfp-{name}.html").is_file() for name in names[:4])
     assert all((small / "out" / f"drive-{name}.html").is_file() for name in names[4:])
     assert "simulated robot day" in out and "the drive home" in out
+    page = (small / "out" / "report.html").read_text(encoding="utf-8")
+    titles = re.findall(r"<h2[^>]*>([^<]*)</h2>", page)
+    assert titles == list(CHAPTERS.values())
+    assert "Slip, front left" in page and "State of charge" in page
     before = (small / "out" / "lfp.toml").read_bytes()
     assert main(lines[1].split()[1:]) == 0
     assert (small / "out" / "lfp.toml").read_bytes() == before
@@ -54,10 +58,6 @@ def test_it_does_what_it_prints(small, capsys):
 
 def test_a_demo_may_be_made_again(tmp_path):
     assert demo._prepare(tmp_path / "out") == demo._prepare(tmp_path / "out")
-    page = (small / "out" / "report.html").read_text(encoding="utf-8")
-    titles = re.findall(r"<h2[^>]*>([^<]*)</h2>", page)
-    assert titles == list(CHAPTERS.values())
-    assert "Slip, front left" in page and "State of charge" in page
 
 
 def test_a_foreign_folder_is_left_alone(small, refused):
