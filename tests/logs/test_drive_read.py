@@ -180,3 +180,16 @@ def test_a_heading_serves_where_there_is_no_gyro(write):
     assert "the yaw rate is the change of the heading" in notes(log)
     both = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "imu_yaw": heading, "gyro_z": ONE}))
     assert np.array_equal(both.yaw_rate_rad_s, ONE)
+
+
+def test_infinite_values_are_missing_and_noted(write):
+    log = drive(write({"t": TIME, "wl": ["1", "inf", "3", "4", "-inf"], "wr": ONE}))
+    assert np.array_equal(np.isnan(log.wheel_speed_rad_s[:, 0]), [False, True, False, False, True])
+    assert "warning: 2 infinite values of 'wl' taken as missing" in notes(log)
+
+
+def test_a_speed_that_may_be_the_motors_is_doubted(write):
+    path = write({"t": TIME, "m1vel": ONE, "m2vel": ONE})
+    assert "if not, say --motor-shaft" in notes(drive(path, gear_ratio=16.0))
+    assert "--motor-shaft" not in notes(drive(path))
+    assert "if not" not in notes(drive(path, gear_ratio=16.0, at_motor_shaft=True))

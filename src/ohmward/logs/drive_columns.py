@@ -14,6 +14,12 @@ from ohmward.logs.units import Unit
 WHEEL_SPEED, MOTOR_CURRENT = "wheel_speed", "motor_current"
 BODY = ("yaw_rate", "heading", "acceleration", "pitch", "speed", "speed_std", "speed_age")
 
+_EXAMPLES = {
+    "time": "s or ms", WHEEL_SPEED: "rad/s, rpm, m/s or counts", MOTOR_CURRENT: "A or mA",
+    "yaw_rate": "rad/s or deg/s", "heading": "rad or deg", "acceleration": "m/s2 or g", "pitch": "rad or deg",
+    "speed": "m/s or km/h", "speed_std": "m/s", "speed_age": "s or ms",
+}  # fmt: skip
+
 #: What each kind of channel may be measured in.
 MEASURED_IN: dict[str, tuple[str, ...]] = {
     "time": ("time",),
@@ -141,12 +147,10 @@ def find_drive_columns(
     given = _by_wheel(dict(columns or {}), wheels)
     _check_kinds(units or {}, wheels)
     free = [name for name in names if name not in {*given.values(), *leave}]
-    time = find_column(
-        source, [*free, *given.values()], "time", given, {k: u for k, u in (units or {}).items() if k == "time"}
-    )
+    time = find_column(source, [*free, *given.values()], "time", given, units or {})
     free = [name for name in free if time is None or name != time.name]
-    speeds, by_number = _of_wheels(source, free, WHEEL_SPEED, wheels.places, wheels, given)
-    currents, also = _of_wheels(source, free, MOTOR_CURRENT, wheels.places[: wheels.driven], wheels, given)
+    speeds, by_number = _of_wheels(source, free, WHEEL_SPEED, wheels, given)
+    currents, also = _of_wheels(source, free, MOTOR_CURRENT, wheels, given)
     body = {kind: _of_body(source, free, kind) for kind in BODY if kind not in given}
     named = {quantity: _named(source, names, quantity, name) for quantity, name in given.items() if quantity != "time"}
     found = {"time": time, **speeds, **currents, **body, **named}
@@ -187,13 +191,6 @@ def _check_kinds(units: Mapping[str, str], wheels: Wheels) -> None:
             raise InputError(f"unit {spelling!r} of the {quantity} is not known; use for example {_EXAMPLES[kind]}")
 
 
-_EXAMPLES = {
-    "time": "s or ms", WHEEL_SPEED: "rad/s, rpm, m/s or counts", MOTOR_CURRENT: "A or mA",
-    "yaw_rate": "rad/s or deg/s", "heading": "rad or deg", "acceleration": "m/s2 or g", "pitch": "rad or deg",
-    "speed": "m/s or km/h", "speed_std": "m/s", "speed_age": "s or ms",
-}  # fmt: skip
-
-
 def _words(stem: str) -> list[str]:
     """`velL` as vel, left; `m1vel` as m, 1, vel; `omega_FL` as omega, front, left."""
     parts = re.findall(r"[A-Z]?[a-zäöü]+|[A-Z]+(?![a-z])|\d+", stem)
@@ -201,35 +198,41 @@ def _words(stem: str) -> list[str]:
 
 
 def _of_wheels(
-    source: str, names: Sequence[str], kind: str, places: Sequence[str], wheels: Wheels, given: Mapping[str, str]
+    source: str, names: Sequence[str], kind: str, wheels: Wheels, given: Mapping[str, str]
 ) -> tuple[dict[str, Column], bool]:
-    """The columns of one kind for these wheels: by corner, else by side, else by number."""
+    """The columns of one kind: by corner or side, else by number; and whether it was by number."""
+    places = wheels.places if kind == WHEEL_SPEED else wheels.places[: wheels.driven]
     wanted = [place for place in places if f"{place}_{kind}" not in given]
-    for read in (_as_speed, _as_counts) if kind == WHEEL_SPEED else (_as_current,):
+    for read in _READERS[kind]:
         readings = [reading for name in names if (reading := read(name))]
-        exact = {place: [r for r in readings if r.corner == set(place.split("_"))] for place in wanted}
-        sides = {
-            p: [r for r in readings if r.corner == _SIDES & set(p.split("_")) != set()]
-            for p in wanted
-            if p in wheels.places[: wheels.driven]
-        }
-        for choice in ({p: exact[p] or sides.get(p, []) for p in wanted}, _by_number(readings, wanted, wheels)):
-            if any(choice.values()):
-                columns = {f"{p}_{kind}": _only(source, f"{p}_{kind}", fits) for p, fits in choice.items() if fits}
-                return columns, all(r.number is not None and not r.corner for fits in choice.values() for r in fits)
+        for find in (_by_name, _by_number):
+            if found := find(readings, wanted, wheels):
+                columns = {f"{p}_{kind}": _only(source, f"{p}_{kind}", fits) for p, fits in found.items()}
+                return columns, find is _by_number
     return {}, False
 
 
+def _by_name(readings: Sequence[_Reading], wanted: Sequence[str], wheels: Wheels) -> dict[str, list[_Reading]]:
+    """Wheels by their corner; driven ones also by their side."""
+    found: dict[str, list[_Reading]] = {}
+    for place in wanted:
+        corner = set(place.split("_"))
+        side = corner & _SIDES if place in wheels.places[: wheels.driven] else set()
+        fits = [r for r in readings if r.corner == corner] or [r for r in readings if side and r.corner == side]
+        found |= {place: fits} if fits else {}
+    return found
+
+
 def _by_number(readings: Sequence[_Reading], wanted: Sequence[str], wheels: Wheels) -> dict[str, list[_Reading]]:
-    """Wheels in the robot's order, counted from the lowest number; two numbers for four driven wheels are the sides."""
+    """Wheels in the robot's order, counted from 0 or 1; two numbers for four driven wheels are the sides."""
     numbered = [r for r in readings if r.number is not None and not r.corner]
     first = 0 if any(r.number == 0 for r in numbered) else 1
-    count = len({r.number for r in numbered})
-    if count == 2 and wheels.driven == 4:
+    if len({r.number for r in numbered}) == 2 and wheels.driven == 4:
         order = {place: 0 if "left" in place else 1 for place in wheels.places}
     else:
         order = {place: index for index, place in enumerate(wheels.places)}
-    return {place: [r for r in numbered if r.number == order[place] + first] for place in wanted}
+    found = {place: [r for r in numbered if r.number == order[place] + first] for place in wanted}
+    return {place: fits for place, fits in found.items() if fits}
 
 
 def _as_speed(name: str) -> _Reading | None:
@@ -249,6 +252,9 @@ def _as_current(name: str) -> _Reading | None:
 
 def _as_counts(name: str) -> _Reading | None:
     return _of_wheel(name, name, COUNTS, _COUNT, False)
+
+
+_READERS = {WHEEL_SPEED: (_as_speed, _as_counts), MOTOR_CURRENT: (_as_current,)}
 
 
 def _of_wheel(name: str, stem: str, unit: Unit | None, what: set[str], enough: bool) -> _Reading | None:
@@ -305,6 +311,11 @@ def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Colum
     spelling = next((units[key] for key in (quantity, side, kind) if key in units), None)
     unit = column.unit if spelling is None else drive_unit_of(spelling)
     return Column(column.name, unit)
+
+
+def may_be_of_the_motor(name: str) -> bool:
+    """Whether the name of a wheel's speed says that it is the motor's."""
+    return bool({"motor", "m"} & set(_words(name)))
 
 
 def default_unit(kind: str, name: str) -> Unit:

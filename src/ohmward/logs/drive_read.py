@@ -15,6 +15,7 @@ from ohmward.errors import InputError
 from ohmward.logs.clean import drop_text, drop_untimed, find_gaps, gap_notes
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column, listed
+from ohmward.logs.drive_columns import BODY as CHANNELS
 from ohmward.logs.drive_columns import (
     MOTOR_CURRENT,
     WHEEL_SPEED,
@@ -23,6 +24,7 @@ from ohmward.logs.drive_columns import (
     default_unit,
     find_drive_columns,
     kind_of,
+    may_be_of_the_motor,
 )
 from ohmward.logs.drive_counts import speed_from_counts
 from ohmward.logs.drive_log import BODY, DriveLog
@@ -137,11 +139,13 @@ def _in_si(
     table: Table, columns: Mapping[str, Column], wheels: Wheels, mechanics: Mechanics
 ) -> tuple[dict[str, np.ndarray], list[Note]]:
     """Every channel that has a value, (T,) in SI units, and what was assumed."""
-    time_s, channels, notes = table.columns[columns["time"].name], {}, []
+    time_s = table.columns[columns["time"].name]
+    channels: dict[str, np.ndarray] = {}
+    notes: list[Note] = []
     measured = {q: columns[q] for q in wheels.quantities[1:] if q in columns and columns[q].name in table.columns}
     for quantity, column in measured.items():
         values = table.columns[column.name]
-        values, unit = np.where(np.isinf(values), np.nan, values), _unit(quantity, column)
+        values, unit = _finite(column.name, values, notes), _unit(quantity, column)
         if kind_of(quantity) == WHEEL_SPEED:
             channels[quantity], told = _wheel_speed(table.source, column.name, unit, values, time_s, mechanics)
             notes += told
@@ -154,6 +158,13 @@ def _in_si(
     assumed = _unit_notes(measured, mechanics)
     notes = [*assumed, *dict.fromkeys(notes), *said, *told, *more, *also]
     return {**channels, **turned, **shared, **signed, **bridged}, notes
+
+
+def _finite(name: str, values: np.ndarray, notes: list[Note]) -> np.ndarray:
+    """The values with NaN in place of infinite ones, which adds a note."""
+    if infinite := int(np.isinf(values).sum()):
+        notes.append(Note(f"{counted(infinite, 'infinite value')} of {name!r} taken as missing", "warning"))
+    return np.where(np.isinf(values), np.nan, values)
 
 
 def _unit(quantity: str, column: Column) -> Unit:
@@ -195,6 +206,9 @@ def _unit_notes(measured: Mapping[str, Column], mechanics: Mechanics) -> list[No
             notes.append(Note(f"that is the speed of a rim of radius {mechanics.radius_m:g} m"))
         elif kind == WHEEL_SPEED and mechanics.at_motor_shaft:
             notes.append(Note(f"that is the motor's, before a gear of {mechanics.gear_ratio:g} (--motor-shaft)"))
+        elif kind == WHEEL_SPEED and mechanics.gear_ratio != 1.0 and any(map(may_be_of_the_motor, names)):
+            text = f"taken as the wheel's, behind the gear of {mechanics.gear_ratio:g}; if not, say --motor-shaft"
+            notes.append(Note(text, "warning"))
     return notes
 
 
@@ -296,14 +310,7 @@ def _as_log(
 
 def _kind_of_field(name: str) -> str:
     """The channel of a field of the log: `yaw_rate_rad_s` is `yaw_rate`."""
-    return max(
-        (
-            kind
-            for kind in ("yaw_rate", "acceleration", "pitch", "speed", "speed_std", "speed_age")
-            if name.startswith(kind)
-        ),
-        key=len,
-    )
+    return max((kind for kind in CHANNELS if name.startswith(kind)), key=len)
 
 
 def _order_note(found: Found, wheels: Wheels) -> tuple[Note, ...]:

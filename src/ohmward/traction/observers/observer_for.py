@@ -86,7 +86,7 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
         raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {name!r}")
     if not np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).any():
         raise InputError(
-            f"log {log.name!r} has no speed of a driven wheel, only they can slip; name its column, or correct the robot"
+            f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"
         )
     method, matching = FILTERS[name]
     rolling, scrubs = without_scrubbing(robot)
