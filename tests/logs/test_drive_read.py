@@ -193,3 +193,12 @@ def test_a_speed_that_may_be_the_motors_is_doubted(write):
     assert "if not, say --motor-shaft" in notes(drive(path, gear_ratio=16.0))
     assert "--motor-shaft" not in notes(drive(path))
     assert "if not" not in notes(drive(path, gear_ratio=16.0, at_motor_shaft=True))
+
+
+def test_the_time_of_ros_is_seconds_and_nanoseconds(write):
+    columns = {"header.stamp.sec": [1_700_000_000] * 3, "header.stamp.nanosec": [0, 20_000_000, 40_000_000]}
+    path = write(columns | {"wl": ONE[:3], "wr": ONE[:3]})
+    for extra in (None, ()):
+        log = drive(path, extra=extra)
+        assert log.time_s == pytest.approx([0.0, 0.02, 0.04])
+        assert not log.extra

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -12,8 +11,8 @@ import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
-from ohmward.logs.clean import drop_text, drop_untimed, find_gaps, gap_notes
-from ohmward.logs.clock import read_clock
+from ohmward.logs.clean import drop_text, drop_untimed, gap_notes
+from ohmward.logs.clock import nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.drive_columns import BODY as CHANNELS
 from ohmward.logs.drive_columns import (
@@ -28,15 +27,13 @@ from ohmward.logs.drive_columns import (
 )
 from ohmward.logs.drive_counts import speed_from_counts
 from ohmward.logs.drive_log import BODY, DriveLog
+from ohmward.logs.drive_mend import MENDINGS
 from ohmward.logs.log import Note, counted
 from ohmward.logs.order import find_restarts, merge_equal_times, sort_rows
 from ohmward.logs.read import open_table, stem
 from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
 from ohmward.logs.table import Table, TableFile, numbers
 from ohmward.logs.units import Unit
-
-#: A current that pulls backwards for this share of the time that a wheel turns so must once be negative.
-_BACKWARD_SHARE = 0.05
 
 
 class Mechanics(NamedTuple):
@@ -116,7 +113,9 @@ def _wanted(file: TableFile, found: Found, extra: Collection[str] | None, where:
         return set(file.names)
     if unknown := [name for name in extra if name not in file.names]:
         raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")
-    return ({column.name for column in found.columns.values()} | {*extra, *where}) & set(file.names)
+    wanted = {column.name for column in found.columns.values()} | {*extra, *where}
+    wanted.add(nanosecond_column(file.names, found.columns["time"].name) or "")
+    return wanted & set(file.names)
 
 
 def _one_recording(table: Table, found: Found, where: dict[str, float | str], sort_time: bool) -> Table:
@@ -151,13 +150,12 @@ def _in_si(
             notes += told
         else:
             channels[quantity] = unit.scale * values
-    turned, said = _yaw_rate_from_heading(time_s, channels)
-    shared, told = _shared_currents(channels, columns)
-    signed, more = _signed_currents({**channels, **shared})
-    bridged, also = _bridged_currents(time_s, {**channels, **shared, **signed})
-    assumed = _unit_notes(measured, mechanics)
-    notes = [*assumed, *dict.fromkeys(notes), *said, *told, *more, *also]
-    return {**channels, **turned, **shared, **signed, **bridged}, notes
+    notes = [*_unit_notes(measured, mechanics), *dict.fromkeys(notes)]
+    for mend in MENDINGS:
+        changed, told = mend(time_s, channels, columns)
+        channels |= changed
+        notes += told
+    return channels, notes
 
 
 def _finite(name: str, values: np.ndarray, notes: list[Note]) -> np.ndarray:
@@ -212,77 +210,6 @@ def _unit_notes(measured: Mapping[str, Column], mechanics: Mechanics) -> list[No
     return notes
 
 
-def _yaw_rate_from_heading(
-    time_s: np.ndarray, channels: Mapping[str, np.ndarray]
-) -> tuple[dict[str, np.ndarray], list[Note]]:
-    """Where there is a heading and no gyro, the yaw rate since the heading before, the short way round."""
-    if "yaw_rate" in channels or "heading" not in channels:
-        return {}, []
-    known = np.flatnonzero(np.isfinite(channels["heading"]))
-    rate = np.full(time_s.size, np.nan)
-    turned = np.mod(np.diff(channels["heading"][known]) + math.pi, 2 * math.pi) - math.pi
-    rate[known[1:]] = turned / np.diff(time_s[known])
-    return {"yaw_rate": rate}, [Note("no gyro: the yaw rate is the change of the heading")]
-
-
-def _shared_currents(
-    channels: Mapping[str, np.ndarray], columns: Mapping[str, Column]
-) -> tuple[dict[str, np.ndarray], list[Note]]:
-    """Where one column is the current of several wheels, each has its even share."""
-    by_column: dict[str, list[str]] = {}
-    for quantity in channels:
-        if kind_of(quantity) == MOTOR_CURRENT:
-            by_column.setdefault(columns[quantity].name, []).append(quantity)
-    shared = {name: group for name, group in by_column.items() if len(group) > 1}
-    notes = [Note(f"{name!r} is the current of {len(group)} wheels: shared evenly") for name, group in shared.items()]
-    return {quantity: channels[quantity] / len(group) for group in shared.values() for quantity in group}, notes
-
-
-def _signed_currents(channels: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[Note]]:
-    """Magnitudes of currents, never negative although their wheels turn backwards, with the sign of the wheel."""
-    pairs = {
-        quantity: channels.get(quantity.replace(MOTOR_CURRENT, WHEEL_SPEED), np.full(values.shape, np.nan))
-        for quantity, values in channels.items()
-        if kind_of(quantity) == MOTOR_CURRENT
-    }
-    if any((channels[quantity] < 0).any() for quantity in pairs):
-        return {}, []
-    backward = {q: (speed < 0) & (channels[q] > 0) for q, speed in pairs.items()}
-    if not any(rows.mean() > _BACKWARD_SHARE for rows in backward.values()):
-        return {}, []
-    signed = {q: np.where(speed < 0, -channels[q], channels[q]) for q, speed in pairs.items()}
-    text = (
-        "motor currents are never negative although wheels turn backwards: taken as magnitudes with the sign of the "
-        "wheel's speed, which is wrong while braking"
-    )
-    return signed, [Note(text, "warning")]
-
-
-def _bridged_currents(
-    time_s: np.ndarray, channels: Mapping[str, np.ndarray]
-) -> tuple[dict[str, np.ndarray], list[Note]]:
-    """Currents that come on rows of their own, as straight lines between their samples, but not over gaps."""
-    speeds = [np.isfinite(values) for quantity, values in channels.items() if kind_of(quantity) == WHEEL_SPEED]
-    rows = np.any(speeds, axis=0) if speeds else np.zeros(time_s.size, dtype=bool)
-    bridged = {}
-    for quantity, values in channels.items():
-        known = np.isfinite(values)
-        if kind_of(quantity) == MOTOR_CURRENT and known.sum() > 1 and (known & rows).sum() < 0.9 * rows.sum():
-            bridged[quantity] = _bridged(time_s, values, known)
-    names = ", ".join(quantity.replace("_", " ") for quantity in bridged)
-    return bridged, [
-        Note(f"{names}: sampled on other rows than the wheels, straight lines in between")
-    ] if bridged else []
-
-
-def _bridged(time_s: np.ndarray, values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    line = np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
-    times = time_s[known]
-    for gap in find_gaps(times):
-        line[(time_s > times[gap]) & (time_s < times[gap + 1])] = np.nan
-    return line
-
-
 def _with_any(channels: Mapping[str, np.ndarray]) -> np.ndarray:
     """(T,) whether a row has a value of any channel."""
     return np.any([np.isfinite(values) for values in channels.values()], axis=0)
@@ -296,6 +223,7 @@ def _as_log(
     speeds = [channels.get(f"{place}_{WHEEL_SPEED}", nothing) for place in wheels.places]
     currents = [channels.get(f"{place}_{MOTOR_CURRENT}", nothing) for place in wheels.places[: wheels.driven]]
     taken = {column.name for column in found.columns.values()} | {RECORDING}
+    taken.add(nanosecond_column(tuple(table.columns), found.columns["time"].name) or "")
     body = {name: channels[kind] for name in BODY if (kind := _kind_of_field(name)) in channels}
     return DriveLog(
         name=stem(path),
