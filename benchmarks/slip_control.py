@@ -23,6 +23,7 @@ from ohmward.traction.control import (
 )
 from slip_cases import case_rows
 from slip_loops import (
+    COASTED_DOWN,
     DRAG,
     DT,
     LIMITS,
@@ -60,7 +61,8 @@ SENSORS = {
     "the same, accelerometer shows 1 % more": Sensors(scale=1.01),
     "and encoders on the passive wheels": Sensors(passive=True),
     "driven encoders, currents, pitch": Sensors(imu=False),
-    "the same and an external speed": Sensors(imu=False, speed=True),
+    "the same, rolling resistance known": Sensors(imu=False, rolling=COASTED_DOWN),
+    "the same and an external speed": Sensors(imu=False, rolling=COASTED_DOWN, speed=True),
     "driven encoders, currents, pitch unknown to 1 deg": Sensors(imu=False, pitch_std_deg=1.0),
 }
 #: Of the motors of the energy table.

@@ -41,8 +41,8 @@ UNSURE = Uncertainty(force_N=0.5 * WHEEL.load_N)
 SLIDING = SlidingMode(UNSURE)
 #: On an estimated speed: wider, so that the wheel does not follow the estimate's noise; the integral does the rest.
 QUIET = SlidingMode(UNSURE, time_constant_s=0.02, integral_per_s=50.0)
-#: The observer uses its rolling resistance only.
-FLOOR = Terrain("floor", CoulombCreep(0.5, 6.25), RollingResistance(), "assumed")
+#: That of MuJoCo's robot: 0.01 of the load at any speed.
+COASTED_DOWN = RollingResistance(a1=0.01, a3_s_per_m=0.0)
 #: Drag ends the acceleration of a robot that holds a slip.
 DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)
 AT_REST = Measurement(np.zeros(2), np.zeros(2))
@@ -125,6 +125,7 @@ class Sensors(NamedTuple):
     pitch_std_deg: of the constant error of the pitch.
     scale: what the accelerometer shows over what it should.
     mass: what the observer believes over the robot's.
+    rolling: its rolling resistance: the published one, up to 5 times MuJoCo's, or MuJoCo's.
     """
 
     counts: int = 4096
@@ -134,6 +135,7 @@ class Sensors(NamedTuple):
     pitch_std_deg: float = 0.2
     scale: float = 1.0
     mass: float = 1.0
+    rolling: RollingResistance = RollingResistance()
 
 
 @cache
@@ -148,7 +150,13 @@ def observer(s: Sensors) -> tuple[MomentumObserver, Kernel]:
         speed_std_m_s=0.03 if s.speed else None,
         push_std_m_s2=math.hypot(GRAVITY * math.radians(s.pitch_std_deg), 0.05),
     )
-    made = MomentumObserver(scene(replace(RLMA, mass_kg=s.mass * RLMA.mass_kg), FLOOR), noise)
+    made = MomentumObserver(
+        scene(
+            replace(RLMA, mass_kg=s.mass * RLMA.mass_kg),
+            Terrain("floor", CoulombCreep(0.5, 6.25), s.rolling, "assumed"),
+        ),
+        noise,
+    )
     return made, Kernel(made.step, made.init(), made.no_sample())
 
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace import sin
+from ohmward.trace import clip, sin
 from ohmward.traction.dynamics import Scene
 from ohmward.traction.observers.momentum_noise import MomentumNoise
 from ohmward.traction.robot import GRAVITY
@@ -112,13 +112,15 @@ class MomentumModel:
     def follow(self, x: np.ndarray, change_N: np.ndarray, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
         """State (n,) and its derivative (n, n) after the torques over the radius have changed by (driven,) [N]."""
         n, kept = len(self.names), np.exp(-dt_s / FOLLOWING_S)
+        within: list[Any] = [0.0] * n
         S = [[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)]
         back = [0.0] * n
         for k, change in enumerate(change_N):
             S[self.force(k)][self.following(k)] = change
             S[self.following(k)][self.following(k)] = kept
             back[self.following(k)] = (1.0 - kept) * FOLLOWING
-        return np.array(S) @ x + np.array(back), np.array(S)
+            within[self.force(k)] = (clip(x[self.following(k)], 0.0, 1.0) - x[self.following(k)]) * change
+        return np.array(S) @ x + np.array(back) + np.array(within), np.array(S)
 
     def transition(self, dt_s: Any) -> np.ndarray:
         """exp(A dt), (n, n), exact."""
