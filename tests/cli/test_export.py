@@ -1,12 +1,14 @@
 """`ohmward export` by hand: files, figures, refusals."""
 
 import json
+import re
 
 import pytest
 
 from ohmward.battery.battery_file import save_battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.cli.main import main
+from ohmward.traction import ROBOTINO, save_robot
 
 
 @pytest.fixture
@@ -24,6 +26,7 @@ def test_it_writes_a_library_and_says_what_it_takes(battery, tmp_path, capsys):
         figures["files"]
     )
     assert figures["state_bytes"] == 4 * (3 + 6 + 1) and 2000 < figures["flash_bytes_estimated"] < 10_000
+    assert "cell_start" in (out / "cell.h").read_text()
     assert "@" not in (out / "README.md").read_text()
 
 
@@ -37,8 +40,25 @@ def test_it_writes_a_library_and_says_what_it_takes(battery, tmp_path, capsys):
     ],
 )
 def test_refusals_write_nothing(battery, tmp_path, capsys, options, message):
-    import re
-
     assert main(["export", str(battery), "-o", str(tmp_path / "out"), *options]) == 2
     assert re.search(message, capsys.readouterr().err)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("what", ["ekf", "slip-controller"])
+def test_a_robot_has_filters_and_controllers(what, tmp_path, capsys):
+    assert main(["export", "rlma", "--filter", what, "--name", "robot", "-o", str(tmp_path), "--json"]) == 0
+    assert "RLMA" in json.loads(capsys.readouterr().out)["title"]
+    assert "robot_step" in (tmp_path / "robot.h").read_text()
+
+
+def test_a_robot_file_is_known_by_its_format(tmp_path, capsys):
+    save_robot(ROBOTINO, tmp_path / "mine.toml")
+    options = ["--filter", "speed-controller", "--name", "wheel", "-o", str(tmp_path / "out")]
+    assert main(["export", str(tmp_path / "mine.toml"), *options]) == 0
+    assert "Robotino" in capsys.readouterr().out
+
+
+def test_a_robot_has_no_battery_filter(tmp_path, capsys):
+    assert main(["export", "rlma", "--filter", "coulomb", "-o", str(tmp_path / "out")]) == 2
+    assert "filter must be one of ekf, aekf, ukf, aukf, slip-controller, speed-controller" in capsys.readouterr().err

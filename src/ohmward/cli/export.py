@@ -4,26 +4,41 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import add_command, positive, share
 
+if TYPE_CHECKING:
+    from ohmward.export.library import Export
+
 _EXAMPLES = """\
   ohmward export battery.toml -o firmware/soc
-  ohmward export battery.toml --filter textbook-ukf --name cell --flash-kb 16 -o firmware/cell
+  ohmward export battery.toml --filter textbook-ekf --name cell --sample-time 1 --flash-kb 8 -o firmware/cell
+  ohmward export robot.toml --filter ekf --name speed -o firmware/speed
+  ohmward export rlma --filter slip-controller --name wheel -o firmware/wheel
 """
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    parser = add_command(commands, "export", "an estimator as a C99 library for a microcontroller", _EXAMPLES)
-    parser.add_argument("battery", metavar="FILE.toml", help="battery file, made by `ohmward identify`")
-    parser.add_argument("--filter", default="ekf", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
+    parser = add_command(commands, "export", "a filter or controller as a C99 library for a microcontroller", _EXAMPLES)
+    parser.add_argument(
+        "file", metavar="FILE", help="battery file, made by `ohmward identify`; or robot file, rlma or robotino"
+    )
+    parser.add_argument(
+        "--filter",
+        default="ekf",
+        metavar="NAME",
+        help="as in `ohmward soc`; of a robot as in `ohmward slip`, or slip-controller or speed-controller (default "
+        "%(default)s)",
+    )
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
     parser.add_argument(
-        "--name", default="battery", metavar="WORD", help="prefix of files and symbols (default %(default)s)"
+        "--name", default="filter", metavar="WORD", help="prefix of files and symbols (default %(default)s)"
     )
+    parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
     group = parser.add_argument_group("start and target")
     group.add_argument(
         "--initial-soc",
@@ -49,19 +64,15 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library."""
-    from ohmward.battery.battery_file import load_battery
-    from ohmward.export import battery_export, library, write_library
-    from ohmward.export.library import check_fits, size
+    from ohmward.export.library import check_fits, library, size, write_library
 
-    battery = load_battery(args.battery)
-    start = args.initial_soc, args.initial_soc_std
-    export = battery_export(battery, args.filter, args.name, *start, args.sample_time)
+    export = _robot_export(args) if _is_robot(args.file) else _battery_export(args)
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
     paths = write_library(library(export), Path(args.output))
     needed = size(export)
     figures = {
         "command": "export",
-        "battery": battery.name,
+        "title": export.title,
         "filter": args.filter,
         "name": args.name,
         "sample_time_s": args.sample_time,
@@ -84,3 +95,34 @@ def run(args: argparse.Namespace) -> Outcome:
         f"compile and check it here:\n  make -C {args.output} test",
     )
     return Outcome(figures, text)
+
+
+def _is_robot(file: str) -> bool:
+    """Whether it names a robot: one that comes with the package, or a file of that format."""
+    from ohmward.cli.driving import BUILT_IN
+
+    if file.lower() in BUILT_IN:
+        return True
+    try:
+        with Path(file).open(encoding="utf-8") as stream:
+            return any(line.startswith("format") and "ohmward-robot" in line for line in stream)
+    except (OSError, UnicodeDecodeError):
+        return False  # the reader of battery files says what is wrong
+
+
+def _battery_export(args: argparse.Namespace) -> Export:
+    from ohmward.battery.battery_file import load_battery
+    from ohmward.export.battery import battery_export
+
+    start = args.initial_soc, args.initial_soc_std
+    return battery_export(load_battery(args.file), args.filter, args.name, *start, args.sample_time)
+
+
+def _robot_export(args: argparse.Namespace) -> Export:
+    from ohmward.cli.driving import make_robot, make_terrain
+    from ohmward.export.traction import CONTROLLERS, controller_export, observer_export
+
+    robot = make_robot(args.file)
+    if args.filter in CONTROLLERS:
+        return controller_export(robot, args.filter, args.name)
+    return observer_export(robot, make_terrain(args.terrain, robot), args.filter, args.name)

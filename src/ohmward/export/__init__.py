@@ -2,5 +2,6 @@
 
 from ohmward.export.battery import battery_export
 from ohmward.export.library import Export, library, write_library
+from ohmward.export.traction import controller_export, observer_export
 
-__all__ = ["Export", "battery_export", "library", "write_library"]
+__all__ = ["Export", "battery_export", "controller_export", "library", "observer_export", "write_library"]

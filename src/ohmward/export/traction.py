@@ -1,0 +1,157 @@
+"""The speed observer and the controllers of a robot file as C99 libraries."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.export.library import Export
+from ohmward.trace import trace
+from ohmward.traction import control
+from ohmward.traction.control import (
+    Limits,
+    Measurement,
+    Report,
+    SlidingMode,
+    SlipCommand,
+    SlipController,
+    SpeedCommand,
+    SpeedController,
+    Uncertainty,
+    driven_wheel,
+)
+from ohmward.traction.dynamics import scene
+from ohmward.traction.observers import Estimate, Flag, SpeedObserver
+from ohmward.traction.observers import Sample as DriveSample
+from ohmward.traction.observers.observer_for import FILTERS
+
+if TYPE_CHECKING:
+    from ohmward.traction.robot import Robot
+    from ohmward.traction.terrain import Terrain
+
+CONTROLLERS = ("slip-controller", "speed-controller")
+_STEPS = 64
+
+
+class ControlSample(NamedTuple):
+    """What a controller of one wheel is given.
+
+    command: what it should hold.
+    measurement: what is known of the wheel.
+    dt_s: time since the step before [s], > 0.
+    """
+
+    command: Any
+    measurement: Measurement
+    dt_s: Any
+
+
+class Control(NamedTuple):
+    """What a controller of one wheel answers.
+
+    torque_Nm: to hold until the next step [N m].
+    report: what it saw and did.
+    """
+
+    torque_Nm: Any
+    report: Report
+
+
+def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", name: str = "speed") -> Export:
+    """The speed observer with encoders and motor currents; it starts at rest.
+
+    Raises:
+        InputError: no such filter, or wheels that scrub.
+    """
+    if filter_name not in FILTERS:
+        raise InputError(f"filter must be one of {', '.join((*FILTERS, *CONTROLLERS))}, got {filter_name!r}")
+    method, matching = FILTERS[filter_name]
+    observer = SpeedObserver(scene(robot, terrain), method=method, matching=matching)
+    example = _at_rest(observer)
+    state = observer.init(example)
+    return Export(
+        name=name,
+        title=f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents",
+        step=trace(observer.step, state, example),
+        start=trace(lambda sample: state, example),
+        types=(type(state), DriveSample, Estimate),
+        flags=Flag,
+        arguments=(),
+        samples=_drive(observer),
+    )
+
+
+def controller_export(robot: Robot, controller: str = "slip-controller", name: str = "control") -> Export:
+    """A controller of one driven wheel, sliding mode, with friction 0.5 give or take 0.5; it starts without torque.
+
+    Raises:
+        InputError: no such controller.
+    """
+    wheel = driven_wheel(robot)
+    law = SlidingMode(Uncertainty(force_N=0.5 * wheel.load_N))
+    limits = Limits(torque_Nm=wheel.radius_m * wheel.load_N)
+    makers: dict[str, tuple[Any, Any]] = {
+        "slip-controller": (SlipController(wheel, law, limits), SlipCommand(0.0, 1.0)),
+        "speed-controller": (SpeedController(wheel, law, limits), SpeedCommand(0.0, 0.12)),
+    }
+    if controller not in makers:
+        raise InputError(f"controller must be one of {', '.join(makers)}, got {controller!r}")
+    settings, command = makers[controller]
+    example = ControlSample(command, Measurement(0.0, 0.0), 0.001)
+    state = settings.init(example.measurement)
+
+    def step(state: Any, sample: ControlSample) -> tuple[Any, Control]:
+        after, torque_Nm, report = settings.step(state, *sample)
+        return after, Control(torque_Nm, report)
+
+    return Export(
+        name=name,
+        title=f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode",
+        step=trace(step, state, example),
+        start=trace(lambda sample: state, example),
+        types=(type(state), ControlSample, Control),
+        flags=control.Flag,
+        arguments=(),
+        samples=_commands(command, wheel.radius_m),
+    )
+
+
+def _at_rest(observer: SpeedObserver) -> DriveSample:
+    robot = observer.scene.robot
+    return _sample(observer.no_sample(), np.zeros(len(robot.places)), np.zeros(robot.driven))
+
+
+def _sample(sample: DriveSample, wheel_speed: np.ndarray, current_A: np.ndarray) -> DriveSample:
+    """The sample with these encoders and currents."""
+    return sample._replace(dt_s=0.01, wheel_speed_rad_s=wheel_speed, current_A=current_A)
+
+
+def _drive(observer: SpeedObserver) -> np.ndarray:
+    """(T, m): from rest, with a wheel that spins, and faults of encoder, motor current and clock."""
+    rng, robot = np.random.default_rng(0), observer.scene.robot
+    rows = []
+    for k in range(_STEPS):
+        wheels = np.full(len(robot.places), 0.1 * k) + 0.05 * rng.standard_normal(len(robot.places))
+        wheels[0] += 2.0 * (30 < k < 40)
+        currents = 1.0 + 0.1 * rng.standard_normal(robot.driven)
+        sample = _sample(observer.no_sample(), wheels, currents)
+        rows.append(np.concatenate([np.ravel(x) for x in sample]).astype(float))
+    samples = np.array(rows)
+    samples[10, 1], samples[14, 1 + len(robot.places)], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
+    return samples
+
+
+def _commands(command: Any, radius_m: float) -> np.ndarray:
+    """(T, m): driving, braking, a speed that is too old, and commands that are none."""
+    rng, rows = np.random.default_rng(0), []
+    for k in range(_STEPS):
+        speed = 0.02 * k
+        wanted = command._replace(**{command._fields[0]: 0.12 if k < 40 else -0.1})
+        seen = Measurement(speed * (1.1 + 0.02 * rng.standard_normal()) / radius_m, speed, 1.0 if 20 < k < 25 else 0.0)
+        rows.append(np.array([*wanted, *seen, 0.001], dtype=float))
+    samples = np.array(rows)
+    samples[12, 0], samples[16, 2] = 5.0, math.nan
+    return samples

@@ -1,0 +1,52 @@
+"""The traction half in C: observers and controllers, compiled and run as their user would."""
+
+import shutil
+import subprocess
+
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.export import controller_export, library, observer_export, write_library
+from ohmward.export.library import size
+from ohmward.export.traction import CONTROLLERS
+from ohmward.traction import RLMA, ROBOTINO, hard_terrain
+
+ASPHALT = hard_terrain("dry asphalt")
+needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
+
+
+def passes(export, folder):
+    write_library(library(export), folder)
+    command = ["make", "-s", "-C", folder, "CFLAGS=-O1 -Werror", "test"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
+    assert "64 of 64 vectors right to the last bit" in result.stdout
+
+
+@needs_gcc
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_controllers(controller, tmp_path):
+    passes(controller_export(ROBOTINO, controller), tmp_path)
+
+
+@needs_gcc
+def test_the_observer(tmp_path):
+    passes(observer_export(RLMA, ASPHALT, "ekf"), tmp_path)
+
+
+@needs_gcc
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda r: r.name)
+def test_the_adaptive_unscented_observer(robot, tmp_path):
+    passes(observer_export(robot, ASPHALT, "aukf"), tmp_path)
+
+
+def test_a_controller_is_small():
+    assert size(controller_export(RLMA, "slip-controller")).flash < 4096
+
+
+def test_what_there_is_not_is_refused():
+    with pytest.raises(InputError, match="filter must be one of ekf, aekf, ukf, aukf"):
+        observer_export(RLMA, ASPHALT, "kalman")
+    with pytest.raises(InputError, match="controller must be one of slip-controller, speed-controller"):
+        controller_export(RLMA, "pid")
