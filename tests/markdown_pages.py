@@ -35,6 +35,11 @@ def command_lines(page: Path, command: str) -> Iterator[list[str]]:
                 yield shlex.split(words, comments=True)[1:]
 
 
+def redirected(words: list[str]) -> tuple[list[str], str]:
+    """The words of a command line before `>`, and the file behind it, or ""."""
+    return (words[:-2], words[-1]) if ">" in words else (words, "")
+
+
 def links(page: Path) -> list[str]:
     """Targets of links and pictures, without those on other servers; code is no link."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)

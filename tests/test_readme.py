@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from markdown_pages import ROOT, command_lines, links, programs
+from markdown_pages import ROOT, command_lines, links, programs, redirected
 from ohmward import make_robot_day, score, write_log
 from ohmward.cli.main import main
 from ohmward.traction import RLMA
@@ -50,18 +50,25 @@ def test_it_has_programs_commands_and_links():
         "soc",
         "simulate",
         "slip",
+        "mission",
+        "mission",
+        "mission",
     ]
     assert "CONTRIBUTING.md" in links(README)
 
 
 @pytest.mark.slow
-def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch):
+def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     day = make_robot_day("lfp")
     write_log(day.pulse_test, "test.csv")
     write_log(day.mission, "day.csv")
-    for words in command_lines(README, "ohmward"):
+    for line in command_lines(README, "ohmward"):
+        words, file = redirected(line)
         assert words[0] == "demo" or main(words) == 0, words
+        printed = capsys.readouterr().out
+        if file:
+            (tmp_path / file).write_text(printed, encoding="utf-8")
 
 
 def test_its_make_targets_exist():

@@ -8,6 +8,7 @@ import pytest
 
 from cli import test_slip
 from cli.test_soc import KEYS, SCORES
+from markdown_pages import redirected
 from ohmward.cli.main import main
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -21,13 +22,12 @@ def blocks(page: str, language: str) -> list[str]:
 def test_command_lines_can_be_pasted_one_after_the_other(page, here, monkeypatch, capsys):
     monkeypatch.setattr("ohmward.battery.estimators.available", lambda battery: ("coulomb", "ekf"))
     for line in (line for block in blocks(page, "bash") for line in block.splitlines()):
-        command, _, file = line.partition(" > ")
-        program, *words = shlex.split(command)
+        (program, *words), file = redirected(shlex.split(line))
         assert program == "ohmward"
         assert main(words) == 0, line
-        out = capsys.readouterr().out
+        printed = capsys.readouterr().out
         if file:
-            (here / file).write_text(out, encoding="utf-8")
+            (here / file).write_text(printed, encoding="utf-8")
 
 
 def test_the_script_of_the_tutorial_runs(here, capsys):
