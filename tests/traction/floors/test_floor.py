@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.traction.floors import Floor, Floors, load_floors, save_floors, slip_at_force, unseen_floor
-from ohmward.traction.floors.floor import BETWEEN_STD, STIFFNESS, STIFFNESS_STD, slip_belief
+from ohmward.traction.floors.floor import BETWEEN_SHARE, STIFFNESS, STIFFNESS_STD, slip_belief
 from ohmward.traction.laws import contact
 from traction.floors.drives import SMOOTH, SOFT
 
@@ -56,10 +56,10 @@ def test_an_uncertain_force_counts_by_the_slope_of_the_law():
 def test_a_floor_never_met_is_any_floor_until_one_is_known_and_then_like_it():
     nothing = unseen_floor()
     assert nothing.stiffness == pytest.approx(STIFFNESS)
-    assert nothing.stiffness_std == pytest.approx(np.hypot(STIFFNESS_STD, BETWEEN_STD))
+    assert nothing.stiffness_std == pytest.approx(STIFFNESS_STD)
     one, two = unseen_floor([SOFT]), unseen_floor([SOFT, replace(SOFT, name="other")])
     assert STIFFNESS > one.stiffness > two.stiffness > SOFT.stiffness
-    assert nothing.stiffness_std > one.stiffness_std > two.stiffness_std > BETWEEN_STD
+    assert nothing.stiffness_std > one.stiffness_std > two.stiffness_std > BETWEEN_SHARE * STIFFNESS_STD
 
 
 def test_floors_are_kept_in_a_file(tmp_path):

@@ -38,7 +38,7 @@ def test_the_sigma_of_the_forces_is_the_size_of_their_errors():
 def test_matching_finds_the_noise_of_encoders_and_currents():
     rng = np.random.default_rng(3)
     drive = omni_drive([SOFT] * 3, 45.0, seconds=60.0, rng=rng)
-    state, _ = run("aukf", drive, encoder_std_rad_s=0.3, current_std_A=0.5, window=300.0)
+    state, _ = run("aukf", drive, encoder_std_rad_s=0.3, current_std_A=0.5, given_samples=20.0, window=300.0)
     np.testing.assert_allclose(np.sqrt(state.variance[:3]), 0.1, rtol=0.25)
     np.testing.assert_allclose(np.sqrt(state.variance[3:]), 0.15, rtol=0.25)
 

@@ -21,13 +21,13 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.laws import Burckhardt
 
-#: Rubber on floors from carpet to concrete: what is believed of a floor before anything is known of it. Medians; the
-#: sigmas are those of the logarithm.
+#: Rubber on floors from carpet to concrete: what is believed of a floor before anything is known of it. Medians, and
+#: sigmas of the logarithm.
 FRICTION, FRICTION_STD = 0.8, 0.5
 STIFFNESS, STIFFNESS_STD = 8.0, 0.8
 ROLLING, ROLLING_STD = 0.03, 1.0
-#: Floors of one robot resemble each other: sigma of the logarithms from floor to floor.
-BETWEEN_STD = 0.7
+#: Floors resemble each other for one robot: the share of these sigmas from floor to floor; the rest is common to all.
+BETWEEN_SHARE = 0.8
 _NODES = 5
 
 
@@ -127,7 +127,7 @@ def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
     """A floor that the robot has never met: what it has learnt elsewhere counts, as much as floors resemble each other.
 
     Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and what is
-    believed of any floor.
+    believed of any floor. Without a known floor it is that.
     """
     friction = _pooled([(f.friction, f.friction_std) for f in known], FRICTION, FRICTION_STD)
     stiffness = _pooled([(f.stiffness, f.stiffness_std) for f in known], STIFFNESS, STIFFNESS_STD)
@@ -149,10 +149,11 @@ def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
 
 def _pooled(known: Sequence[tuple[float, float]], median: float, std: float) -> tuple[float, float]:
     """Median and sigma of the logarithm of the next floor's value."""
+    between, common = (BETWEEN_SHARE * std) ** 2, (1 - BETWEEN_SHARE**2) * std**2
     values = np.log([median, *(value for value, _ in known)])
-    precision = np.array([std**-2, *(1 / (s * s + BETWEEN_STD**2) for _, s in known)])
+    precision = np.array([1 / common, *(1 / (s * s + between) for _, s in known)])
     mean = precision @ values / precision.sum()
-    return float(np.exp(mean)), float(np.sqrt(min(1 / precision.sum() + BETWEEN_STD**2, std**2 + BETWEEN_STD**2)))
+    return float(np.exp(mean)), float(np.sqrt(1 / precision.sum() + between))
 
 
 def _nodes(floor: Floor) -> tuple[np.ndarray, np.ndarray]:

@@ -28,7 +28,7 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
-from ohmward.trace import linearize, maximum, sqrt, where
+from ohmward.trace import linearize, maximum, minimum, sqrt, where
 from ohmward.traction.floors.demand import static_loads
 from ohmward.traction.motor import current_for_torque
 from ohmward.traction.robot import Robot
@@ -55,10 +55,16 @@ class WheelSample(NamedTuple):
 
 
 class WheelState(NamedTuple):
-    """belief: mean (freedoms + driven,) and triangle of the covariance; variance: (2 driven,) of encoders, currents."""
+    """What the filter carries from sample to sample.
+
+    belief: mean (freedoms + driven,) and triangle of the covariance.
+    variance: (2 driven,) of encoders and currents.
+    samples: how many are in these, those that the given ones count for included.
+    """
 
     belief: PackedBelief
     variance: np.ndarray
+    samples: Any
 
 
 class WheelBelief(NamedTuple):
@@ -79,7 +85,8 @@ class WheelFilter:
         encoder_std_rad_s, current_std_A: of one sample.
         speed_walk: of each motion of the rims, m/s over the root of a second; rotations take it over the arm.
         force_walk: of each force, share of the mean load over the root of a second.
-        window: samples over which a matched variance is the mean, forgetting exponentially.
+        window: samples over which a matched variance is the mean; then it forgets exponentially.
+        given_samples: for so many of them the given variances count.
     """
 
     robot: Robot
@@ -88,12 +95,13 @@ class WheelFilter:
     current_std_A: float = 0.2
     speed_walk: float = 0.03
     force_walk: float = 0.15
-    window: float = 100.0
+    window: float = 1000.0
+    given_samples: float = 100.0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
-        for name in ("encoder_std_rad_s", "current_std_A", "speed_walk", "force_walk", "window"):
+        for name in ("encoder_std_rad_s", "current_std_A", "speed_walk", "force_walk", "window", "given_samples"):
             require_positive(name, getattr(self, name))
 
     @cached_property
@@ -115,7 +123,7 @@ class WheelFilter:
         robot = self.robot
         rim = np.linalg.pinv(robot.rolling[: robot.driven]) @ (first.wheel_speed_rad_s * robot.wheel.radius_m)
         mean = np.concatenate([rim, np.zeros(robot.driven)])
-        return WheelState(pack(Belief(mean, np.diag(self.walk**2))), self.given)
+        return WheelState(pack(Belief(mean, np.diag(self.walk**2))), self.given, self.given_samples)
 
     def step(self, state: WheelState, sample: WheelSample) -> tuple[WheelState, WheelBelief]:
         """The state after a sample, and what is known then."""
@@ -126,12 +134,12 @@ class WheelFilter:
         R = state.variance
         known, encoders, _ = kalman.correct(prior, sample.wheel_speed_rad_s, self.turning, np.diag(R[:n]))
         after, currents, _ = filtered.correct(known, sample.current_A, self.current, np.diag(R[n:]))
-        variance = R
+        variance, samples = R, minimum(state.samples + 1.0, self.window)
         if matching:
-            surprise = np.array([*_ordinary(encoders), *_ordinary(currents)])
-            variance = self.matched(R, surprise, after, sample)
+            ordinary = np.array([*_ordinary(encoders), *_ordinary(currents)])
+            variance = self.matched(R, 1.0 / samples, ordinary, after, sample)
         std = np.array([sqrt(maximum(v, 0.0)) for v in np.diag(after.cov)[free:]])
-        return WheelState(pack(after), variance), WheelBelief(after.mean[:free], after.mean[free:], std)
+        return WheelState(pack(after), variance, samples), WheelBelief(after.mean[:free], after.mean[free:], std)
 
     @cached_property
     def turning(self) -> np.ndarray:
@@ -146,13 +154,15 @@ class WheelFilter:
         torque_Nm = robot.wheel.radius_m * x[robot.freedoms :]
         return np.array([current_for_torque(robot.motor, torque_Nm[k], omega[k]) for k in range(robot.driven)])
 
-    def matched(self, R: np.ndarray, ordinary: np.ndarray, after: Belief, sample: WheelSample) -> np.ndarray:
-        """Variances (2 driven,) with one more sample in their mean; ordinary: (2 driven,) whether it is learnt from."""
+    def matched(
+        self, R: np.ndarray, share: Any, ordinary: np.ndarray, after: Belief, sample: WheelSample
+    ) -> np.ndarray:
+        """Variances (2 driven,) with a share of one more sample in their mean, where it is `ordinary` (2 driven,)."""
         current, H = linearize(self.current, after.mean)
         rows = np.vstack([self.turning, H])
         residual = np.concatenate([sample.wheel_speed_rad_s - self.turning @ after.mean, sample.current_A - current])
         seen = [e * e + row @ after.cov @ row for e, row in zip(residual, rows, strict=True)]
-        learnt = [r + where(usual, (s - r) / self.window, 0.0) for r, usual, s in zip(R, ordinary, seen, strict=True)]
+        learnt = [r + where(usual, share * (s - r), 0.0) for r, usual, s in zip(R, ordinary, seen, strict=True)]
         return np.array([maximum(r, _LEAST_SHARE**2 * g) for r, g in zip(learnt, self.given, strict=True)])
 
 

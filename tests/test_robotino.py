@@ -1,0 +1,45 @@
+"""The benchmark on the measured Robotino: a few of the runs that it judges in full, and how it finds its truth."""
+
+import sys
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from markdown_pages import ROOT
+from ohmward.traction.floors import slip_on_floors
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+robotino, figure = import_module("robotino"), import_module("figure")
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    try:
+        return figure.data_file(f"{robotino.FOLDER}/gray.parquet").parent
+    except FileNotFoundError as absent:
+        pytest.skip(f"{absent} is absent; set OHMWARD_DATA to the folder of the measured data")
+
+
+@pytest.mark.slow
+def test_slip_on_a_floor_learnt_from_other_runs_is_that_of_the_camera(recordings):
+    def some(name, numbers):
+        return {k: robotino.read_run(recordings / f"{name}.parquet", k) for k in numbers}
+
+    table = some("table", range(0, 72, 7))
+    robot = robotino.calibrated(robotino.weighed("wheel_load_nonuniform_load.csv"), table)
+    assert robot.wheel.radius_m == pytest.approx(0.0358, abs=0.0005)
+    gray = some("gray", range(0, 216, 14))
+    floors = robotino.floor_of("table", table, robot), robotino.floor_of("gray", gray, robot)
+    others = some("gray", range(5, 216, 26))
+    judged = robotino.judge(slip_on_floors(robot, floors), others)
+    assert np.mean([abs(j.found - j.true) for j in judged]) < 0.03
+    unseen = robotino.judge(slip_on_floors(robot, floors[:1]), others)
+    assert np.mean([abs(j.found - j.true) < 1.96 * j.std for j in unseen]) > 0.85
+
+
+def test_a_wheel_has_crossed_once_it_stands_clearly_on_the_other_side():
+    t = np.arange(8.0)
+    hovering = np.array([-0.05, -0.02, 0.002, -0.003, 0.004, 0.02, 0.05, 0.1])
+    stays = np.full(8, -0.1)
+    assert robotino.crossing_times(t, np.column_stack([hovering, stays, -stays])) == [4.0]
