@@ -153,8 +153,16 @@ def test_a_chapter_shows_what_another_page_shows_first():
     document = Document(page.html())
     assert page.headings == ("One", "Two")
     assert [text for tag, text in document.texts if tag == "h2"] == ["One", "Two"]
-    assert document.count("figure") == 2
+    assert document.count("figure") == 2 and document.count("h3") == 0
     assert "a lot more" not in page.html() and "the end" in page.html()
+
+
+def test_a_chapter_may_take_sections_with_it():
+    other = Page("Other").text("first").heading("Plan").text("a plan").heading("Result").text("a lot more")
+    page = Page("All").chapter("One", other, sections=1).text("the end")
+    titles = [(tag, text) for tag, text in Document(page.html()).texts if tag in ("h2", "h3")]
+    assert titles == [("h2", "One"), ("h3", "Plan")]
+    assert "a plan" in page.html() and "a lot more" not in page.html()
 
 
 def test_numbers_are_large_and_units_small():

@@ -23,6 +23,11 @@ def heading(text: str, anchor: str) -> str:
     return f'<h2 id="{escape(anchor)}">{escape(text)}</h2>'
 
 
+def subheading(text: str) -> str:
+    """A title within a section."""
+    return f"<h3>{escape(text)}</h3>"
+
+
 def paragraphs(text: str) -> str:
     """Paragraphs, split at blank lines."""
     return "".join(f"<p>{escape(part.strip())}</p>" for part in re.split(r"\n\s*\n", text) if part.strip())

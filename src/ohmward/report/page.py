@@ -15,12 +15,11 @@ import base64
 import hashlib
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
-from itertools import takewhile
 from pathlib import Path
 from string import Template
 
@@ -48,15 +47,21 @@ class Page:
         page = replace(self, headings=(*self.headings, text))
         return page._with(blocks.heading(text, _anchor(len(self.headings), text)))
 
-    def chapter(self, title: str, page: Page) -> Page:
-        """A section with what another page shows before its first heading: its key figures and plots."""
+    def chapter(self, title: str, page: Page, sections: int = 0) -> Page:
+        """A section with the beginning of another page: what stands before its headings, then its first sections."""
         headed = self.heading(title)
-        return replace(headed, body=headed.body + page.opening)
+        return replace(headed, body=(*headed.body, *page._beginning(sections)))
 
-    @property
-    def opening(self) -> tuple[str, ...]:
-        """The blocks before the first heading."""
-        return tuple(takewhile(lambda block: not block.startswith("<h2"), self.body))
+    def _beginning(self, sections: int) -> Iterator[str]:
+        """The blocks before the first heading and of the first sections, these headings one level lower."""
+        titles = iter(self.headings[:sections])
+        for block in self.body:
+            if not block.startswith("<h2"):
+                yield block
+            elif title := next(titles, None):
+                yield blocks.subheading(title)
+            else:
+                return
 
     def text(self, text: str) -> Page:
         """Paragraphs, split at blank lines."""
