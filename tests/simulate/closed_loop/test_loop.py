@@ -99,10 +99,17 @@ def test_late_samples_are_used_late():
 
 
 def test_a_controller_without_fresh_speeds_gives_up_and_says_so():
-    blind = replace(DRIVE, duration_s=0.4, commands=(Command(speed_m_s=0.6),), sensors=Sensing(drop_share=1.0))
-    run = closed_loop.run(replace(blind, sensors=Sensing(interval_s=0.3)))
+    slow = replace(DRIVE, duration_s=0.4, commands=(Command(speed_m_s=0.6),), sensors=Sensing(interval_s=0.3))
+    run = closed_loop.run(slow)
     assert any("too old or too uncertain" in warning for warning in run.warnings)
     assert run.history.truth.torque_N_m[-30:].max() < run.history.truth.torque_N_m.max() / 2
+
+
+@pytest.mark.parametrize("sensors", [Sensing(drop_share=1.0), Sensing(delay_s=1.0)])
+def test_sensors_of_which_nothing_arrives_are_refused(sensors):
+    short = replace(DRIVE, duration_s=0.1, commands=(Command(speed_m_s=0.6),), sensors=sensors)
+    with pytest.raises(InputError, match=r"no sample of the sensors arrived in 0\.1 s; lower sensors\.drop_share"):
+        closed_loop.run(short)
 
 
 def test_slip_that_the_motors_cannot_give_is_said():

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.account import Account, booked
 from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
@@ -50,7 +51,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     progress: called now and then with (steps done, steps).
 
     Raises:
-        InputError: the plant cannot be made so, or MuJoCo is not installed.
+        InputError: the plant cannot be made so, MuJoCo is not installed, or no sample of the sensors arrives.
     """
     begun = time.perf_counter()
     drive = Drive(scenario)
@@ -63,6 +64,11 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
         if progress and k % _PROGRESS_STEPS == 0:
             progress(k, steps)
     drive.look()
+    if not len(drive.rows):
+        raise InputError(
+            f"no sample of the sensors arrived in {drive.truth.time_s:.3g} s; lower sensors.drop_share or "
+            "sensors.delay_s, or drive for longer"
+        )
     return Run(
         scenario,
         drive.history.stacked(),

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, surface
@@ -21,6 +21,7 @@ from ohmward.traction.robot import RLMA, ROBOTINO, Robot
 from ohmward.traction.robot_file import load_robot
 
 PLANTS = ("own", "mujoco")
+SHORTEST_S, LONGEST_S = 0.01, 86400.0
 #: Robots by name. RLMA's electronics draw what a small computer does; [T] does not say.
 ROBOTS: Mapping[str, Robot] = {"rlma": replace(RLMA, idle_W=10.0), "robotino": ROBOTINO}
 
@@ -30,7 +31,7 @@ class Scenario:
     """Everything that a run depends on: the same scenario gives the same run.
 
     Attributes:
-        duration_s: > 0.
+        duration_s: at least 0.01 and one interval of the sensors, at most a day.
         commands: over time, the first from 0 s on.
         robot: "rlma", "robotino", or a robot file.
         plant: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours.
@@ -61,8 +62,7 @@ class Scenario:
     name: str = ""
 
     def __post_init__(self) -> None:
-        require_positive("duration_s", self.duration_s)
-        require_between("duration_s", self.duration_s, 0.0, 86400.0)
+        require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)
         require_between("seed", self.seed, 0, 2**32)
         if self.plant not in PLANTS:
             raise InputError(f"plant must be one of {', '.join(PLANTS)}; got {self.plant!r}")
