@@ -1,4 +1,4 @@
-"""Do the bands of range, of the way home and of the energy per metre hold? 400 simulated robots, see energy_world."""
+"""Do the bands of range, of the way home and of the energy per metre hold? 300 simulated robots, see energy_world."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ from ohmward.energy.range import DIMENSIONS, needed_J
 from ohmward.traction import RLMA
 
 ROBOT = replace(RLMA, idle_W=12.0)
-MISSIONS = 400
-LEARNING_S, BEFORE_S, LONGEST_S = 1800.0, 900.0, 6 * 3600.0
+MISSIONS = 300
+LEARNING_S, BEFORE_S, LONGEST_S = 1800.0, 900.0, 7 * 3600.0
 CAPACITY_STD, RESISTANCE_STD = 0.02, 0.1
-PLANT = "400 simulated robots"
+PLANT = "300 simulated robots"
 
 
 class Mission(NamedTuple):

@@ -19,7 +19,7 @@ def test_a_drive_on_two_terrains_with_a_stop():
     assert sum(d.stretch.speed_distance_m2_s for d in found) == pytest.approx(np.trapezoid(speed**2, T))
     standing = [d for d in found if not d.stretch.terrain]
     assert sum(d.stretch.time_s for d in standing) == pytest.approx(59.0)
-    assert max(d.stretch.time_s for d in found) <= 60.0
+    assert max(d.stretch.time_s for d in found) <= 180.0
 
 
 def test_short_stops_belong_to_the_drive():

@@ -1,16 +1,17 @@
 """Energy that a robot takes, by terrain, speed, slope and load: a linear model learned with its uncertainty.
 
-A stretch of time t, distance d, mean speed v, heights climbed and lost h+ and h-, and load share q = m / m_0 takes
+A stretch of time t, distance d, mean speed v, potential and kinetic energy won L, and load share q = m / m_0 takes
 
-E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a m g h+ - b m g h- + r F^2 d / v + e
-F = q f_k + m g (h+ - h-) / d,     e ~ N(0, sigma^2 (q f_k)^2 d)
+E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a (L + B) - b B + r (W / d)^2 d / v + e
+W = q d f_k / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
 
-f_k [N] is the resistance of terrain k, losses of the drive included; r heats the windings. `load` and `own_k` are what
-is different on this drive: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So what
-was learned on many drives is told apart from what this one shows, a mission under way sees its own day, and the next
-day is as uncertain as days are. Scatter comes in lumps of ground: sigma^2 [m] is their length times the square of their
-relative deviation, and long stretches average
-them; standing teaches the idle power only.
+f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, and its force heats
+the windings by r. What is lost in height is saved as far as the resistance takes it; beyond that the robot brakes, and
+b of the energy B comes back. `load` and `own_k` are what is different on this drive: payload, tyre pressure, wet grass;
+each drive draws them anew from N(0, tau^2 / 2). So what was learned on many drives is told apart from what this one
+shows, a mission under way sees its own day, and the next day is as uncertain as days are. Scatter comes in lumps of
+ground: sigma^2 [m] is their length times the square of their relative deviation, and long stretches average them;
+standing teaches the idle power only.
 
 Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that what is predicted follows Student's t. For known
 variances this is exact Bayesian regression. The variances are learned from the part of each surprise that the update
@@ -27,18 +28,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.traction.robot import GRAVITY
 
 #: What every terrain shares, in the order of the vector; then `force` and `own` of each terrain.
-SHARED = ("idle_W", "speed_N_s_per_m", "climb", "descent", "heat_W_per_N2", "load")
-HEAT, LOAD = SHARED.index("heat_W_per_N2"), SHARED.index("load")
+SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regain", "heat_W_per_N2", "load")
+CLIMB, HEAT, LOAD = (SHARED.index(name) for name in ("climb", "heat_W_per_N2", "load"))
 _DAYS_PER_MONTH = 30.0
 #: Idle power is steadier than ground: it scatters as a resistance would at this speed.
 _IDLE_SPEED_M_S = 30.0
 _LEAST_FORCE = 0.1
+#: A shorter stretch is a start or a stop: it says nothing of the ground.
+_SHORTEST_M = 3.0
 #: A drive tells of its own day only where it has narrowed it by this share.
 _LEAST_INFORMATION = 0.02
 
@@ -53,7 +56,7 @@ class Prior:
         force_N, force_std_N: resistance of an unknown terrain, at the battery.
         speed_N_s_per_m, speed_std_N_s_per_m: how it grows with speed.
         climb, climb_std: energy from the battery over the potential energy won, about 1/efficiency.
-        descent, descent_std: energy saved or regained over the potential energy lost.
+        regain, regain_std: energy that comes back over the energy of braking.
         heat_W_per_N2, heat_std_W_per_N2: heat of the windings over the square of the force.
         scatter_m: sigma^2, see above; 1 m is a fifth over 25 m.
         day_std: tau, how much the resistance differs from drive to drive, as a share.
@@ -72,8 +75,8 @@ class Prior:
     speed_std_N_s_per_m: float = 0.0
     climb: float = 1.3
     climb_std: float = 0.25
-    descent: float = 0.6
-    descent_std: float = 0.3
+    regain: float = 0.4
+    regain_std: float = 0.3
     heat_W_per_N2: float = 0.0
     heat_std_W_per_N2: float = 0.0
     scatter_m: float = 1.0
@@ -84,19 +87,19 @@ class Prior:
     terrain_force_N: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass_kg", "force_N", "force_std_N", "scatter_m", "day_std"):
+        for name in ("mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb"):
             require_positive(f"prior.{name}", getattr(self, name))
         for name in (
             "idle_W",
             "idle_std_W",
             "speed_std_N_s_per_m",
             "climb_std",
-            "descent_std",
+            "regain_std",
             "drift_std",
             "model_std",
         ):
             require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
-        for name in ("climb", "descent", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
+        for name in ("regain", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
             require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
         require_between("prior.dof", self.dof, 3.0, np.inf)
         for name, force_N in self.terrain_force_N.items():
@@ -204,8 +207,8 @@ class Need(NamedTuple):
 def start(prior: Prior) -> Consumption:
     """What is known before the first drive."""
     p = prior
-    mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.descent, p.heat_W_per_N2, 0.0])
-    std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.descent_std, p.heat_std_W_per_N2, 0.0]
+    mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.regain, p.heat_W_per_N2, 0.0])
+    std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.regain_std, p.heat_std_W_per_N2, 0.0]
     day = Variance(prior.dof, prior.dof * prior.day_std**2)
     scatter = Variance(prior.dof, prior.dof * prior.scatter_m)
     return begin_drive(Consumption(prior, (), mean, np.diag(np.square(std)), (), scatter, day))
@@ -226,7 +229,7 @@ def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
 
 
 def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
-    """What is known after a stretch took this much from the battery.
+    """What is known after a stretch took this much from the battery; one of less than 3 m is counted only.
 
     Raises:
         InputError: a time, distance or height below zero, or an energy that is no number.
@@ -234,8 +237,8 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
     x, scattered = features(c, stretch), lumps(c, stretch)
-    if scattered <= 0.0:
-        return c
+    if scattered <= 0.0 or (stretch.terrain and stretch.distance_m < _SHORTEST_M):
+        return _visited(c, stretch, energy_J) if stretch.terrain else c
     noise_J2 = c.scatter.value * scattered
     spread_J2 = x @ c.cov @ x + noise_J2
     surprise_J = energy_J - x @ c.mean
@@ -294,9 +297,9 @@ def with_terrain(c: Consumption, name: str) -> Consumption:
 def features(c: Consumption, stretch: Stretch) -> np.ndarray:
     """What each coefficient is multiplied by (6 + 2 K,) on this stretch."""
     x = np.zeros(len(c.mean))
-    lift_N = (c.prior.mass_kg + stretch.payload_kg) * GRAVITY
+    lift_J, braking_J = energy_won_J(c, stretch), max(-work_J(c, stretch), 0.0)
     x[:2] = stretch.time_s, loaded(c, stretch) * stretch.speed_distance_m2_s
-    x[2:4] = lift_N * stretch.climb_m, -lift_N * stretch.descent_m
+    x[2:4] = lift_J + braking_J, -braking_J
     if stretch.terrain:
         _require_known(c, stretch.terrain)
         k, q_d = c.force_index(stretch.terrain), loaded(c, stretch) * stretch.distance_m
@@ -316,12 +319,24 @@ def force_N(c: Consumption, terrain: str) -> float:
     return max(float(c.mean[c.force_index(terrain)]), _LEAST_FORCE * c.prior.force_of(terrain))
 
 
-def pull_N(c: Consumption, stretch: Stretch) -> float:
-    """F: force [N] along the ground, mean of the stretch; < 0 where it brakes."""
-    if not stretch.distance_m:
+def energy_won_J(c: Consumption, stretch: Stretch) -> float:
+    """L: potential and kinetic energy won, < 0 where it is lost."""
+    per_kg = GRAVITY * (stretch.climb_m - stretch.descent_m) + stretch.kinetic_m2_s2
+    return (c.prior.mass_kg + stretch.payload_kg) * per_kg
+
+
+def work_J(c: Consumption, stretch: Stretch) -> float:
+    """W: work of the wheels; < 0 where they brake."""
+    if not stretch.terrain:
         return 0.0
-    slope = (stretch.climb_m - stretch.descent_m) / stretch.distance_m
-    return loaded(c, stretch) * (force_N(c, stretch.terrain) + c.prior.mass_kg * GRAVITY * slope)
+    _require_known(c, stretch.terrain)
+    resistance_N = loaded(c, stretch) * force_N(c, stretch.terrain) / max(float(c.mean[CLIMB]), 1.0)
+    return resistance_N * stretch.distance_m + energy_won_J(c, stretch)
+
+
+def pull_N(c: Consumption, stretch: Stretch) -> float:
+    """W / d: mean force [N] of the wheels."""
+    return work_J(c, stretch) / stretch.distance_m if stretch.distance_m else 0.0
 
 
 def moving_s(stretch: Stretch) -> float:
@@ -378,7 +393,8 @@ def _require_known(c: Consumption, terrain: str) -> None:
 
 
 def _check(stretch: Stretch, energy_J: float) -> None:
-    for name, value in zip(Stretch._fields[1:], stretch[1:], strict=True):
-        require_between(f"stretch.{name}", value, 0.0, np.inf)
+    for name in ("time_s", "distance_m", "speed_distance_m2_s", "climb_m", "descent_m", "payload_kg"):
+        require_between(f"stretch.{name}", getattr(stretch, name), 0.0, np.inf)
+    require_finite("stretch.kinetic_m2_s2", stretch.kinetic_m2_s2)
     if not np.isfinite(energy_J):
         raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")

@@ -23,6 +23,7 @@ class Stretch(NamedTuple):
     speed_distance_m2_s: integral of speed over distance; speed times distance at constant speed.
     climb_m, descent_m: height won and height lost, both >= 0.
     payload_kg: on top of the robot's mass.
+    kinetic_m2_s2: kinetic energy won, per kg: half of the last speed squared less half of the first.
     """
 
     terrain: str
@@ -32,6 +33,11 @@ class Stretch(NamedTuple):
     climb_m: float = 0.0
     descent_m: float = 0.0
     payload_kg: float = 0.0
+    kinetic_m2_s2: float = 0.0
+
+
+#: What doubles when a stretch is twice as long.
+_MEASURES = tuple(name for name in Stretch._fields if name not in ("terrain", "payload_kg"))
 
 
 @dataclass(frozen=True)
@@ -79,13 +85,13 @@ def stretch_of(leg: Leg) -> Stretch:
 
 def part_of(stretch: Stretch, share: float) -> Stretch:
     """A share of a stretch, by distance and time alike."""
-    scaled = (share * value for value in stretch[1:6])
-    return Stretch._make((stretch.terrain, *scaled, stretch.payload_kg))
+    scaled = {name: share * getattr(stretch, name) for name in _MEASURES}
+    return stretch._replace(**scaled)
 
 
 def way_back(stretch: Stretch) -> Stretch:
     """The same ground in the other direction."""
-    return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m)
+    return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m, kinetic_m2_s2=-stretch.kinetic_m2_s2)
 
 
 def total_distance_m(stretches: Sequence[Stretch]) -> float:

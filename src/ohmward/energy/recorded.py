@@ -43,7 +43,7 @@ class Cut:
         height_s: heights are taken so far apart, or the noise of a pitch would count as climbing.
     """
 
-    longest_s: float = 60.0
+    longest_s: float = 180.0
     standing_m_s: float = 0.03
     standing_s: float = 5.0
     gap_s: float = 10.0
@@ -155,7 +155,9 @@ def _driven(
     knots = np.linspace(t[0], t[-1], max(round(duration_s / cut.height_s), 1) + 1)
     rise_m = np.diff(np.interp(knots, t, height_m[samples]))
     measures = np.trapezoid(v, t), np.trapezoid(v * v, t), rise_m.clip(0).sum(), (-rise_m).clip(0).sum()
-    return Driven(t[0], t[-1], Stretch(name, duration_s, *map(float, measures)), energy_J)
+    kinetic = 0.5 * (v[-1] ** 2 - v[0] ** 2)
+    stretch = Stretch(name, duration_s, *map(float, measures))._replace(kinetic_m2_s2=float(kinetic))
+    return Driven(t[0], t[-1], stretch, energy_J)
 
 
 def _integral(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
