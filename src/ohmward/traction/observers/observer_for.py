@@ -22,6 +22,7 @@ from ohmward.traction.laws import contact
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.speed_observer import SpeedObserver
 from ohmward.traction.observers.states import States
+from ohmward.traction.observers.unexplained_push import unexplained_push_m_s2
 from ohmward.traction.robot import GRAVITY, Robot
 from ohmward.traction.terrain import Terrain
 
@@ -38,6 +39,17 @@ LEAST_SPEED_M_S = 0.05
 
 #: Where nobody measures the motor currents: the push of a wheel over its load, and for how long [s].
 UNKNOWN_PUSH, PUSH_S = 0.3, 1.0
+
+#: A push [g] that nothing explains, from which on neither ground nor robot are what is believed: the wheels may slip by
+#: as much of their speed, as on a ground whose adhesion grows with slip no faster than one to one.
+DOUBTFUL_PUSH_G = 0.05
+DOUBT = (
+    "the motors push {:.2g} g more than the robot accelerates: a steep slope, or a friction that the robot file lacks; "
+    "until it is known (ohmward calibrate), slip may be as large, and the bands say so"
+)
+
+#: A push that the robot file does not explain changes within so long [s].
+PUSH_TURNS_S = 5.0
 
 #: Slip [m/s] at which a wheel surely grips.
 SMALL_SLIP_M_S = 1e-4
@@ -97,7 +109,12 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     if scrubs:
         share = RADIUS_STD if "speed_m_s" in log.channels else SCRUBBING_SHARE
         noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK, radius_std=share)
-    states = states_of(noise, force)
+    states, notes = states_of(noise, force), []
+    push_g = unexplained_push_m_s2(rolling, log) / GRAVITY if force else 0.0
+    noise = with_push(noise, push_g)
+    if push_g > DOUBTFUL_PUSH_G:
+        states, noise = replace(states, radius=False), replace(noise, radius_std=math.hypot(RADIUS_STD, push_g))
+        notes.append(Note(DOUBT.format(push_g), "warning"))
     observer = SpeedObserver(
         scene(rolling, terrain),
         states,
@@ -108,7 +125,7 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     )
     estimated = "; its friction and stiffness are estimated" if states.stiffness else ""
     ground = Note(f"ground believed to be {terrain.name}{estimated}")
-    return Chosen(observer, (ground, *scrubs, *notes_of(noise, log)))
+    return Chosen(observer, (*notes, ground, *scrubs, *notes_of(noise, log)))
 
 
 def without_scrubbing(robot: Robot) -> tuple[Robot, tuple[Note, ...]]:
@@ -149,6 +166,14 @@ def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
         torque_std_Nm=Noise.torque_std_Nm if force else unknown_torque_Nm(robot, usual_step_s(log)),
         initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
     )
+
+
+def with_push(noise: Noise, push_g: float) -> Noise:
+    """The noise with a grade that may be such a push [g]: of a slope, or of friction, which turns with the robot."""
+    std = max(noise.grade_std_rad, push_g)
+    if std == noise.grade_std_rad:
+        return noise
+    return replace(noise, grade_std_rad=std, grade_walk=max(noise.grade_walk, std * math.sqrt(2 / PUSH_TURNS_S)))
 
 
 def unknown_torque_Nm(robot: Robot, step_s: float) -> float:
