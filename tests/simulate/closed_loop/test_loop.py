@@ -34,6 +34,7 @@ def test_the_energy_of_the_battery_is_accounted_for(drive):
     assert np.abs(account.gap_J).max() <= 1e-9 * account.battery[-1]
     assert account.idle[-1] == pytest.approx(10.0 * 2.0)
     assert np.abs(account.numerical).max() < 1e-3 * account.battery[-1]
+    assert np.abs(account.resistor).max() < 1e-9 * account.battery[-1]
     for loss in (account.copper, account.slip, account.rolling):
         assert np.diff(loss).min() >= -1e-12
 
@@ -137,6 +138,21 @@ def test_slip_is_held_on_the_true_speed(law):
     found = figures(closed_loop.run(scenario))
     assert found.slip_settle_s < 0.4
     assert found.slip_rms_error < 0.01
+
+
+def test_a_full_battery_leaves_the_braking_to_the_resistor():
+    full = replace(
+        EXACT,
+        battery=Pack(start_soc=1.0),
+        commands=(Command(torque_Nm=3.0), Command(1.0, torque_Nm=-3.0)),
+        ground=(Patch(friction=2.0),),
+        grade=Grade(),
+        controller=Control("torque"),
+    )
+    run = closed_loop.run(full)
+    assert np.diff(run.history.account.resistor).min() > -1e-9
+    assert run.history.account.resistor[-1] > 1.0
+    assert np.abs(run.history.account.gap_J).max() < 1e-9 * run.history.account.battery.max()
 
 
 def test_an_empty_battery_ends_the_drive():
