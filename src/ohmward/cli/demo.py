@@ -139,13 +139,14 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
 
 
 def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
-    """What the commands found on the drive, by name."""
-    slip, mission = results["slip"], results["mission"]
-    reach = " / ".join(f"{metres / 1e3:.1f}" for metres in mission["range_m"].values())
+    """What the commands found, by name."""
+    evening, slip, mission = results[DRIVEN]["soc"], results["slip"], results["mission"]
+    p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"].values())
     return {
+        "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {196 * evening['soc_std_final']:.0f} %",
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
         "wheel slip found": wording.percent(slip["detection_rate"], 1),
-        "range left": f"{reach} km (P10 / P50 / P90)",
+        "range left": f"{p50:.1f} km, {p10:.1f} to {p90:.1f} (P10-P90)",
         "gets home": f"{wording.percent(mission['probability'], 0)} sure, with the reserve left",
     }
 

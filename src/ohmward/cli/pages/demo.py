@@ -22,7 +22,8 @@ CHAPTERS = {
 
 def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Page:
     """A chapter for every step; outcomes: by the name of the step.  figures: what is to be seen first."""
-    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER).numbers(figures)
+    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
+    page = page.numbers({label.capitalize(): value for label, value in figures.items()})
     for name, (title, sections) in CHAPTERS.items():
         if make := outcomes[name].page:
             page = page.chapter(title, make(), sections)
