@@ -29,7 +29,7 @@ def drive(robot=RLMA, push_m_s2=0.0, motion=None, noise=0.0, seed=1):
     return DriveLog("drive", TIME, wheels, torque / robot.motor.wheel_constant_Nm_per_A)
 
 
-IDEAL = [replace(r, motor=Motor(0.5, 0.2, rotor_inertia_kg_m2=1e-4)) for r in (RLMA, ROBOTINO)]
+IDEAL = [replace(r, motor=Motor(0.05, 0.2, gear_ratio=10.0, rotor_inertia_kg_m2=3e-3)) for r in (RLMA, ROBOTINO)]
 
 
 @pytest.mark.parametrize("robot", IDEAL, ids=["RLMA", "Robotino"])
@@ -71,7 +71,7 @@ def test_a_push_opens_the_grade_and_a_large_one_the_slip():
 
 
 def test_a_robot_that_drags_does_not_run_away():
-    robot = IDEAL[1]
+    robot = replace(ROBOTINO, motor=Motor(0.5, 0.2))
     log = drive(robot, push_m_s2=3.0, motion=0.1 + 0.02 * np.sin(TIME), noise=0.05)
     estimates = observe(observer_for(robot, log, hard_terrain("dry asphalt"), "ekf").observer, log).estimates
     assert np.abs(estimates.speed_m_s - 0.1).max() < 0.1
