@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cli.test_slip import KEYS, SCORES
+from cli import test_slip
 from ohmward.cli.main import main
 from ohmward.logs import write_table
 from ohmward.traction import load_robot, save_robot
@@ -12,7 +12,7 @@ from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 POSE = ("--pose", "x,y,angle", "--pose-scale", "0.001,-0.001", "--pose-turn", "90", "--each", "run")
 RUNS = 6
-FLOOR_KEYS = {"travel_slip_mean", "travel_slip_std", "floor_share", "floor_crossings"}
+KEYS = {"command", "robot", "drives", "duration_s", "parameters", "floor", "notes", "output", "floors", "report"}
 
 
 def columns(run: int, floor, seed: int) -> dict[str, np.ndarray]:
@@ -55,6 +55,7 @@ def folder(files, tmp_path, monkeypatch):
 
 def test_from_drives_to_a_robot_its_floors_and_its_slip(folder, as_json, capsys):
     robot = as_json("calibrate", "smooth.csv", "--robot", "start.toml", *POSE, "-o", "robot.toml")
+    assert set(robot) == KEYS
     known = {p["name"]: p for p in robot["parameters"]}
     assert known["wheel.radius_m"]["value"] == pytest.approx(0.036, rel=0.005)
     assert known["motor.friction_Nm"]["identified"]
@@ -68,7 +69,7 @@ def test_from_drives_to_a_robot_its_floors_and_its_slip(folder, as_json, capsys)
     assert [f.name for f in load_floors("floors.toml").floor] == ["smooth", "soft"]
     on_soft = ("slip", "soft.csv:run=1", "--robot", "robot.toml", "--floors", "floors.toml")
     found = as_json(*on_soft, "-o", "slip.csv")
-    assert set(found) == KEYS | SCORES | FLOOR_KEYS
+    assert set(found) == test_slip.KEYS | test_slip.SCORES
     assert 0.1 < found["travel_slip_mean"] < 0.45
     assert found["floor_share"]["soft"] > 0.8
     assert found["floor_crossings"] == []

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from ohmward.traction.observers import Track
 
 
+#: What `ohmward slip --json` says of floors.
+FIGURES = ("travel_slip_mean", "travel_slip_std", "floor_share", "floor_crossings")
+
+
 class OnFloors(NamedTuple):
     """The drive as the floors explain it, the floors' names, and the wheels'."""
 

@@ -171,10 +171,10 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
 
 
 def floor_figures(answer: Answer) -> dict[str, Any]:
-    """What learnt floors say besides; nothing without them."""
+    """What learnt floors say besides; None without them."""
     from ohmward.cli import on_floors
 
-    return on_floors.figures(answer.on_floors) if answer.on_floors else {}
+    return on_floors.figures(answer.on_floors) if answer.on_floors else dict.fromkeys(on_floors.FIGURES)
 
 
 def floor_columns(answer: Answer) -> dict[str, np.ndarray]:
@@ -232,7 +232,7 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "flagged samples": flags or "none",
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
-    if "travel_slip_mean" in figures:
+    if figures["floor_share"]:
         from ohmward.cli.on_floors import described
 
         rows |= described(figures)
