@@ -20,6 +20,7 @@ from ohmward.simulate.closed_loop.account import Account, booked
 from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observation, make_observer
+from ohmward.simulate.closed_loop.pack_sensors import PackSensors
 from ohmward.simulate.closed_loop.power_limit import available_torque
 from ohmward.simulate.closed_loop.records import Records
 from ohmward.simulate.closed_loop.run import Instant, Row, Run
@@ -29,7 +30,6 @@ from ohmward.simulate.closed_loop.supply import Supplied, Supply
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward.simulate.closed_loop.watch import Watch
 from ohmward.simulate.robot_truth import RobotTruth
-from ohmward.simulate.sensors import Sensor
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement, Report
 from ohmward.traction.observers import SpeedObserver
@@ -37,10 +37,6 @@ from ohmward.traction.observers import SpeedObserver
 #: Instants of the history, at most, and the shortest time between them.
 _INSTANTS, _SHORTEST_S = 25_000, 0.002
 _PROGRESS_STEPS = 200
-
-#: What measures the battery: a Hall sensor and a divider, averaged over the interval of the log.
-PACK_CURRENT = Sensor(low=-150.0, high=150.0, resolution=0.012, noise_std=0.02, offset=0.02)
-PACK_VOLTAGE = Sensor(low=0.0, high=60.0, resolution=0.004, noise_std=0.004)
 
 Plant = TractionPlant | MujocoRobot
 
@@ -99,12 +95,11 @@ class Drive:
         self.supply = Supply(scenario.battery)
         self.sensors = Sensors(scenario.sensors, self.robot, sensors_rng)
         self.observation = Observation(_observer(scenario), self.robot)
-        self.pack = PackSensors(pack_rng)
-        self.pack.feel(self.supply.now)
+        self.pack = PackSensors(self.supply.now, pack_rng)
         self.watch = Watch(scenario)
         self.account = Account()
         self._wanted = [wanted(command, self.robot) for command in scenario.commands]
-        self._command, self._steps = -1, 0
+        self._command = -1
         self._state, self._control = _controller(scenario, self._wanted[0])
         self._keep_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
         self._under_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
@@ -142,7 +137,6 @@ class Drive:
         self.account = booked(self.account, work, self.robot.idle_W * dt_s, supplied.power_W * dt_s)
         self.pack.feel(supplied)
         self.watch.see(report, asked, torque, dt_s)
-        self._steps += 1
         self._keep(report, supplied)
 
     def _now(self) -> Wanted:
@@ -156,32 +150,6 @@ class Drive:
         if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9 or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
             self.history.add(Instant(self.truth, report, *battery, self.account))
-
-
-class PackSensors:
-    """The battery's current and voltage as its sensors show them, averaged between two readings.
-
-    Args:
-        rng: draws their noise.
-    """
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._sum, self._count = np.zeros(2), 0
-        self._last = np.full(2, np.nan)
-
-    def feel(self, supplied: Supplied) -> None:
-        """One step of the battery."""
-        self._sum = self._sum + np.array([supplied.current_A, supplied.voltage_V])
-        self._count += 1
-
-    def read(self) -> tuple[float, float]:
-        """Mean current [A] and voltage [V] since the last reading; nan before anything was felt."""
-        mean = self._sum / self._count if self._count else np.full(2, np.nan)
-        self._sum, self._count = np.zeros(2), 0
-        now = np.zeros(1)
-        current = PACK_CURRENT.read(mean[:1], now, self._rng)
-        return float(current[0]), float(PACK_VOLTAGE.read(mean[1:], now, self._rng)[0])
 
 
 def _controller(scenario: Scenario, first: Wanted) -> tuple[Any, Kernel]:
