@@ -28,7 +28,8 @@ BELOW: dict[str, set[str]] = {
     "energy": {"battery", "traction", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
     "export": {"battery", "traction", "trace", "filters"} | GROUND,
     "simulate": {"battery", "traction", "energy", "trace", "filters", "logs"} | GROUND,
-    "cli": {"battery", "traction", "energy", "simulate", "export", "logs", "report"} | GROUND,
+    "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
+    "cli": {"fleet", "battery", "traction", "energy", "simulate", "export", "logs", "report"} | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.

@@ -1,0 +1,94 @@
+"""Many logs of one battery type through one estimator, a log in each lane.
+
+The logs are sorted by length, the longest first, so those that are still running are always the first lanes. Where one
+ends, the next part goes on without it. Parts are few: a lane runs on for a while after its log's end, on samples that
+say nothing, and what it says there is thrown away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery.estimate import Estimate, Sample
+from ohmward.battery.soc_estimator import Estimator, samples_of
+from ohmward.logs.log import Log
+from ohmward.trace import Kernel
+
+#: A batch of logs is run in at most so many parts.
+_PARTS = 16
+
+
+def estimate_logs(
+    estimator: Estimator,
+    logs: Sequence[Log],
+    initial_soc: float | None = None,
+    initial_soc_std: float = 0.03,
+    lowering: str | None = None,
+) -> list[Estimate]:
+    """Estimates for each log, every field (T,); each is what `SocEstimator.run` gives, to rounding.
+
+    initial_soc: of every log; None takes it from each log's first voltage.
+    lowering: see `ohmward.trace.Kernel`.
+    """
+    if not logs:
+        return []
+    samples = [samples_of(log) for log in logs]
+    order = np.argsort([-len(log) for log in logs], kind="stable")
+    lengths = np.array([len(logs[i]) for i in order])
+    columns = Sample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(Sample._fields))))
+    firsts = [Sample(*(float(column[0]) for column in samples[i])) for i in order]
+    states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
+    kernel = Kernel(estimator.step, states[0], Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+    found = Estimate(*(np.empty((lengths[0], len(logs))) for _ in Estimate._fields))
+    state = _side_by_side(states)
+    for first, last, lanes in _parts(lengths):
+        part = Sample(*(column[first:last, :lanes] for column in columns))
+        state, estimates = kernel.scan_lanes(_lanes(state, lanes), part)
+        for whole, values in zip(found, estimates, strict=True):
+            whole[first:last, :lanes] = values
+    results: list[Any] = [None] * len(logs)
+    for lane, i in enumerate(order):
+        results[i] = Estimate(*(np.ascontiguousarray(values[: lengths[lane], lane]) for values in found))
+    return results
+
+
+def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
+    """(T, B), a log in each column; nan after its end."""
+    table = np.full((length, len(columns)), np.nan)
+    for lane, column in enumerate(columns):
+        table[: len(column), lane] = column
+    return table
+
+
+def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
+    """First and last step, and how many lanes still run; lengths (B,) falling."""
+    longest = int(lengths[0])
+    width = -(-longest // _PARTS)
+    first = 0
+    while first < longest:
+        lanes = int(np.count_nonzero(lengths > first))
+        last = min(first + width, longest)
+        while last < longest and np.count_nonzero(lengths > last) == lanes:
+            last = min(last + width, longest)
+        yield first, last, lanes
+        first = last
+
+
+def _side_by_side(states: Sequence[Any]) -> Any:
+    """One tree with a trailing lane axis on every leaf."""
+    first = states[0]
+    if isinstance(first, tuple):
+        children = (_side_by_side([state[k] for state in states]) for k in range(len(first)))
+        return type(first)(*children) if hasattr(first, "_fields") else tuple(children)
+    return np.stack([np.asarray(state, dtype=float) for state in states], axis=-1)
+
+
+def _lanes(state: Any, lanes: int) -> Any:
+    """The first lanes of a tree."""
+    if isinstance(state, tuple):
+        children = (_lanes(child, lanes) for child in state)
+        return type(state)(*children) if hasattr(state, "_fields") else tuple(children)
+    return state[..., :lanes]

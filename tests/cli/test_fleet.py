@@ -1,0 +1,57 @@
+"""`ohmward fleet` by hand."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ohmward.battery.battery_file import save_battery
+from ohmward.battery.chemistries import generic_battery
+from ohmward.cli.main import main
+from ohmward.logs import Log, write_log
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_battery(generic_battery("nmc", 2.0), tmp_path / "cell.toml")
+    (tmp_path / "logs").mkdir()
+    for k in range(3):
+        current = np.repeat([-1.0, 0.0, -2.0, 0.5], 30)
+        log = Log(f"robot{k}", np.arange(current.size) * 1.0, current, 3.8 + 0.05 * current)
+        write_log(log, tmp_path / "logs" / f"robot{k}.csv")
+    return tmp_path
+
+
+def test_a_pattern_becomes_a_summary_and_the_second_run_is_done_at_once(folder, capsys):
+    command = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml")]
+    command += ["-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1", "--json"]
+    assert main(command) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert (first["logs"], first["failed"], first["resumed"]) == (3, 0, 0)
+    assert first["samples"] == 360 and first["soc_final_min"] < 1.0
+    assert main(command) == 0
+    assert json.loads(capsys.readouterr().out)["resumed"] == 3
+
+
+def test_people_read_which_logs_were_not_used(folder, capsys):
+    (folder / "logs" / "broken.csv").write_text("nothing\n")
+    command = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml")]
+    assert main([*command, "-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1"]) == 0
+    text = capsys.readouterr().out
+    assert "broken.csv" in text and "summary.csv" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["nowhere/*.csv"], "no file matches"),
+        (["LOGS", "--filter", "best"], "filter must be one of"),
+        (["LOGS", "--where", "run=1"], "hold one recording each"),
+    ],
+)
+def test_refusals_write_nothing(folder, capsys, options, message):
+    options = [str(folder / "logs" / "*.csv") if o == "LOGS" else o for o in options]
+    command = ["fleet", *options, "--battery", str(folder / "cell.toml"), "-o", str(folder / "out")]
+    assert main(command) == 2
+    assert message in capsys.readouterr().err
+    assert not (folder / "out").exists()

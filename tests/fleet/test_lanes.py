@@ -1,0 +1,52 @@
+"""Logs side by side are the logs one by one."""
+
+import numpy as np
+import pytest
+
+from battery.examples import NMC, drive, samples, simulate
+from ohmward.battery.coulomb import CoulombCounting
+from ohmward.battery.noise import Noise
+from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.fleet.lanes import _parts, estimate_logs
+from ohmward.logs.log import Log
+
+NOISE = Noise()
+
+
+def a_log(seed: int, steps: int) -> Log:
+    truth = simulate(NMC, drive(np.random.default_rng(seed), steps), 0.9 - 0.05 * seed)
+    columns = samples(truth, 0.0, NOISE)
+    return Log(f"log {seed}", truth.time_s, columns.current_A, columns.voltage_V)
+
+
+LOGS = [a_log(seed, steps) for seed, steps in enumerate([120, 37, 300, 300, 1, 150, 2])]
+
+
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+@pytest.mark.parametrize("estimator", [TheveninFilter(NMC, NOISE), CoulombCounting(NMC, NOISE)], ids=["ekf", "coulomb"])
+def test_logs_of_many_lengths_are_the_logs_one_by_one(estimator, lowering):
+    together = estimate_logs(estimator, LOGS, lowering=lowering)
+    for log, found in zip(LOGS, together, strict=True):
+        alone = SocEstimator(estimator, lowering="python").run(log).estimates
+        for name in alone._fields:
+            assert getattr(found, name).shape == (len(log),)
+            np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-7, atol=1e-9, err_msg=name)
+
+
+def test_a_given_start_is_that_of_every_log():
+    found = estimate_logs(CoulombCounting(NMC, NOISE), LOGS[:2], initial_soc=0.88, initial_soc_std=1e-3)
+    assert [e.soc[0] for e in found] == pytest.approx([0.88, 0.88], abs=1e-3)
+
+
+def test_no_logs_give_no_estimates():
+    assert estimate_logs(CoulombCounting(NMC, NOISE), []) == []
+
+
+@pytest.mark.parametrize("lengths", [[5], [100, 100, 100], [100, 99, 3, 1], list(range(1000, 0, -7))])
+def test_parts_cover_every_step_of_every_log(lengths):
+    parts = list(_parts(np.array(lengths)))
+    assert [p[0] for p in parts] == [0, *(p[1] for p in parts[:-1])] and parts[-1][1] == lengths[0]
+    assert len(parts) <= 16
+    for first, last, lanes in parts:
+        assert first < last and lanes == sum(length > first for length in lengths)
