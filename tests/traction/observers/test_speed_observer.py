@@ -12,7 +12,7 @@ from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
-from ohmward.traction import SkidSteer, scene
+from ohmward.traction import Input, RollingResistance, SkidSteer, next_state, scene
 from ohmward.traction.observers import KNOWN_GROUND, Noise, Sample, SpeedObserver, States
 from ohmward.traction.observers.fusion import gated
 from ohmward.traction.observers.reading import read
@@ -156,6 +156,21 @@ def test_an_external_speed_shows_the_radius():
     _, e = observed(observer, sample)
     assert e.radius_share[-1] == pytest.approx(true_share, abs=3 * e.radius_std[-1])
     assert e.radius_std[-1] < 0.005
+
+
+def test_on_level_ground_the_rolling_resistance_is_learnt():
+    twice = scene(RLMA_ON_FLOOR.robot, FLOOR._replace(rolling=RollingResistance(a1=0.015, a3_s_per_m=0.0)))
+    current = 0.8 + 0.5 * np.sin(np.arange(1500) * DT_S)
+    kernel = Kernel(lambda x, i: (next_state(x, Input(i * np.ones(2)), twice, DT_S),) * 2, np.zeros(4), 0.0)
+    _, truth = kernel.scan(np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12]), current)
+    noise = Noise(pitch_std_rad=0.001, speed_std_m_s=0.02)
+    observer = SpeedObserver(RLMA_ON_FLOOR, noise=noise)
+    samples = log(truth[:, 2], current, pitch_rad=np.zeros(1500), speed_m_s=truth[:, 0])
+    state, _ = observed(observer, samples)
+    belief, i = unpack(PackedBelief(*state.belief)), observer.model.layout.index("rolling_excess")
+    std = np.sqrt(belief.cov[i, i])
+    assert std < 0.35 < noise.rolling_std
+    assert belief.mean[i] == pytest.approx(1.0, abs=3 * std)
 
 
 @pytest.mark.parametrize(
