@@ -148,7 +148,7 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
         "steps": len(log),
         "seconds": track.seconds,
         "duration_s": log.duration_s,
-        "distance_m": float(np.trapezoid(np.abs(e.speed_m_s), log.time_s)),
+        "distance_m": float(np.trapezoid(travel_speed_m_s(task, answer), log.time_s)),
         "speed_min_m_s": float(e.speed_m_s.min()),
         "speed_max_m_s": float(e.speed_m_s.max()),
         "speed_final_m_s": float(e.speed_m_s[-1]),
@@ -168,6 +168,18 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
         "notes": answer.notes,
         **floor_figures(answer),
     }
+
+
+def travel_speed_m_s(task: Task, answer: Answer) -> np.ndarray:
+    """(T,) in whatever direction."""
+    import numpy as np
+
+    from ohmward.traction.observers.track import motion_of
+
+    estimates = answer.track.estimates
+    if answer.on_floors:
+        return np.abs(estimates.speed_m_s)
+    return np.linalg.norm(motion_of(task.robot, estimates)[:, :-1], axis=1)
 
 
 def floor_figures(answer: Answer) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.observers import Estimate, Noise, Sample, SlipEstimator, SpeedObserver, observe
-from ohmward.traction.observers.track import first_of, samples_of
+from ohmward.traction.observers.track import first_of, motion_of, samples_of
+from ohmward.traction.robot import wheel_speeds
 from traction.observers.examples import FLOOR
 
 OBSERVER = SpeedObserver(scene(RLMA, FLOOR), method="ekf")
@@ -106,3 +107,14 @@ def test_a_robot_that_turns_on_the_spot_is_not_stuck():
     gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
     whole = {"yaw_rate_rad_s": np.full(300, rate), "speed_m_s": np.zeros(300)}
     assert not observe(gyro, replace(turning, **whole)).estimates.immobilised.any()
+
+
+def test_the_motion_of_an_omni_robot_has_three_parts():
+    true = np.array([0.1, -0.2, 0.3])
+    wheels = np.tile(wheel_speeds(ROBOTINO, true), (200, 1))
+    log = DriveLog("omni", 0.01 * np.arange(200), wheels, np.zeros((200, 3)))
+    estimates = observe(SpeedObserver(scene(ROBOTINO, FLOOR), method="ekf"), log).estimates
+    motion = motion_of(ROBOTINO, estimates)
+    assert motion[:, 0] == pytest.approx(estimates.speed_m_s, abs=1e-9)
+    assert motion[:, 2] == pytest.approx(estimates.yaw_rate_rad_s, abs=1e-9)
+    assert motion[-1] == pytest.approx(true, abs=0.02)

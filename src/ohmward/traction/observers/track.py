@@ -15,6 +15,7 @@ from ohmward.trace import Kernel, snapshot
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
 from ohmward.traction.observers.slow_channel import held
 from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
+from ohmward.traction.robot import Robot
 
 Progress = Callable[[int, int], None]
 
@@ -142,6 +143,12 @@ def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
         speed_std_m_s=np.hypot(estimate.speed_std_m_s, std_m_s.max(axis=-1)),
         slip_speed_std_m_s=np.hypot(estimate.slip_speed_std_m_s, std_m_s),
     )
+
+
+def motion_of(robot: Robot, estimates: Estimate) -> np.ndarray:
+    """(T, freedoms) the motion of the body that estimates (T, ...) hold in the speeds of the wheels' centres."""
+    rim = robot.wheel.radius_m * estimates.radius_share[:, None] * estimates.wheel_speed_rad_s
+    return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
 def first_of(samples: Sample) -> Sample:
