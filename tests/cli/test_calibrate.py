@@ -68,12 +68,13 @@ def test_from_drives_to_a_robot_its_floors_and_its_slip(folder, as_json, capsys)
         assert floor["drives"] == RUNS
     assert [f.name for f in load_floors("floors.toml").floor] == ["smooth", "soft"]
     on_soft = ("slip", "soft.csv:run=1", "--robot", "robot.toml", "--floors", "floors.toml")
-    found = as_json(*on_soft, "-o", "slip.csv")
+    found = as_json(*on_soft, "-o", "slip.csv", "--report", "slip.html")
     assert set(found) == test_slip.KEYS | test_slip.SCORES
     assert 0.1 < found["travel_slip_mean"] < 0.45
     assert found["floor_share"]["soft"] > 0.8
     assert found["floor_crossings"] == []
     assert "wheel_1_on_soft" in (folder / "slip.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert "Floor under wheel 1" in (folder / "slip.html").read_text(encoding="utf-8")
     assert main(on_soft) == 0
     assert "floors under the wheels" in capsys.readouterr().out
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.cli.pages.common import FOOTER, with_assumptions
+from ohmward.cli.pages.on_floors import floor_figures
 from ohmward.cli.slip import Answer, Task, driven_wheels, errors, result, summary
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.report import TIME, Band, Figure, Page, Series, Span
@@ -51,6 +52,8 @@ def _numbers(figures: dict) -> dict[str, str]:
 def _plots(task: Task, answer: Answer) -> list[Figure]:
     e, time_s = answer.track.estimates, answer.track.time_s
     plots = [speed_figure(task, time_s, e)]
+    if answer.on_floors:
+        plots += floor_figures(answer.on_floors)
     truth = true_slip(task.robot, e, task.truth.values).speed_m_s if task.truth else None
     for k, wheel in enumerate(driven_wheels(task.robot)):
         plots.append(slip_figure(time_s, e, k, wheel, None if truth is None else truth[:, k]))

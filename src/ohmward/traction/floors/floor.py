@@ -28,7 +28,7 @@ STIFFNESS, STIFFNESS_STD = 8.0, 0.8
 ROLLING, ROLLING_STD = 0.03, 1.0
 #: Floors resemble each other for one robot: the share of these sigmas from floor to floor; the rest is common to all.
 BETWEEN_SHARE = 0.8
-_NODES = 5
+_NODES = 11
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _pooled(known: Sequence[tuple[float, float]], median: float, std: float) -> 
 
 
 def _nodes(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss and Hermite's nodes (25, 2) of ln mu and ln C, and their weights."""
+    """Gauss and Hermite's nodes (121, 2) of ln mu and ln C, and their weights."""
     x, w = np.polynomial.hermite_e.hermegauss(_NODES)
     factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
     grid = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
