@@ -36,6 +36,13 @@ def test_samples_come_at_the_interval_with_the_speeds_of_the_wheels(truths):
     assert arrival.sample.dt_s == pytest.approx(0.01)
 
 
+def test_the_first_speeds_are_known_at_the_start_only(truths):
+    at_start, later = watch(QUIET, truths)[0][1], watch(QUIET, truths[100:])[0][1]
+    assert at_start.sample.wheel_speed_rad_s[:2].tolist() == [0.0, 0.0]
+    assert np.isnan(later.sample.wheel_speed_rad_s).all()
+    assert later.sample.dt_s == 0.0
+
+
 def test_encoders_sit_where_they_are_put(truths):
     all_wheels = watch(replace(QUIET, encoders="all"), truths)[-1][1].sample
     some = watch(replace(QUIET, encoders=("front_left", "rear_right")), truths)[-1][1].sample

@@ -113,7 +113,7 @@ class Drive:
 
     def look(self) -> None:
         """Let the sensors sample, and the observer use what has arrived."""
-        arrivals = list(self.sensors.see(self.truth))
+        arrivals = self.sensors.see(self.truth)
         if self.sensors.sampled:
             self._under_way[self.truth.time_s] = self.truth, *self.pack.read(), float(self.supply.now.soc)
         for arrival in arrivals:

@@ -7,7 +7,6 @@ or lidar odometry) has its own rate, delay and losses, and rides along with the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -163,7 +162,7 @@ class Sensors:
         n = self.robot.driven
         return truth.wheel_speed_rad_s[:n] + self.sensing.drive_speed_std_rad_s * self._rng.standard_normal(n)
 
-    def see(self, truth: RobotTruth) -> Iterator[Arrival]:
+    def see(self, truth: RobotTruth) -> list[Arrival]:
         """Sample what is due; what arrives now, in order. What arrives after something newer is left out.
 
         A motor's current is its mean since the sample before. `sampled` says whether a sample was taken.
@@ -176,10 +175,12 @@ class Sensors:
         self.sampled = self._board.next_s != due_s
         if self.sampled:
             self._torque_Nm, self._steps = np.zeros_like(self._torque_Nm), 0
+        used = []
         for reading in sorted(arrived, key=lambda r: r.time_s):
             if self._before is None or reading.time_s > self._before.time_s + _SAME_TIME_S:
-                yield Arrival(reading.time_s, self._sample(reading))
+                used.append(Arrival(reading.time_s, self._sample(reading)))
                 self._before = reading
+        return used
 
     def _see_speed(self, truth: RobotTruth) -> None:
         speed = self.sensing.speed
@@ -192,17 +193,10 @@ class Sensors:
 
     def _sample(self, reading: Reading) -> Sample:
         """The reading as an observer takes it, with the newest speed that has arrived."""
-        speeds = np.full(len(self.robot.places), math.nan)
-        dt_s = 0.0
-        if self._before is None:
-            speeds[list(self._settings.encoder_wheels)] = 0.0
-        else:
-            dt_s = reading.time_s - self._before.time_s
-            speeds[list(self._settings.encoder_wheels)] = wheel_speed(self._before, reading, self._settings)
-        late = self._newest_speed(reading)
+        before, late = self._before, self._newest_speed(reading)
         return Sample(
-            dt_s,
-            speeds,
+            reading.time_s - before.time_s if before else 0.0,
+            self._wheel_speeds(reading),
             reading.motor_current_A,
             float(reading.gyro_rad_s[2]) if self.sensing.gyro else math.nan,
             float(reading.specific_force_m_s2[0]),
@@ -211,6 +205,16 @@ class Sensors:
             self.sensing.speed.std_m_s if late else math.nan,
             reading.time_s - late.time_s if late else 0.0,
         )
+
+    def _wheel_speeds(self, reading: Reading) -> np.ndarray:
+        """(wheels,) [rad/s] since the reading before; without one, 0 at the start, where the robot stands."""
+        speeds = np.full(len(self.robot.places), math.nan)
+        wheels = list(self._settings.encoder_wheels)
+        if self._before is not None:
+            speeds[wheels] = wheel_speed(self._before, reading, self._settings)
+        elif reading.time_s == 0.0:
+            speeds[wheels] = 0.0
+        return speeds
 
     def _newest_speed(self, reading: Reading) -> Late | None:
         here = [
