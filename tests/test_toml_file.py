@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
 from ohmward.toml_file import TomlFile
 
@@ -10,6 +11,9 @@ from ohmward.toml_file import TomlFile
 @dataclass(frozen=True)
 class Circle:
     radius_m: float
+
+    def __post_init__(self) -> None:
+        require_positive("circle.radius_m", self.radius_m)
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ def test_the_text():
         ('"box"', '"cone"', r"shapes\[1\].kind must be one of circle, box; got 'cone'"),
         ('"box"', '["box"]', r"shapes\[1\].kind must be one of circle, box; got \['box'\]"),
         ("radius_m = 1.0", 'radius_m = "1"', r"shapes\[0\].radius_m: expected `float`, got `str`, got '1'; correct it"),
+        ("radius_m = 1.0", "radius_m = -1.0", r"shapes\[0\]: circle.radius_m must be > 0, got -1"),
         ("radius_m = 1.0", "", r"shapes\[0\].radius_m is missing; add it"),
         (
             "radius_m = 1.0",

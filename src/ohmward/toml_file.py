@@ -101,7 +101,11 @@ class TomlFile(Generic[T]):
             if name not in table and f.default is MISSING and f.default_factory is MISSING:
                 raise InputError(f"{_join(place, name)} is missing; add it")
         hints = get_type_hints(cls)
-        return cls(**{key: self._from_value(hints[key], value, _join(place, key)) for key, value in table.items()})
+        values = {key: self._from_value(hints[key], value, _join(place, key)) for key, value in table.items()}
+        try:
+            return cls(**values)
+        except InputError as error:
+            raise InputError(f"{place}: {error}" if place.endswith("]") else str(error)) from error
 
     def _from_value(self, hint: Any, value: Any, place: str) -> Any:
         if get_origin(hint) is tuple and _classes(get_args(hint)[0]):
