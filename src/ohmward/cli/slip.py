@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ohmward.cli.on_floors import OnFloors
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
-    from ohmward.traction.observers import Track
+    from ohmward.traction.observers import Estimate, Track
 
 _EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml
@@ -156,12 +156,7 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
         "slip_episodes": [episode._asdict() for episode in slip_episodes(track, driven_wheels(task.robot))],
         "immobilised_episodes": [episode._asdict() for episode in immobilised_episodes(track)],
         "unobserved_share": float(np.mean(unobserved)),
-        "friction_share": _if_estimated(e.friction_share[-1, 0], e.friction_std[-1, 0]),
-        "friction_std": _if_estimated(e.friction_std[-1, 0], e.friction_std[-1, 0]),
-        "grade_rad": _if_estimated(e.grade_rad[-1], e.grade_std_rad[-1]),
-        "grade_std_rad": _if_estimated(e.grade_std_rad[-1], e.grade_std_rad[-1]),
-        "radius_share": _if_estimated(e.radius_share[-1], e.radius_std[-1]),
-        "radius_std": _if_estimated(e.radius_std[-1], e.radius_std[-1]),
+        **lasting_figures(e),
         "flags": track.counts(),
         **scores(task, track),
         "truth": task.truth.note if task.truth else None,
@@ -210,9 +205,18 @@ def scores(task: Task, track: Track) -> dict[str, Any]:
     return dict(list(score_drive(task.robot, track.estimates, task.truth.values)._asdict().items())[:-1])
 
 
-def _if_estimated(value: float, std: float) -> float | None:
-    """The value of a quantity that is a state; one that is assumed has no std."""
-    return float(value) if std > 0 else None
+def lasting_figures(e: Estimate) -> dict[str, float | None]:
+    """Friction, grade and radius at the end; None for what is assumed, which has no std."""
+    final = {
+        ("friction_share", "friction_std"): (e.friction_share[-1, 0], e.friction_std[-1, 0]),
+        ("grade_rad", "grade_std_rad"): (e.grade_rad[-1], e.grade_std_rad[-1]),
+        ("radius_share", "radius_std"): (e.radius_share[-1], e.radius_std[-1]),
+    }
+    return {
+        name: float(value) if pair[1] > 0 else None
+        for names, pair in final.items()
+        for name, value in zip(names, pair, strict=True)
+    }
 
 
 def describe(task: Task, figures: dict[str, Any]) -> str:
