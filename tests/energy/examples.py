@@ -7,7 +7,8 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.thevenin import Thevenin
-from ohmward.energy.consumption import Consumption, Prior, Variance, begin_drive, learn, start, with_terrain
+from ohmward.energy.consumption import Consumption, Variance, begin_drive, learn, start, with_terrain
+from ohmward.energy.consumption_prior import Prior
 from ohmward.energy.leg import Leg, stretch_of
 
 PRIOR = Prior(

@@ -7,7 +7,6 @@ from energy.examples import PRIOR, certain, learned
 from ohmward.energy.consumption import (
     HEAT,
     Consumption,
-    Prior,
     Variance,
     begin_drive,
     features,
@@ -17,6 +16,7 @@ from ohmward.energy.consumption import (
     start,
     with_terrain,
 )
+from ohmward.energy.consumption_prior import Prior
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.errors import InputError
 

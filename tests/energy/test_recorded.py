@@ -41,6 +41,11 @@ def test_backward_up_a_hill_the_nose_is_down():
     assert sum(d.stretch.distance_m for d in found) == pytest.approx(150.0)
 
 
+def test_speed_that_is_won_is_kinetic_energy():
+    (found,) = cut_drive(T[:100], 0.1 + 0.005 * T[:100], np.full(100, 20.0), "grass")
+    assert found.stretch.kinetic_m2_s2 == pytest.approx(0.5 * (0.595**2 - 0.1**2))
+
+
 def test_gaps_are_left_out_and_short_ones_bridged():
     power = np.full(301, 20.0)
     power[100:150] = np.nan

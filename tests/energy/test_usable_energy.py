@@ -9,7 +9,7 @@ from ohmward.battery.chemistries import start_model
 from ohmward.battery.ocv import OcvCurve
 from ohmward.battery.rc import RcModel
 from ohmward.battery.rc.model import next_state, voltage
-from ohmward.battery.thevenin import Input
+from ohmward.battery.thevenin import Input, Thevenin
 from ohmward.battery.thevenin import next_state as thevenin_next
 from ohmward.battery.thevenin import voltage as thevenin_voltage
 from ohmward.energy.points import normal_points
@@ -34,6 +34,12 @@ def test_a_straight_curve_down_to_the_cut_off():
     # U = 20 + 8 z, no resistance: from z = 0.9 to U = 22 at z = 0.25, Q (20 z + 4 z^2)
     found = energy_J(battery((20.0, 28.0)), Charge(0.9, cutoff_V=22.0), 50.0)
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
+
+
+def test_a_battery_is_emptied_along_the_discharge_branch():
+    model = Thevenin(10.0, OcvCurve((24.0, 24.0), (1.0, 1.0)), (0.0,) * 2, (0.0,) * 2, (), ())
+    found = energy_J(Battery("test", 10.0, thevenin=model), Charge(0.5), 10.0)
+    assert found == pytest.approx(36000.0 * 23.0 * 0.5)
 
 
 def test_power_that_cannot_be_had_gives_nothing():

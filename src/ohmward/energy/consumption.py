@@ -23,12 +23,13 @@ sure of terrains that it has never seen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_finite, require_positive
+from ohmward.checks import require_between, require_finite
+from ohmward.energy.consumption_prior import Prior
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.traction.robot import GRAVITY
@@ -44,70 +45,6 @@ _LEAST_FORCE = 0.1
 _SHORTEST_M = 3.0
 #: A drive tells of its own day only where it has narrowed it by this share.
 _LEAST_INFORMATION = 0.02
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What is believed of a robot before it has driven, and of a terrain before it was met.
-
-    Attributes:
-        mass_kg: to which `force_N` belongs, > 0.
-        idle_W, idle_std_W: of everything but the drives.
-        force_N, force_std_N: resistance of an unknown terrain, at the battery.
-        speed_N_s_per_m, speed_std_N_s_per_m: how it grows with speed.
-        climb, climb_std: energy from the battery over the potential energy won, about 1/efficiency.
-        regain, regain_std: energy that comes back over the energy of braking.
-        heat_W_per_N2, heat_std_W_per_N2: heat of the windings over the square of the force.
-        scatter_m: sigma^2, see above; 1 m is a fifth over 25 m.
-        day_std: tau, how much the resistance differs from drive to drive, as a share.
-        model_std: what no drive teaches, as a share of the whole: gains of the sensors, curves taken as lines.
-        drift_std: change of forces and idle power in a month, as a share of the prior's.
-        dof: degrees of freedom that the last two variances are believed with, >= 3.
-        terrain_force_N: resistance of terrains of which something is known before, by name.
-    """
-
-    mass_kg: float
-    idle_W: float
-    idle_std_W: float
-    force_N: float
-    force_std_N: float
-    speed_N_s_per_m: float = 0.0
-    speed_std_N_s_per_m: float = 0.0
-    climb: float = 1.3
-    climb_std: float = 0.25
-    regain: float = 0.4
-    regain_std: float = 0.3
-    heat_W_per_N2: float = 0.0
-    heat_std_W_per_N2: float = 0.0
-    scatter_m: float = 1.0
-    day_std: float = 0.15
-    model_std: float = 0.02
-    drift_std: float = 0.05
-    dof: float = 4.0
-    terrain_force_N: dict[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb"):
-            require_positive(f"prior.{name}", getattr(self, name))
-        for name in (
-            "idle_W",
-            "idle_std_W",
-            "speed_std_N_s_per_m",
-            "climb_std",
-            "regain_std",
-            "drift_std",
-            "model_std",
-        ):
-            require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
-        for name in ("regain", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
-            require_between(f"prior.{name}", getattr(self, name), 0.0, np.inf)
-        require_between("prior.dof", self.dof, 3.0, np.inf)
-        for name, force_N in self.terrain_force_N.items():
-            require_positive(f"prior.terrain_force_N.{name}", force_N)
-
-    def force_of(self, terrain: str) -> float:
-        """Resistance [N] that is expected of a terrain before it was met."""
-        return self.terrain_force_N.get(terrain, self.force_N)
 
 
 class Variance(NamedTuple):

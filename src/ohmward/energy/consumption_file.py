@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.energy.consumption import SHARED, Consumption, Prior, Variance, Visits
+from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
+from ohmward.energy.consumption_prior import Prior
 from ohmward.errors import InputError
 
 FORMAT = "ohmward-consumption/1"

@@ -6,19 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.cli.mission import (
-    TERRAINS,
-    Answer,
-    Task,
-    advice_lines,
-    expected_J_per_m,
-    result,
-    split_rows,
-    summary,
-    terrain_rows,
-    usual_speed_m_s,
-)
+from ohmward.cli.mission import Answer, Task, expected_J_per_m, summary, usual_speed_m_s
 from ohmward.cli.mission_log import Recording, Split
+from ohmward.cli.mission_text import TERRAINS, advice_lines, result, split_rows, terrain_rows
 from ohmward.cli.pages.common import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.energy import Charge, Consumption, Outlook

@@ -1,0 +1,49 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.energy.consumption import need, start, with_terrain
+from ohmward.energy.consumption_prior import heat_W_per_N2, prior_from_mass, prior_from_robot
+from ohmward.energy.leg import Leg, stretch_of
+from ohmward.errors import InputError
+from ohmward.traction import RLMA, Input, forces, hard_terrain, power, scene
+from ohmward.traction.quasi_static import wheel_slip
+from traction.examples import LOSSY
+
+ROBOT = replace(RLMA, idle_W=12.0)
+
+
+def test_windings_heat_as_the_model_of_the_robot_says():
+    # at constant speed up a slope both front wheels pull alike
+    p, motion = scene(ROBOT, hard_terrain("dry asphalt")), np.array([0.5, 0.0])
+    current_A = np.full(2, 3.0)
+    pull_N = 2 * 3.0 * 0.517 / 0.12
+    x = np.concatenate([motion, wheel_slip(motion, Input(current_A), p).speed_rad_s])
+    copper_W = power(x, Input(current_A), p, forces(x, Input(current_A), p)).copper
+    assert heat_W_per_N2(ROBOT) * pull_N**2 == pytest.approx(copper_W)
+
+
+def test_a_metre_on_asphalt_is_of_the_right_order():
+    prior = prior_from_robot(ROBOT)
+    c = with_terrain(start(prior), "asphalt")
+    found = need(c, [stretch_of(Leg(1.0, "asphalt", 0.5))])
+    resistance_N = 0.02 * 42 * 9.80665
+    heat_W = heat_W_per_N2(ROBOT) * resistance_N**2
+    drag_J = 0.02 * 42 * 9.80665 * 0.5 / 0.9
+    assert found.mean_J == pytest.approx(12.0 / 0.5 + resistance_N / 0.9 + drag_J + heat_W / 0.5)
+    assert 0.1 * found.mean_J < found.std_J < found.mean_J
+
+
+def test_losses_of_the_gear_raise_the_price_of_a_climb():
+    assert prior_from_robot(replace(ROBOT, motor=LOSSY)).climb == pytest.approx(1 / (0.8 * 0.9))
+
+
+def test_an_idle_power_that_nobody_said_is_any():
+    assert prior_from_mass(40.0).idle_std_W == prior_from_mass(40.0).idle_W == 10.0
+    assert prior_from_mass(40.0, 20.0).idle_std_W == pytest.approx(6.0)
+
+
+def test_a_mass_that_is_none():
+    with pytest.raises(InputError, match="mass_kg must be > 0"):
+        prior_from_mass(0.0)
