@@ -32,7 +32,7 @@ def test_a_car_with_the_speed_of_its_rims(measured):
 
 def test_a_skid_steered_robot_with_one_speed_and_current_for_each_side(measured):
     path = measured("borealtc_husky_subset/wheel_service.parquet")
-    where = {"terrain": "ASPHALT", "run": 2}
+    where: dict[str, float | str] = {"terrain": "ASPHALT", "run": 2}
     log = read_drive(path, FOUR, 4, radius_m=0.165, units={"wheel_speed": "m/s"}, where=where)
     assert np.array_equal(log.wheel_speed_rad_s[:, :2], log.wheel_speed_rad_s[:, 2:])
     assert np.array_equal(log.motor_current_A[:, :2], log.motor_current_A[:, 2:])
