@@ -63,7 +63,7 @@ def recorded():
     return drive_log(closed_loop.run(parse_scenario(SPEED)))
 
 
-@pytest.mark.parametrize("name", ["drive.csv", "drive.parquet"])
+@pytest.mark.parametrize("name", ["drive.csv", pytest.param("drive.parquet", marks=pytest.mark.slow)])
 def test_the_log_reads_back_as_it_was_recorded(folder, recorded, name):
     assert main(["simulate", "speed.toml", "-o", name]) == 0
     read = read_drive(name, [p.name for p in RLMA.places], RLMA.driven)
@@ -75,6 +75,7 @@ def test_the_log_reads_back_as_it_was_recorded(folder, recorded, name):
         np.testing.assert_array_equal(read.extra[truth], recorded.extra[truth], err_msg=truth)
 
 
+@pytest.mark.slow
 def test_the_log_reads_as_one_of_a_battery(folder):
     main(["simulate", "speed.toml", "-o", "drive.csv"])
     log = read_log("drive.csv", current_sign="charge")
@@ -126,7 +127,7 @@ def test_an_interrupt_leaves_nothing_half_written(folder, monkeypatch):
         (("nothing.toml",), "nothing.toml: cannot be read"),
         (("speed.toml", "-o", "speed.toml"), "the name must end in .csv or .parquet"),
         (("speed.toml", "-o", "none/x.csv"), "there is no folder 'none'"),
-        (("bad.toml",), "bad.toml: ground.friction must be > 0 and at most 3, got -0.1"),
+        (("bad.toml",), "ground.friction must be > 0 and at most 3, got -0.1"),
     ],
 )
 def test_what_cannot_be_is_refused(folder, refused, words, message):
@@ -140,6 +141,7 @@ def test_mujoco_that_is_missing_is_said(folder, refused, monkeypatch):
     assert "pip install 'ohmward[sim]'" in refused("simulate", "mj.toml")
 
 
+@pytest.mark.slow
 def test_text_and_json_say_the_same(folder, capsys):
     main(["simulate", "slip.toml"])
     text = capsys.readouterr().out

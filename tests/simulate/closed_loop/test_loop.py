@@ -93,12 +93,14 @@ def test_our_plant_agrees_with_mujoco():
     assert abs(other.numerical[-1]) < 1e-3 * other.battery[-1]
 
 
+@pytest.mark.slow
 def test_late_samples_are_used_late():
     late = replace(DRIVE, duration_s=0.5, commands=(Command(speed_m_s=0.6),), sensors=Sensing(delay_s=0.04))
     rows = closed_loop.run(late).rows
     assert rows.time_s[-1] == pytest.approx(0.46)
 
 
+@pytest.mark.slow
 def test_a_controller_without_fresh_speeds_gives_up_and_says_so():
     slow = replace(DRIVE, duration_s=0.4, commands=(Command(speed_m_s=0.6),), sensors=Sensing(interval_s=0.3))
     run = closed_loop.run(slow)
@@ -113,6 +115,7 @@ def test_sensors_of_which_nothing_arrives_are_refused(sensors):
         closed_loop.run(short)
 
 
+@pytest.mark.slow
 def test_slip_that_the_motors_cannot_give_is_said():
     strong = Scenario(
         0.8,
@@ -126,7 +129,9 @@ def test_slip_that_the_motors_cannot_give_is_said():
     assert np.isnan(figures(run).slip_settle_s)
 
 
-@pytest.mark.parametrize("law", ["sliding-mode", "fuzzy", "pid"])
+@pytest.mark.parametrize(
+    "law", ["sliding-mode", *(pytest.param(law, marks=pytest.mark.slow) for law in ("fuzzy", "pid"))]
+)
 def test_slip_is_held_on_the_true_speed(law):
     scenario = Scenario(
         1.0,
@@ -140,6 +145,7 @@ def test_slip_is_held_on_the_true_speed(law):
     assert found.slip_rms_error < 0.01
 
 
+@pytest.mark.slow
 def test_a_full_battery_leaves_the_braking_to_the_resistor():
     full = replace(
         EXACT,
@@ -162,6 +168,7 @@ def test_an_empty_battery_ends_the_drive():
     assert any("the battery is empty" in warning for warning in run.warnings)
 
 
+@pytest.mark.slow
 def test_a_weak_battery_limits_the_torque():
     weak = replace(EXACT, battery=Pack(start_soc=0.02), ground=(Patch(friction=2.0),), grade=Grade())
     run = closed_loop.run(replace(weak, commands=(Command(torque_Nm=8.0),), controller=Control("torque")))

@@ -17,7 +17,7 @@ FLAT = replace(RLMA, height_m=0.0)
 RLMA_HIGH = replace(RLMA, height_m=0.17)
 SKID = replace(RLMA_HIGH, chassis=SkidSteer(0.314, 0.314, 0.30))
 CREEP = Patch(friction=0.8, rolling=0.0)
-ROBOTS = [RLMA_HIGH, SKID, ROBOTINO]
+ROBOTS = [RLMA_HIGH, *(pytest.param(robot, marks=pytest.mark.slow) for robot in (SKID, ROBOTINO))]
 
 
 def drive(plant, torque_Nm, duration_s, dt_s=1e-3):
@@ -49,6 +49,7 @@ def test_newton_without_slip_or_rolling():
     assert truth.wheel_angle_rad == pytest.approx(np.full(4, truth.position_m[0] / 0.12), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_reverse_is_the_mirror_of_forward():
     torque = np.array([2.0, 2.6])
     forward, _ = drive(TractionPlant(RLMA_HIGH, [Patch(friction=0.2)]), torque, 0.5)
