@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -6,7 +8,7 @@ from ohmward.logs.drive_log import DriveLog
 
 
 def a_log(**changes) -> DriveLog:
-    values = {
+    values: dict[str, Any] = {
         "time_s": [0.0, 0.1, 0.3],
         "wheel_speed_rad_s": np.arange(12.0).reshape(3, 4),
         "motor_current_A": np.ones((3, 2)),

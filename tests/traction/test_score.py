@@ -63,7 +63,7 @@ def test_what_did_not_happen_has_no_rate():
 def test_the_yaw_rate_moves_the_centres_of_the_wheels():
     truth = DriveTruth(np.ones(T), yaw_rate_rad_s=2.0 * np.ones(T))
     slip = true_slip(RLMA, estimates(1.0, 1.0, 0.0), truth)
-    half = RLMA.chassis.track_m / 2
+    half = RLMA.places[0].y_m
     assert slip.speed_m_s[0] == pytest.approx([2.0 * half, -2.0 * half])
 
 

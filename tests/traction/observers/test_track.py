@@ -103,7 +103,7 @@ def test_flags_are_counted():
 
 def test_a_robot_that_turns_on_the_spot_is_not_stuck():
     turning = drive(300, wheel_speed=np.array([[-2.0, 2.0]]))
-    rate = 4.0 * RLMA.wheel.radius_m / RLMA.chassis.track_m
+    rate = 2.0 * RLMA.wheel.radius_m / RLMA.places[0].y_m
     gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
     whole = {"yaw_rate_rad_s": np.full(300, rate), "speed_m_s": np.zeros(300)}
     assert not observe(gyro, replace(turning, **whole)).estimates.immobilised.any()
