@@ -14,6 +14,8 @@ from ohmward.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
+
     from ohmward.battery.battery import Battery
     from ohmward.cli.mission_log import Recording
     from ohmward.energy import Charge, Consumption, Outlook, Range, SpeedAdvice, Stretch
@@ -149,7 +151,7 @@ def make_task(args: argparse.Namespace) -> Task:
         consumption = _learned(_new_drive(before, recording, notes), recording)
         notes += recording.notes
     consumption = _with_plan(consumption, plan, args, notes)
-    charge = _charge(args, battery, plan, recording)
+    charge = _charge(args, battery, plan, recording, notes)
     return Task(battery, robot, recording, plan, consumption, charge, notes)
 
 
@@ -219,7 +221,9 @@ def _with_plan(c: Consumption, plan: Plan | None, args: argparse.Namespace, note
     return c
 
 
-def _charge(args: argparse.Namespace, battery: Battery, plan: Plan | None, recording: Recording | None) -> Charge:
+def _charge(
+    args: argparse.Namespace, battery: Battery, plan: Plan | None, recording: Recording | None, notes: list[str]
+) -> Charge:
     """The battery now: as given, else as estimated at the end of the log."""
     import math
 
@@ -241,7 +245,18 @@ def _charge(args: argparse.Namespace, battery: Battery, plan: Plan | None, recor
         values |= {"soc": min(max(float(e.soc[-1]), 0.0), 1.0), "soc_std": float(e.soc_std[-1])}
         shares = {"capacity_share": e.capacity_share[-1], "resistance_share": e.resistance_share[-1]}
         values |= {name: float(value) for name, value in shares.items() if math.isfinite(value)}
+    if recording and plan is None and recording.log.temperature_degC is not None:
+        values["temperature_degC"] = _last_known(recording.log.temperature_degC, 25.0)
+    if recording and reserve is None and 0.0 < values["soc"] <= DEFAULT_RESERVE:
+        values["reserve_soc"] = 0.0
+        notes.append(f"warning: the log ends below the usual reserve of {DEFAULT_RESERVE:.0%}: range is that to empty")
     return Charge(**values)
+
+
+def _last_known(values: np.ndarray, otherwise: float) -> float:
+    """The last finite value."""
+    known = [v for v in values if v == v]
+    return float(known[-1]) if known else otherwise
 
 
 def look_ahead(task: Task, confidence: float) -> Answer:

@@ -68,9 +68,10 @@ def record(args: argparse.Namespace, battery: Battery, robot: Robot | None) -> R
     drive = _drive(args, robot, log)
     motion = _observed(args, robot, drive, log.time_s) if robot and drive else _measured(log, args)
     battery_W = -log.voltage_V * log.current_A
-    driven = cut_drive(log.time_s, motion.speed_m_s, battery_W, _ground(args, log), motion.grade_rad, args.payload_kg)
+    ground = _ground(args, log)
+    driven = cut_drive(log.time_s, motion.speed_m_s, battery_W, ground, motion.grade_rad, args.payload_kg)
     split = _split(drive, motion, log.time_s, battery_W, driven) if drive and motion.track else None
-    notes = [*map(str, log.notes), *motion.notes, *_idle_notes(split)]
+    notes = [*map(str, log.notes), *motion.notes, *_ground_notes(ground), *_idle_notes(split)]
     return Recording(log, motion.speed_m_s, battery_W, driven, split, soc, notes)
 
 
@@ -195,6 +196,12 @@ def _split(
     at_drive_W = np.interp(drive.time_s, time_s[known], battery_W[known])
     power = drive_split(drive, track.estimates, scene, at_drive_W, idle_W(driven))
     return Split(drive.time_s, power, add_up(drive, power, track.estimates, scene.robot))
+
+
+def _ground_notes(ground: np.ndarray | str) -> list[str]:
+    if isinstance(ground, str):
+        return [f"info: the whole drive on {ground!r}"]
+    return [f"info: ground from column {TERRAIN_COLUMN!r}: {', '.join(sorted(set(ground)))}"]
 
 
 def _idle_notes(split: Split | None) -> list[str]:

@@ -126,6 +126,6 @@ def _variance(v: Variance) -> dict[str, float]:
 def _line(c: Consumption, name: str) -> str:
     k, v = c.force_index(name), c.visits[c.terrains.index(name)]
     std_N = np.sqrt(c.cov[k, k])
-    driven = f"{v.distance_m:.0f} m in {v.drives} drives"
+    driven = f"{v.distance_m:.0f} m, drives: {v.drives}"
     measured = f", {v.energy_J / v.distance_m:.3g} J/m measured" if v.distance_m else ""
     return f"#   {name}: resistance {c.mean[k]:.3g} N, std {std_N:.2g} N; {driven}{measured}"
