@@ -63,9 +63,11 @@ def _slips(run: Run) -> Iterator[Figure]:
         if rows.estimate is not None:
             series.append(Series(rows.time_s, forward * rows.estimate.slip_ratio[:, k], "estimated", role="estimate"))
         target = run.history.report.slip_target[:, k]
-        if np.isfinite(target).any():
-            label = "bound" if run.scenario.controller.mode == "speed" else "set-point"
-            series.append(Series(truth.time_s, target, label, "dashed", "quiet"))
+        if run.scenario.controller.mode == "speed":
+            series.append(Series(truth.time_s, target, "bound", "dashed", "quiet"))
+            series.append(Series(truth.time_s, -target, "bound, braking", "dashed", "quiet"))
+        elif np.isfinite(target).any():
+            series.append(Series(truth.time_s, target, "set-point", "dashed", "quiet"))
         yield Figure(f"Slip, {_words(place.name)}", TIME, "Slip ratio [-]", series, y_limits=(-1.0, 1.0))
 
 
