@@ -178,7 +178,7 @@ def trip(make: Callable[[], Torque], friction: float, grade_rad: float) -> Trip:
     truth = run(make, uniform(friction, grade_rad), there, RlmaParameters())
     torque, omega = truth.torque_N_m[1:, :2], 0.5 * (truth.wheel_speed_rad_s[1:, :2] + truth.wheel_speed_rad_s[:-1, :2])
     energy_J = float(np.sum(torque * omega + RESISTANCE * (torque / TORQUE_CONSTANT) ** 2)) * DT
-    return Trip(energy_J / truth.position_m[-1, 0], truth.time_s[-1], truth.speed_m_s[-1])
+    return Trip(energy_J / float(truth.position_m[-1, 0]), float(truth.time_s[-1]), float(truth.speed_m_s[-1]))
 
 
 def wheel_speed_loop(speed_m_s: float, ramp_m_s2: float) -> Callable[[], Torque]:

@@ -2,39 +2,39 @@
 
 import sys
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 from markdown_pages import ROOT
+from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
+from ohmward.traction.control import SlipCommand, SlipController
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
 sys.path.insert(0, str(ROOT / "benchmarks"))
+loops = import_module("slip_loops")
 
-from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
-from ohmward.traction.control import SlipCommand, SlipController
-from slip_loops import LIMITS, QUIET, WHEEL, Sensors, Stepper, observed_run, reversals, tracking
-
-IMU = Sensors()
+IMU = loops.Sensors()
 
 
 @cache
 def from_rest(friction, sensors, seed=1, grade_rad=0.0):
-    control = Stepper(SlipController(WHEEL, QUIET, LIMITS), lambda _: SlipCommand(0.12))
-    return observed_run(control, uniform(friction, grade_rad), 1.0, sensors, seed, RlmaParameters())
+    control = loops.Stepper(SlipController(loops.WHEEL, loops.QUIET, loops.LIMITS), lambda _: SlipCommand(0.12))
+    return loops.observed_run(control, uniform(friction, grade_rad), 1.0, sensors, seed, RlmaParameters())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("friction", "arrival_s"), [(0.2, 0.3), (0.8, 0.55)])
 def test_the_slip_arrives_and_stays_whatever_the_friction(friction, arrival_s, seed):
-    found = tracking(from_rest(friction, IMU, seed).truth, 0.12, 0.5)
+    found = loops.tracking(from_rest(friction, IMU, seed).truth, 0.12, 0.5)
     assert found.settled_s <= arrival_s
     assert found.rms <= 0.012
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sensors", [IMU, Sensors(passive=True)])
+@pytest.mark.parametrize("sensors", [IMU, loops.Sensors(passive=True)])
 def test_the_sigma_of_the_speed_holds_in_closed_loop(sensors):
     found = [from_rest(friction, sensors, seed) for friction in (0.2, 0.8) for seed in (1, 2)]
     errors = [o.estimate.speed_m_s[-1] - o.truth.speed_m_s[-1] for o in found]
@@ -45,12 +45,12 @@ def test_the_sigma_of_the_speed_holds_in_closed_loop(sensors):
 
 @pytest.mark.slow
 def test_a_slope_that_no_sensor_was_told_of_is_found():
-    pitch_is_wrong = Sensors(pitch_std_deg=1.0)
-    found = tracking(from_rest(0.2, pitch_is_wrong).truth, 0.12, 0.5)
+    pitch_is_wrong = loops.Sensors(pitch_std_deg=1.0)
+    found = loops.tracking(from_rest(0.2, pitch_is_wrong).truth, 0.12, 0.5)
     assert found.rms <= 0.012
 
 
 def test_reversals_count_swings_of_more_than_a_size():
     time = np.linspace(0.0, 1.0, 1000)
-    assert reversals(np.sin(2 * np.pi * 5 * time), 0.1) == 10
-    assert reversals(0.04 * np.sin(2 * np.pi * 5 * time) + time, 0.1) == 0
+    assert loops.reversals(np.sin(2 * np.pi * 5 * time), 0.1) == 10
+    assert loops.reversals(0.04 * np.sin(2 * np.pi * 5 * time) + time, 0.1) == 0
