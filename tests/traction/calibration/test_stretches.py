@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.traction.calibration.stretches import cut, parabola
+from ohmward.traction.calibration.floor import traction
+from ohmward.traction.calibration.stretches import Stretches, cut, parabola
 from traction.floors.drives import OMNI, SOFT, omni_drive
 
 
@@ -26,3 +27,14 @@ def test_a_drive_without_its_motion_gives_no_stretch():
     motion = drive.motion.copy()
     motion[drive.log.time_s > 2.5] = np.nan
     assert len(cut([drive, drive._replace(motion=motion)], OMNI).drive) == 6 + 3
+
+
+def test_the_ground_gives_a_wheel_its_torque_less_what_turns_it_faster():
+    omega, rate, current = np.array([[3.0, 3.0, 3.0]]), np.array([[0.0, 0.0, 0.4]]), np.array([[0.8, 0.8, 0.8]])
+    rim = np.zeros((1, 3))
+    s = Stretches(np.zeros(1), omega, current, rim, rim, rate)
+    motor, radius_m = OMNI.motor, OMNI.wheel.radius_m
+    inertia = OMNI.wheel.inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
+    torque = 16 * 0.0514 * 0.8 * 0.8 - 0.15  # gear of 80 %, friction; the tanh of 6 is 1
+    expected = (torque - inertia * 0.4 * 0.125 / radius_m) / radius_m
+    np.testing.assert_allclose(traction(s, OMNI), np.full((1, 3), expected), rtol=1e-4)
