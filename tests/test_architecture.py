@@ -50,6 +50,7 @@ ON_BOARD = [
     "ohmward.traction",
     "ohmward.traction.observers",
     "ohmward.traction.control",
+    "ohmward.traction.floors",
     "ohmward.energy",
 ]
 
