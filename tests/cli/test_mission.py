@@ -151,12 +151,12 @@ def test_bad_requests(words, message, there, refused):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("distance_m = 1000.0", "distance_m = -5.0"), "leg 1: leg.distance_m must be >= 0, got -5"),
+        (("distance_m = 1000.0", "distance_m = -5.0"), "leg[0]: leg.distance_m must be >= 0, got -5"),
         (("distance_m = 1000.0", "distance_km = 1.0"), "did you mean distance_m? Units are part of the names"),
-        (("speed_m_s = 0.4", ""), "leg 2: speed_m_s is missing"),
+        (("speed_m_s = 0.4", ""), "leg[1].speed_m_s is missing"),
         (('terrain = "gravel"', 'terrain = "ice"'), "terrain 'ice' is not in table.toml, which knows: grass, gravel"),
         (("reserve_soc = 0.1", "reserve_soc = 10"), "reserve_soc must be between 0 and 0.99"),
-        (("reserve_soc = 0.1", 'reserve_soc = "little"'), "reserve_soc must be a number, got 'little'"),
+        (("reserve_soc = 0.1", 'reserve_soc = "little"'), "reserve_soc: expected `float"),
         (("ohmward-plan/1", "plan"), "format must be"),
         (("speed_m_s = 0.5", "speed_m_s = 0"), "leg.speed_m_s must be > 0"),
         (("[[leg]]", "[leg]"), "plan.toml"),

@@ -40,7 +40,7 @@ def result(figures: Mapping[str, Any]) -> dict[str, str]:
     if drive := figures["drive"]:
         per_metre = wording.quantity(drive["energy_J_per_m"], "J/m")
         rows = {
-            "drive": f"{drive['distance_m']:.4g} m in {wording.duration(drive['used_s'])}, "
+            "drive": f"{wording.quantity(drive['distance_m'], 'm', digits=4)} in {wording.duration(drive['used_s'])}, "
             f"{drive['energy_J'] / 3600.0:.3g} Wh, {per_metre}, cost of transport "
             f"{wording.quantity(drive['cost_of_transport'], '')}",
             **rows,
