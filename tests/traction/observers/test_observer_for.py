@@ -142,6 +142,13 @@ def test_without_motor_currents_nothing_is_learnt_of_the_ground_and_the_radius_i
     assert estimates.speed_std_m_s.min() >= 0.01 * 0.2
 
 
+def test_the_radius_is_a_state_where_a_speed_from_outside_shows_it():
+    speed = np.full(TIME.size, 0.3)
+    assert chosen(drive(speed_m_s=speed)).observer.states.radius
+    assert not chosen(drive()).observer.states.radius
+    assert not chosen(drive(currents=False, speed_m_s=speed)).observer.states.radius
+
+
 def test_wheels_that_scrub_know_little_of_the_speed():
     free, scrubbing = (chosen(drive(r, currents=False), r, "ekf").observer for r in (RLMA, SKID))
     assert scrubbing.noise.radius_std > 10 * free.noise.radius_std

@@ -64,9 +64,11 @@ def test_a_push_opens_the_grade_and_a_large_one_the_slip():
     none, slope, drag = (observer_for(IDEAL[0], drive(IDEAL[0], push), ground) for push in (0.0, 0.4, 3.0))
     assert none.observer.noise.grade_std_rad == pytest.approx(math.radians(1.0))
     assert slope.observer.noise.grade_std_rad == pytest.approx(0.4 / GRAVITY, rel=0.05)
-    assert slope.observer.states.radius and not any(note.level == "warning" for note in slope.notes)
-    assert not drag.observer.states.radius
+    assert slope.observer.noise.radius_std == none.observer.noise.radius_std
+    assert not any(note.level == "warning" for note in slope.notes)
     assert drag.observer.noise.radius_std == pytest.approx(3.0 / GRAVITY, rel=0.05)
+    seen = replace(drive(IDEAL[0], 3.0), speed_m_s=0.3 + 0.1 * np.sin(TIME))
+    assert observer_for(IDEAL[0], seen, ground).observer.noise.radius_std == none.observer.noise.radius_std
     assert any(note.level == "warning" and "0.31 g more than the robot accelerates" in note.text for note in drag.notes)
 
 

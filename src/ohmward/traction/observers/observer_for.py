@@ -54,8 +54,7 @@ PUSH_TURNS_S = 5.0
 #: Slip [m/s] at which a wheel surely grips.
 SMALL_SLIP_M_S = 1e-4
 
-#: Of the effective radius, relative, of wheels measured with a ruler: where a speed from outside can show it, or where
-#: it is considered instead of estimated. With nothing but motor currents it must be calibrated, as `Noise` says.
+#: Of the effective radius of wheels measured with a ruler, relative.
 RADIUS_STD = 0.01
 
 #: Slip of wheels that scrub, as a share of the speed of their rims, where no force and no speed from outside is known.
@@ -107,14 +106,15 @@ def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf
     if not force:
         noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
     if scrubs:
-        share = RADIUS_STD if "speed_m_s" in log.channels else SCRUBBING_SHARE
-        noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK, radius_std=share)
-    states, notes = states_of(noise, force), []
+        noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
     push_g = unexplained_push_m_s2(rolling, log) / GRAVITY if force else 0.0
-    noise = with_push(noise, push_g)
+    noise, notes = with_push(noise, push_g), []
     if push_g > DOUBTFUL_PUSH_G:
-        states, noise = replace(states, radius=False), replace(noise, radius_std=math.hypot(RADIUS_STD, push_g))
         notes.append(Note(DOUBT.format(push_g), "warning"))
+    if "speed_m_s" not in log.channels:
+        slip = SCRUBBING_SHARE if scrubs else push_g if push_g > DOUBTFUL_PUSH_G else 0.0
+        noise = replace(noise, radius_std=math.hypot(RADIUS_STD, slip))
+    states = states_of(noise, force)
     observer = SpeedObserver(
         scene(rolling, terrain),
         states,
@@ -162,7 +162,7 @@ def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
         pitch_std_rad=PITCH_RAD if "pitch_rad" in has else None,
         accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
         accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
-        radius_std=RADIUS_STD if "speed_m_s" in has or not force else Noise.radius_std,
+        radius_std=RADIUS_STD,
         torque_std_Nm=Noise.torque_std_Nm if force else unknown_torque_Nm(robot, usual_step_s(log)),
         initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
     )
@@ -202,16 +202,16 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
 
 
 def states_of(noise: Noise, force: bool) -> States:
-    """What the log can show: without a force nothing of the ground.
+    """What the log can show: without a force nothing of the ground, without a speed from outside no radius.
 
-    Nor of the radius then: where any torque is possible, a filter learns one that nothing shows. Its part in the sigmas
-    is considered instead, see `consider_radius`.
+    A filter learns a radius that nothing shows from the errors of its model. Where it is no state, its part in the
+    sigmas is considered, see `consider_radius`.
     """
     return States(
         friction="one" if force else "known",
         stiffness=force,
         grade=force,
-        radius=force,
+        radius=force and noise.speed_std_m_s is not None,
         accelerometer_offset=noise.accelerometer_std_m_s2 is not None,
     )
 
