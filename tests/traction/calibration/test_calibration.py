@@ -130,6 +130,13 @@ def test_where_the_rolling_resistance_is_unknown_so_is_the_friction(straight):
     assert friction.value == truth.motor.friction_Nm
 
 
+def test_a_rolling_resistance_may_be_known(straight):
+    truth, drives = straight
+    _, friction, _ = calibrate_motor(drives, truth, rolling=(ROLLING, 0.0))
+    assert within_band(friction, 0.35)
+    assert friction.std < 0.02
+
+
 def test_only_what_was_identified_changes_the_robot():
     found = [Parameter("wheel.radius_m", 0.11, 0.001), Parameter("motor.friction_Nm", 0.3, 0.1, "no currents")]
     robot = with_parameters(RLMA, found)

@@ -53,7 +53,8 @@ def calibrate_motor(
     Args:
         drives: with the motion of the body.
         robot: its mass, geometry and radius are believed.
-        rolling: rolling resistance of the floor, share of the load, and its standard deviation.
+        rolling: rolling resistance of the floor, share of the load, and its standard deviation, 0 where
+            it is known.
 
     Raises:
         InputError: no stretch in which the wheels turn, or no motor currents.
@@ -104,7 +105,7 @@ def _prior(row: Row, robot: Robot, rolling: tuple[float, float]) -> tuple[np.nda
     roller_std = _ROLLER_STD if isinstance(robot.chassis, Omni) else _HELD
     motor = robot.motor
     mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
-    return mean, np.array([_KAPPA_STD, rolling[1], roller_std, torque_Nm, torque_Nm / fastest])
+    return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, torque_Nm, torque_Nm / fastest])
 
 
 def _fit(row: Row, prior: np.ndarray, prior_std: np.ndarray) -> Regression:
