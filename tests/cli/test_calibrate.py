@@ -106,6 +106,7 @@ def test_loads_as_weighed_are_written(folder, as_json):
         ((*POSE, "--what", "mass"), "--what takes radius, motor, separated by commas; got 'mass'"),
         ((*POSE[:-1], "lap"), "there is no column 'lap' for --each"),
         ((*POSE, "-o", "smooth.csv"), "the name must end in .toml"),
+        ((*POSE, "--wheel-load", "3,5,3"), "--wheel-load adds up to 11 N, the robot file's mass weighs 110.8 N"),
     ],
 )
 def test_what_cannot_work_is_refused(folder, refused, words, message):

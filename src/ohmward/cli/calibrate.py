@@ -217,12 +217,24 @@ def pose_motion(log: DriveLog, names: list[str], args: argparse.Namespace, robot
 
 
 def weighed_robot(robot: Robot, loads: list[float] | None) -> Robot:
-    """The robot with its wheels' loads as weighed, its mass their sum."""
+    """The robot with its wheels' loads as weighed, its mass their sum.
+
+    Raises:
+        InputError: a sum that is far from the robot's weight.
+    """
     from dataclasses import replace
 
     from ohmward.traction.robot import GRAVITY
 
-    return robot if loads is None else replace(robot, mass_kg=sum(loads) / GRAVITY, wheel_load_N=tuple(loads))
+    if loads is None:
+        return robot
+    weight, found = robot.mass_kg * GRAVITY, sum(loads)
+    if not weight / 3 < found < 3 * weight:
+        raise InputError(
+            f"--wheel-load adds up to {found:.4g} N, the robot file's mass weighs {weight:.4g} N; "
+            "give newtons, not kilograms or grams, or correct robot.mass_kg"
+        )
+    return replace(robot, mass_kg=found / GRAVITY, wheel_load_N=tuple(loads))
 
 
 def write(result: Result, args: argparse.Namespace) -> None:
