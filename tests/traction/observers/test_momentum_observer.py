@@ -109,6 +109,13 @@ def test_at_rest_the_accelerometer_learns_its_zero_on_any_slope(offset, grade, p
     assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.006)
 
 
+def test_without_an_accelerometer_the_pitch_is_the_slope():
+    truth = world(lambda t: 25.0, grade_rad=0.05)
+    noise = MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)
+    *_, last = follow(observer(noise), samples(truth, grade_rad=0.05, acceleration=False))
+    assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.003)
+
+
 def test_an_unknown_push_is_found_by_the_accelerometer_and_not_without():
     truth = world(lambda t: 25.0, push_m_s2=0.2)
     with_it = follow(observer(), samples(truth))[-1]
