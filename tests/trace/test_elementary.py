@@ -108,7 +108,7 @@ def test_power_of_both_signs():
 ENDS = [0.0, math.inf, -math.inf, math.nan, 5e-324, 1e-310, -1e-310, 1e308, -1e308, 709.0, -740.0]
 
 
-@pytest.mark.parametrize("name", set(DOUBLE) - {"sin", "cos", "tan", "cosh", "sinh"})
+@pytest.mark.parametrize("name", sorted(set(DOUBLE) - {"sin", "cos", "tan", "cosh", "sinh"}))
 def test_the_ends_of_the_range(name):
     formula, function = compiled(name), getattr(np, name)
     for x in ENDS:
