@@ -1,6 +1,6 @@
 import pytest
 
-from ohmward.energy.plan_file import parse_plan
+from ohmward.energy.plan_file import load_plan
 from ohmward.simulate.closed_loop import parse_scenario, run, save_scenario
 from ohmward.simulate.closed_loop.figures import figures
 from ohmward.simulate.robot_drive import WAY_HOME, robot_drive
@@ -11,8 +11,9 @@ def test_it_can_be_written_and_read(tmp_path):
     assert parse_scenario((tmp_path / "drive.toml").read_text()) == robot_drive("lead-acid", 0.3, 7)
 
 
-def test_the_way_home_is_a_plan():
-    plan = parse_plan(WAY_HOME)
+def test_the_way_home_is_a_plan(tmp_path):
+    (tmp_path / "plan.toml").write_text(WAY_HOME)
+    plan = load_plan(tmp_path / "plan.toml")
     assert sum(leg.distance_m for leg in plan.legs) == 4500.0
     assert plan.reserve_soc == 0.1
 
