@@ -59,7 +59,9 @@ def test_the_text():
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("ohmward-drawing/1", "ohmward-robot/1", "format must be 'ohmward-drawing/1', got 'ohmward-robot/1'; update"),
+        ("ohmward-drawing/1", "ohmward-robot/1", "this is a robot file; give a drawing file, whose format is"),
+        ("ohmward-drawing/1", "ohmward-drawing/2", "must be 'ohmward-drawing/1', got 'ohmward-drawing/2'; update"),
+        ("ohmward-drawing/1", "svg", "format must be 'ohmward-drawing/1', got 'svg'; update"),
         ('format = "ohmward-drawing/1"', "", "format is missing; a drawing file starts with format = "),
         ('"box"', '"cone"', r"shapes\[1\].kind must be one of circle, box; got 'cone'"),
         ('"box"', '["box"]', r"shapes\[1\].kind must be one of circle, box; got \['box'\]"),

@@ -16,6 +16,7 @@ from ohmward.errors import InputError
 
 T = TypeVar("T")
 _NUMBERS_PER_LINE = 10
+_PREFIX = "ohmward-"
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class TomlFile(Generic[T]):
     @property
     def noun(self) -> str:
         """What the file holds, in a word."""
-        return self.format.removeprefix("ohmward-").partition("/")[0]
+        return _noun(self.format)
 
     def save(self, value: T, path: str | PathLike[str]) -> None:
         """Write the file; it is either whole or not there.
@@ -87,6 +88,9 @@ class TomlFile(Generic[T]):
     def _require_format(self, found: Any) -> None:
         if found is None:
             raise InputError(f'the key format is missing; a {self.noun} file starts with format = "{self.format}"')
+        other = _noun(str(found))
+        if other != self.noun and str(found).startswith(_PREFIX):
+            raise InputError(f"this is a {other} file; give a {self.noun} file, whose format is {self.format!r}")
         if found != self.format:
             raise InputError(f"format must be {self.format!r}, got {found!r}; update ohmward or make the file again")
 
@@ -192,3 +196,8 @@ def _literal(value: Any) -> str:
     per_line = _NUMBERS_PER_LINE if numbers else 1
     lines = [", ".join(items[i : i + per_line]) for i in range(0, len(items), per_line)]
     return "[\n" + "".join(f"    {line},\n" for line in lines) + "]"
+
+
+def _noun(format_: str) -> str:
+    """What a file of this format holds: battery, of ohmward-battery/1."""
+    return format_.removeprefix(_PREFIX).partition("/")[0]
