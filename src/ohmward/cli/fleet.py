@@ -6,6 +6,7 @@ import argparse
 import glob
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +18,12 @@ from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.fleet import Finished
+    from ohmward.fleet.run import Work
 
 _EXAMPLES = """\
   ohmward fleet 'logs/*.parquet' --battery battery.toml -o results
   ohmward fleet 'logs/**/*.csv' --battery battery.toml --filter ukf --processes 8 --estimates -o results --json
+  ohmward fleet '/shared/logs/*.parquet' --battery battery.toml --dask tcp://10.0.0.5:8786 -o results
 """
 
 
@@ -37,7 +40,12 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
     )
     group.add_argument("--estimates", action="store_true", help="write the estimates of every log too, as Parquet")
-    group.add_argument("--processes", type=count, metavar="N", help="side by side; default: one for each processor")
+    group = parser.add_argument_group("where")
+    where = group.add_mutually_exclusive_group()
+    where.add_argument("--processes", type=count, metavar="N", help="side by side; default: one for each processor")
+    where.add_argument(
+        "--dask", metavar="ADDRESS", help="on the workers of this scheduler, such as tcp://10.0.0.5:8786"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     add_log_options(parser)
     parser.set_defaults(run=run)
@@ -52,9 +60,11 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
     make_estimator(args.filter, load_battery(args.battery))  # refused now, not in every process
-    folder = Path(args.output)
+    folder, paths = Path(args.output), find(args.logs)
+    if args.dask:  # workers have other working folders
+        folder, paths = folder.absolute(), [str(Path(path).absolute()) for path in paths]
     job = Job(
-        battery=args.battery,
+        battery=Path(args.battery).read_text(encoding="utf-8"),
         filter=args.filter,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
@@ -63,9 +73,18 @@ def run(args: argparse.Namespace) -> Outcome:
     )
     with progress() as report:
         told = (lambda done, total: report(f"{done:,} of {total:,} logs", done / total)) if report else None
-        finished = run_fleet(find(args.logs), job, folder, args.processes or os.cpu_count() or 1, told)
+        finished = run_fleet(paths, job, folder, work(args), told)
     figures = summary(args, finished)
     return Outcome(figures, describe(figures, finished), status=0)
+
+
+def work(args: argparse.Namespace) -> Work:
+    """Where the batches are worked on."""
+    from ohmward.fleet import in_processes, on_dask
+
+    if args.dask:
+        return partial(on_dask, address=args.dask)
+    return partial(in_processes, processes=args.processes or os.cpu_count() or 1)
 
 
 def find(patterns: list[str]) -> list[str]:

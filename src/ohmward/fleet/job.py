@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery_file import load_battery
+from ohmward.battery.battery_file import parse_battery
 from ohmward.battery.estimate import Estimate, Flag
 from ohmward.battery.estimators import DEFAULT, make_estimator
 from ohmward.battery.score import score
@@ -41,7 +41,7 @@ class Job:
     """The same for every log.
 
     Attributes:
-        battery: path of the battery file.
+        battery: text of the battery file, which travels with the job to where the file is not.
         filter: name of the estimator.
         initial_soc, initial_soc_std: at the start of every log; None takes it from the first voltage.
         reading: how to read the logs.
@@ -58,23 +58,19 @@ class Job:
     @property
     def digest(self) -> str:
         """Another one for every job with other results."""
-        content = hashlib.sha256(Path(self.battery).read_bytes()).hexdigest()
-        return hashlib.sha256(json.dumps([content, asdict(self) | {"battery": ""}]).encode()).hexdigest()[:16]
+        return hashlib.sha256(json.dumps(asdict(self)).encode()).hexdigest()[:16]
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """A row for each log, in the order of the paths; a log that cannot be used has its reason in `error`."""
-        battery = load_battery(self.battery)
-        estimator = make_estimator(self.filter, battery)
+        estimator = make_estimator(self.filter, parse_battery(self.battery))
         logs: list[Log] = []
         rows: list[dict[str, Any]] = []
         for path in paths:
-            row: dict[str, Any] = {"path": path, "error": None}
             try:
                 logs.append(self._read(path))
-                row["log"] = len(logs) - 1
+                rows.append({"path": path, "error": None, "log": len(logs) - 1})
             except OhmwardError as error:
-                row["error"] = str(error)
-            rows.append(row)
+                rows.append(failed(path, str(error)))
         estimates = estimate_logs(estimator, logs, self.initial_soc, self.initial_soc_std)
         return [self._finished(row, logs, estimates) for row in rows]
 
@@ -98,6 +94,11 @@ class Job:
         if self.estimates:
             write_table(_table(log, found), Path(self.estimates) / f"{Path(row['path']).stem}.estimates.parquet")
         return row | summary(log, found)
+
+
+def failed(path: str, why: str) -> dict[str, Any]:
+    """The row of a log that could not be used."""
+    return {"path": path, "error": why}
 
 
 def summary(log: Log, found: Estimate) -> dict[str, Any]:

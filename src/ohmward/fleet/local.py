@@ -1,138 +1,43 @@
-"""A fleet's logs on this machine: processes, each with batches of logs in lanes; memory bounded; resumable.
-
-Every finished batch is appended to `progress.jsonl` in the output folder before the next is counted, so a run that was
-interrupted goes on where it stopped. At the end `summary.csv` has one row for each log, sorted by path.
-"""
+"""A fleet's batches on this machine, over processes."""
 
 from __future__ import annotations
 
-import csv
-import json
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from ohmward.atomic import replacing
 from ohmward.checks import require_positive
-from ohmward.errors import InputError, OhmwardError
+from ohmward.errors import OhmwardError
 from ohmward.fleet.job import Job
 
-PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 
-#: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
-BATCH = 32
-
-
-class Finished(NamedTuple):
-    """What came of a fleet.
-
-    rows: one for each log that was asked for, sorted by path.
-    resumed: how many of them were done before.
-    summary: the file with the rows.
-    """
-
-    rows: list[dict[str, Any]]
-    resumed: int
-    summary: Path
-
-    @property
-    def failed(self) -> list[dict[str, Any]]:
-        """Rows of logs that could not be used."""
-        return [row for row in self.rows if row.get("error")]
-
-
-def run_fleet(
-    paths: Sequence[str],
-    job: Job,
-    folder: Path,
-    processes: int = 1,
-    progress: Callable[[int, int], None] | None = None,
-    batch: int = BATCH,
-) -> Finished:
-    """Estimate every log and write one row for each.
-
-    processes: how many work side by side.
-    progress: called with (logs done, all).
-    batch: logs that run side by side in one process.
+def in_processes(job: Job, batches: Sequence[list[str]], processes: int = 1) -> Iterator[list[dict[str, Any]]]:
+    """Rows of each batch as it is finished; no more batches are under way than keep the processes busy.
 
     Raises:
-        InputError: no logs, or the folder holds the results of another job.
-        OhmwardError: the folder cannot be written.
+        InputError: `processes` is not positive.
+        OhmwardError: a process was killed.
     """
     require_positive("processes", processes)
-    if not paths:
-        raise InputError("there are no logs to estimate; check the pattern")
-    done = _begin(folder, job)
-    wanted = sorted(dict.fromkeys(paths))
-    left = [path for path in wanted if path not in done]
-    resumed = len(wanted) - len(left)
-    for rows in _batches_done(left, job, processes, batch):
-        _append(folder / PROGRESS, rows)
-        done |= {row["path"]: row for row in rows}
-        if progress:
-            progress(len(done.keys() & set(wanted)), len(wanted))
-    rows = [done[path] for path in wanted]
-    _write_summary(rows, folder / SUMMARY)
-    return Finished(rows, resumed, folder / SUMMARY)
-
-
-def _batches_done(paths: list[str], job: Job, processes: int, batch: int) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each batch as it is finished; no more batches are under way than keep the processes busy."""
-    batches = iter([paths[i : i + batch] for i in range(0, len(paths), batch)])
-    if processes == 1:
-        yield from (job.run(part) for part in batches)
+    if min(processes, len(batches)) <= 1:
+        yield from map(job.run, batches)
         return
+    try:
+        yield from _side_by_side(job, batches, processes)
+    except BrokenProcessPool as error:
+        raise OhmwardError(
+            "a process was killed, for want of memory perhaps; start again with fewer --processes: what is done is kept"
+        ) from error
+
+
+def _side_by_side(job: Job, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
+    left = iter(batches)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        under_way: set[Future] = {pool.submit(job.run, part) for part in islice(batches, 2 * processes)}
+        under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(left, 2 * processes)}
         while under_way:
             finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-            under_way |= {pool.submit(job.run, part) for part in islice(batches, len(finished))}
-            for future in finished:
-                yield future.result()
-
-
-def _begin(folder: Path, job: Job) -> dict[str, dict[str, Any]]:
-    """The rows that an earlier run of the same job has left, by path."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if job.estimates:
-            Path(job.estimates).mkdir(parents=True, exist_ok=True)
-        lines = (folder / PROGRESS).read_text(encoding="utf-8").splitlines() if (folder / PROGRESS).exists() else []
-    except OSError as error:
-        raise OhmwardError(f"{folder}: cannot be used ({error.strerror}); choose another folder") from error
-    head, *rows = [parsed for line in lines if (parsed := _parsed(line)) is not None] or [{"job": job.digest}]
-    if head.get("job") != job.digest:
-        raise InputError(
-            f"{folder} holds results of another battery file, filter or way of reading; choose another folder or "
-            f"remove {folder / PROGRESS}"
-        )
-    if not lines:
-        _append(folder / PROGRESS, [head])
-    return {row["path"]: row for row in rows}
-
-
-def _parsed(line: str) -> dict[str, Any] | None:
-    """The object in a line; None for one that was cut off when the run was interrupted."""
-    try:
-        return json.loads(line)
-    except json.JSONDecodeError:
-        return None
-
-
-def _append(path: Path, rows: list[dict[str, Any]]) -> None:
-    try:
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
-    except OSError as error:
-        raise OhmwardError(f"{path}: cannot be written ({error.strerror}); free space, then start again") from error
-
-
-def _write_summary(rows: list[dict[str, Any]], path: Path) -> None:
-    names = list(dict.fromkeys(name for row in sorted(rows, key=len, reverse=True) for name in row))
-    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, names)
-        writer.writeheader()
-        writer.writerows(rows)
+            under_way |= {pool.submit(job.run, batch) for batch in islice(left, len(finished))}
+            yield from (future.result() for future in finished)

@@ -1,38 +1,36 @@
-"""A fleet on this machine: one row for each log, bad ones reported, interrupted runs go on."""
+"""A fleet: one row for each log, bad ones reported, interrupted runs go on."""
 
 import csv
 import json
+import os
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
-import numpy as np
 import pytest
 
-from ohmward.battery.battery_file import save_battery
-from ohmward.battery.chemistries import generic_battery
+from fleet import examples
+from fleet.examples import SIGNED, write_fleet
 from ohmward.errors import InputError, OhmwardError
-from ohmward.fleet import Job, Reading, run_fleet
-from ohmward.fleet import local as fleet_local
-from ohmward.logs import Log, read_log, write_log
-
-SIGNED = Reading(current_sign="charge")
+from ohmward.fleet import Job, in_processes, run_fleet
+from ohmward.logs import read_log
 
 
 class PowerCutError(Exception):
     """What ends a run without asking."""
 
 
+@dataclass(frozen=True)
+class Deadly(Job):
+    """No process survives it."""
+
+    def run(self, paths):
+        os._exit(1)
+
+
 @pytest.fixture
 def fleet(tmp_path):
-    """Five logs, one of them no log, and a battery."""
-    save_battery(generic_battery("nmc", 2.0), tmp_path / "cell.toml")
-    rng = np.random.default_rng(0)
-    for k in range(4):
-        current = -1.0 + rng.normal(0.0, 0.5, 200 + 50 * k)
-        voltage = 3.9 + 0.05 * current - 0.0002 * np.arange(current.size)
-        write_log(Log(f"robot{k}", np.arange(current.size) * 1.0, current, voltage), tmp_path / f"robot{k}.csv")
-    (tmp_path / "robot4.csv").write_text("this is no log\n")
-    return [str(tmp_path / f"robot{k}.csv") for k in range(5)], Job(
-        str(tmp_path / "cell.toml"), "coulomb", reading=SIGNED
-    )
+    return write_fleet(tmp_path), examples.job()
 
 
 def test_every_log_has_its_row_and_a_bad_one_its_reason(fleet, tmp_path):
@@ -51,7 +49,7 @@ def test_every_log_has_its_row_and_a_bad_one_its_reason(fleet, tmp_path):
 def test_processes_give_what_one_gives(fleet, tmp_path):
     paths, job = fleet
     one = run_fleet(paths, job, tmp_path / "one", batch=1)
-    two = run_fleet(paths, job, tmp_path / "two", processes=2, batch=1)
+    two = run_fleet(paths, job, tmp_path / "two", partial(in_processes, processes=2), batch=1)
     assert one.rows == two.rows
 
 
@@ -70,6 +68,20 @@ def test_an_interrupted_run_goes_on_and_ends_as_if_it_had_not_been(fleet, tmp_pa
     resumed = run_fleet(paths, job, tmp_path / "out", batch=1)
     assert resumed.resumed == 2 and resumed.rows == whole.rows
     assert (tmp_path / "out" / "summary.csv").read_text() == (tmp_path / "whole" / "summary.csv").read_text()
+
+
+def test_a_log_that_failed_is_tried_again(fleet, tmp_path):
+    paths, job = fleet
+    assert len(run_fleet(paths, job, tmp_path / "out").failed) == 1
+    Path(paths[4]).write_bytes(Path(paths[0]).read_bytes())
+    again = run_fleet(paths, job, tmp_path / "out")
+    assert again.resumed == 4 and again.failed == []
+
+
+def test_a_process_that_is_killed_ends_the_run_with_advice(fleet, tmp_path):
+    paths, job = fleet
+    with pytest.raises(OhmwardError, match="fewer --processes"):
+        run_fleet(paths, Deadly(**vars(job)), tmp_path / "out", partial(in_processes, processes=2), batch=1)
 
 
 def test_another_job_does_not_mix_its_results_in(fleet, tmp_path):
@@ -101,6 +113,6 @@ def test_what_cannot_begin_is_refused(fleet, tmp_path):
 
 def test_more_batches_than_processes_are_all_done(fleet, tmp_path):
     paths, job = fleet
-    rows = [row for batch in fleet_local._batches_done(paths, job, 2, 1) for row in batch]
+    rows = [row for batch in in_processes(job, [[path] for path in paths], processes=2) for row in batch]
     assert sorted(row["path"] for row in rows) == paths
     json.dumps(rows)

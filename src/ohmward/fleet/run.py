@@ -1,0 +1,125 @@
+"""A fleet's logs, a batch at a time, wherever the batches are worked on; resumable.
+
+Every finished batch is appended to `progress.jsonl` in the output folder before the next is counted, so a run that was
+interrupted goes on where it stopped; logs that failed are tried again. At the end `summary.csv` has one row for each
+log, sorted by path.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ohmward.atomic import replacing
+from ohmward.checks import require_positive
+from ohmward.errors import InputError, OhmwardError
+from ohmward.fleet.job import Job
+from ohmward.fleet.local import in_processes
+
+PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
+
+#: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
+BATCH = 32
+
+#: The rows of each batch of paths, as they are finished, in any order.
+Work = Callable[[Job, list[list[str]]], Iterator[list[dict[str, Any]]]]
+
+
+class Finished(NamedTuple):
+    """What came of a fleet.
+
+    rows: one for each log that was asked for, sorted by path.
+    resumed: how many of them were done before.
+    summary: the file with the rows.
+    """
+
+    rows: list[dict[str, Any]]
+    resumed: int
+    summary: Path
+
+    @property
+    def failed(self) -> list[dict[str, Any]]:
+        """Rows of logs that could not be used."""
+        return [row for row in self.rows if row.get("error")]
+
+
+def run_fleet(
+    paths: Sequence[str],
+    job: Job,
+    folder: Path,
+    work: Work = in_processes,
+    progress: Callable[[int, int], None] | None = None,
+    batch: int = BATCH,
+) -> Finished:
+    """Estimate every log and write one row for each.
+
+    work: where the batches are worked on: `partial(in_processes, processes=8)`, `partial(on_dask, address=...)`.
+    progress: called with (logs done, all).
+    batch: logs that run side by side, one in each lane.
+
+    Raises:
+        InputError: no logs, or the folder holds the results of another job.
+        OhmwardError: the folder cannot be written, or what `work` cannot get over.
+    """
+    require_positive("batch", batch)
+    if not paths:
+        raise InputError("there are no logs to estimate; check the pattern")
+    done = _begin(folder, job)
+    wanted = sorted(dict.fromkeys(paths))
+    left = [path for path in wanted if path not in done]
+    resumed = len(wanted) - len(left)
+    for rows in work(job, [left[i : i + batch] for i in range(0, len(left), batch)]):
+        _append(folder / PROGRESS, rows)
+        done |= {row["path"]: row for row in rows}
+        if progress:
+            progress(len(done.keys() & set(wanted)), len(wanted))
+    rows = [done[path] for path in wanted]
+    _write_summary(rows, folder / SUMMARY)
+    return Finished(rows, resumed, folder / SUMMARY)
+
+
+def _begin(folder: Path, job: Job) -> dict[str, dict[str, Any]]:
+    """The rows that an earlier run of the same job has left, by path; those of logs that failed are left out."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if job.estimates:
+            Path(job.estimates).mkdir(parents=True, exist_ok=True)
+        lines = (folder / PROGRESS).read_text(encoding="utf-8").splitlines() if (folder / PROGRESS).exists() else []
+    except OSError as error:
+        raise OhmwardError(f"{folder}: cannot be used ({error.strerror}); choose another folder") from error
+    head, *rows = [parsed for line in lines if (parsed := _parsed(line)) is not None] or [{"job": job.digest}]
+    if head.get("job") != job.digest:
+        raise InputError(
+            f"{folder} holds results of another battery file, filter or way of reading; choose another folder or "
+            f"remove {folder / PROGRESS}"
+        )
+    if not lines:
+        _append(folder / PROGRESS, [head])
+    return {row["path"]: row for row in rows if not row["error"]}
+
+
+def _parsed(line: str) -> dict[str, Any] | None:
+    """The object in a line; None for one that was cut off when the run was interrupted."""
+    try:
+        return json.loads(line)
+    except json.JSONDecodeError:
+        return None
+
+
+def _append(path: Path, rows: list[dict[str, Any]]) -> None:
+    try:
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
+    except OSError as error:
+        raise OhmwardError(f"{path}: cannot be written ({error.strerror}); free space, then start again") from error
+
+
+def _write_summary(rows: list[dict[str, Any]], path: Path) -> None:
+    names = list(dict.fromkeys(name for row in sorted(rows, key=len, reverse=True) for name in row))
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, names)
+        writer.writeheader()
+        writer.writerows(rows)
