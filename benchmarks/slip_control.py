@@ -60,11 +60,22 @@ SENSORS = {
     "the same, mass believed 3 % more": Sensors(mass=1.03),
     "the same, accelerometer shows 1 % more": Sensors(scale=1.01),
     "and encoders on the passive wheels": Sensors(passive=True),
+    "time of edges: driven encoders, currents, IMU": Sensors(edges=True),
+    "time of edges: the same, 1024 counts": Sensors(counts=1024, edges=True),
+    "time of edges: the same, mass believed 3 % more": Sensors(mass=1.03, edges=True),
+    "time of edges: and encoders on the passive wheels": Sensors(passive=True, edges=True),
     "driven encoders, currents, pitch": Sensors(imu=False),
     "the same, rolling resistance known": Sensors(imu=False, rolling=COASTED_DOWN),
     "the same and an external speed": Sensors(imu=False, rolling=COASTED_DOWN, speed=True),
     "driven encoders, currents, pitch unknown to 1 deg": Sensors(imu=False, pitch_std_deg=1.0),
 }
+#: The sensors that have to reach the bars.
+BARRED = (
+    "driven encoders, currents, IMU",
+    "and encoders on the passive wheels",
+    "time of edges: driven encoders, currents, IMU",
+    "time of edges: and encoders on the passive wheels",
+)
 #: Of the motors of the energy table.
 TORQUE_CONSTANT, RESISTANCE = 0.517, 0.3
 DISTANCE_M, SPEED_M_S, RAMP_M_S2 = 5.0, 1.0, 0.5
@@ -99,7 +110,7 @@ def rows() -> Iterator[Figure]:
         case = f"MuJoCo, friction {friction}, taken for 0.5"
         t = with_truth(SLIDING, friction)
         yield at_most(case, "sliding mode, true speed", "from rest to slip 0.12 [s]", t.settled_s, 0.3)
-        for name in ("driven encoders, currents, IMU", "and encoders on the passive wheels"):
+        for name in BARRED:
             found = with_estimate(SENSORS[name], friction)
             worst = max(t.settled_s for t in found)
             method = f"sliding mode; {name}"

@@ -35,6 +35,7 @@ from ohmward.traction.rolling import RollingResistance
 
 DT = 1e-3
 REST_S = 1.0
+EDGE_STD_COUNTS, CLOCK_S = 0.02, 1e-6
 WHEEL = driven_wheel(RLMA)
 LIMITS = Limits(torque_Nm=12.0)
 UNSURE = Uncertainty(force_N=0.5 * WHEEL.load_N)
@@ -119,6 +120,7 @@ class Sensors(NamedTuple):
     """What is measured at 1 kHz, besides the motor currents (0.1 A), and what is wrong with it.
 
     counts: per turn of the encoders.
+    edges: the time of each edge is captured, to 1 us; edges lie where they should to 0.02 of a count.
     passive: encoders on the wheels that are not driven, too.
     imu: accelerometer (0.05 m/s^2, offset 0.05 m/s^2) and gyro (0.005 rad/s); without it the yaw rate counts as 0.
     speed: an external one at 10 Hz, 0.03 m/s.
@@ -129,6 +131,7 @@ class Sensors(NamedTuple):
     """
 
     counts: int = 4096
+    edges: bool = False
     passive: bool = False
     imu: bool = True
     speed: bool = False
@@ -144,6 +147,7 @@ def observer(s: Sensors) -> tuple[MomentumObserver, Kernel]:
     std = count_std_rad(s.counts)
     noise = MomentumNoise(
         std,
+        edge_std_counts=EDGE_STD_COUNTS if s.edges else None,
         passive_std_rad=std if s.passive else None,
         accelerometer_std_m_s2=0.05 if s.imu else None,
         gyro_std_rad_s=0.005,
@@ -168,6 +172,7 @@ class Board:
         self.sensors, self.rng = sensors, np.random.default_rng(seed)
         self.resolution = 2 * math.pi / sensors.counts
         self.phase, self.before = self.rng.random(4), np.zeros(4)
+        self.truth: RobotTruth | None = None
         self.pitch_rad = math.radians(sensors.pitch_std_deg) * self.rng.standard_normal()
         self.offset = 0.05 * self.rng.standard_normal()
 
@@ -177,20 +182,44 @@ class Board:
         turned, self.before = now - self.before, now
         return turned if self.sensors.passive else np.where([True, True, False, False], turned, np.nan)
 
+    def edge_age_s(self, truth: RobotTruth, turned: np.ndarray) -> np.ndarray:
+        """(4,) since the last edge of this step, nan without one."""
+        before, self.truth = self.truth or truth, truth
+        if not self.sensors.edges:
+            return np.full(4, math.nan)
+        placed = self.before + (turned < 0) - self.phase + EDGE_STD_COUNTS * self.rng.standard_normal(4)
+        ages = [age_s(before, truth, k, self.resolution * placed[k], way) for k, way in enumerate(np.sign(turned))]
+        return CLOCK_S * np.round(np.array(ages) / CLOCK_S)
+
     def sample(self, truth: RobotTruth, torque: np.ndarray, blank: AngleSample) -> AngleSample:
         """What is read now; torque: (2,) of the step that ends now."""
         noise, s = self.rng.standard_normal, self.sensors
+        turned = self.counts(truth)
         shown = s.scale * (truth.specific_force_m_s2[0] + self.offset) + 0.05 * noise()
         fix = truth.speed_m_s + 0.03 * noise() if round(truth.time_s / DT) % 100 == 99 else math.nan
         return blank._replace(
             dt_s=DT,
-            turned_rad=self.resolution * self.counts(truth),
+            turned_rad=self.resolution * turned,
+            edge_age_s=self.edge_age_s(truth, turned),
             current_A=torque / RLMA.motor.wheel_constant_Nm_per_A + 0.1 * noise(2),
             acceleration_m_s2=shown if s.imu else math.nan,
             pitch_rad=truth.grade_rad + self.pitch_rad,
             yaw_rate_rad_s=truth.yaw_rate_rad_s + 0.005 * noise() if s.imu else 0.0,
             speed_m_s=fix if s.speed else math.nan,
         )
+
+
+def age_s(before: RobotTruth, now: RobotTruth, wheel: int, angle_rad: float, way: float) -> float:
+    """How long ago the wheel passed an angle in the last step, nan if it did not; its angle is a cubic over the step.
+
+    way: > 0 forward, < 0 backward.
+    """
+    if not abs(way) > 0:
+        return math.nan
+    u = np.linspace(0.0, 1.0, 101)
+    (a0, w0), (a1, w1) = ((t.wheel_angle_rad[wheel], DT * t.wheel_speed_rad_s[wheel]) for t in (before, now))
+    angles = a0 + u * (w0 + u * (3 * (a1 - a0) - 2 * w0 - w1 + u * (w0 + w1 - 2 * (a1 - a0))))
+    return DT * (1.0 - float(np.interp(way * angle_rad, way * angles, u)))
 
 
 class Observed(NamedTuple):

@@ -15,7 +15,7 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmwa
 sys.path.insert(0, str(ROOT / "benchmarks"))
 loops = import_module("slip_loops")
 
-IMU = loops.Sensors()
+IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 
 
 @cache
@@ -34,7 +34,16 @@ def test_the_slip_arrives_and_stays_whatever_the_friction(friction, arrival_s, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sensors", [IMU, loops.Sensors(passive=True)])
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_with_the_time_of_edges_it_is_there_after_0_3_s(friction, seed):
+    found = loops.tracking(from_rest(friction, EDGES, seed).truth, 0.12, 0.5)
+    assert found.settled_s <= 0.3
+    assert found.rms <= 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensors", [IMU, EDGES, loops.Sensors(passive=True)])
 def test_the_sigma_of_the_speed_holds_in_closed_loop(sensors):
     found = [from_rest(friction, sensors, seed) for friction in (0.2, 0.8) for seed in (1, 2)]
     errors = [o.estimate.speed_m_s[-1] - o.truth.speed_m_s[-1] for o in found]
@@ -48,6 +57,19 @@ def test_a_slope_that_no_sensor_was_told_of_is_found():
     pitch_is_wrong = loops.Sensors(pitch_std_deg=1.0)
     found = loops.tracking(from_rest(0.2, pitch_is_wrong).truth, 0.12, 0.5)
     assert found.rms <= 0.012
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_an_edge_is_as_old_as_the_wheel_turned_since(way):
+    ground = loops.RlmaPlant(RlmaParameters(), uniform(0.8)).reset()
+    speed, turning, age_s = 2.0, 300.0, 0.37e-3
+    angle = lambda t: way * (speed * t + 0.5 * turning * t**2)  # noqa: E731
+    before, now = (
+        ground._replace(wheel_angle_rad=np.full(4, angle(t)), wheel_speed_rad_s=np.full(4, way * (speed + turning * t)))
+        for t in (0.0, loops.DT)
+    )
+    assert loops.age_s(before, now, 0, angle(loops.DT - age_s), way) == pytest.approx(age_s, abs=1e-7)
+    assert np.isnan(loops.age_s(before, now, 0, 0.0, 0.0))
 
 
 def test_reversals_count_swings_of_more_than_a_size():

@@ -26,6 +26,7 @@ class AngleSample(NamedTuple):
     dt_s: time since the sample before [s].
     turned_rad: (wheels,) counts since the sample before, as an angle; driven wheels first.
     current_A: (driven,) of the motors over the step that ends now.
+    edge_age_s: (wheels,) time since the last edge of a count, >= 0, where a timer captures it.
     acceleration_m_s2: from an accelerometer along x, gravity included.
     pitch_rad: of the body, > 0 with the nose up; no number counts as level.
     yaw_rate_rad_s: from a gyro.
@@ -35,6 +36,7 @@ class AngleSample(NamedTuple):
     dt_s: Any
     turned_rad: np.ndarray
     current_A: np.ndarray
+    edge_age_s: np.ndarray
     acceleration_m_s2: Any = math.nan
     pitch_rad: Any = math.nan
     yaw_rate_rad_s: Any = math.nan

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 from ohmward.checks import require_between, require_positive
 
-_OPTIONAL = ("passive_std_rad", "accelerometer_std_m_s2", "gyro_std_rad_s", "speed_std_m_s")
+_OPTIONAL = ("edge_std_counts", "passive_std_rad", "accelerometer_std_m_s2", "gyro_std_rad_s", "speed_std_m_s")
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,7 @@ class MomentumNoise:
 
     Attributes:
         encoder_std_rad: of the angle of a driven wheel; `count_std_rad`.
+        edge_std_counts: of where an edge lies, as a share of a count; None where the time of edges is not captured.
         torque_std_Nm: of the torque at a wheel.
         passive_std_rad: of the angle of a wheel that is not driven.
         accelerometer_std_m_s2: of an accelerometer along x; offset and slope are learnt at rest.
@@ -33,6 +34,7 @@ class MomentumNoise:
     """
 
     encoder_std_rad: float
+    edge_std_counts: float | None = None
     torque_std_Nm: float = 0.05
     passive_std_rad: float | None = None
     accelerometer_std_m_s2: float | None = None

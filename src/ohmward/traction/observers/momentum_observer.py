@@ -33,6 +33,7 @@ from ohmward.filters.gating import choose, passes
 from ohmward.trace import isfinite, maximum, sin, sqrt, where
 from ohmward.traction.dynamics import Scene
 from ohmward.traction.motor import wheel_torque
+from ohmward.traction.observers.momentum_angle import Angle, count_angle, edge_angle
 from ohmward.traction.observers.momentum_estimate import AngleSample, MomentumEstimate, MomentumFlag
 from ohmward.traction.observers.momentum_model import FOLLOWING, FOLLOWING_STD, MomentumModel
 from ohmward.traction.observers.momentum_noise import MomentumNoise
@@ -97,7 +98,8 @@ class MomentumObserver:
     def no_sample(self) -> AngleSample:
         """A sample without any measurement, to be filled with `_replace`."""
         robot = self.scene.robot
-        return AngleSample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
+        angles = np.full(len(robot.places), math.nan)
+        return AngleSample(0.0, angles, np.full(robot.driven, math.nan), angles)
 
     def init(self) -> MomentumState:
         """The state of a robot that stands."""
@@ -126,7 +128,7 @@ class MomentumObserver:
         belief = choose(good, belief, self.lost(belief))
         rested = Belief(before.mean, before.cov + self.model.process_noise(dt_s))
         belief = choose(resting, self.standing(rested), belief)
-        belief, changed = self.use_counts(belief, sample)
+        belief, changed = self.use_counts(belief, sample, torque_Nm, pitch_rad)
         belief = self.use_accelerometer(belief, sample, torque_Nm, pitch_rad, where(resting, 0.0, 1.0))
         belief = self.use_body(belief, sample)
 
@@ -173,21 +175,37 @@ class MomentumObserver:
         kept = np.diag([0.0 if i in new else 1.0 for i in range(len(model.names))])
         return Belief(kept @ belief.mean, kept @ belief.cov @ kept + np.diag(vector(len(model.names), new) ** 2))
 
-    def use_counts(self, belief: Belief, sample: AngleSample) -> tuple[Belief, Any]:
+    def use_counts(
+        self, belief: Belief, sample: AngleSample, torque_Nm: np.ndarray, pitch_rad: Any
+    ) -> tuple[Belief, Any]:
         """With the encoders; and whether one of the driven wheels was a surprise."""
-        model, noise = self.model, self.noise
+        model, driven = self.model, self.scene.robot.driven
+        b = model.drive(belief.mean[: self.scene.robot.freedoms], torque_Nm, pitch_rad)
         changed: Any = False
         for k in range(model.counted):
-            std = noise.encoder_std_rad if k < self.scene.robot.driven else noise.passive_std_rad or 0.0
             turned = sample.turned_rad[k]
             there, i = isfinite(turned), model.ahead(k)
             belief = belief._replace(mean=belief.mean - vector(len(belief.mean), {i: where(there, turned, 0.0)}))
-            if k < self.scene.robot.driven:
-                surprise = belief.mean[i] ** 2 > self.surprise * (belief.cov[i, i] + std**2)
-                belief = choose(there & surprise, self.force_unknown(belief, k), belief)
-                changed = changed | (there & surprise)
-            belief = choose(there, observed(belief, {i: 1.0}, 0.0, std**2, math.inf), belief)
+            seen = self.angle(belief, k, sample, b)
+            there = there & isfinite(seen.angle_rad)
+            if k < driven:
+                surprise = there & self.surprises(belief, seen)
+                belief = choose(surprise, self.force_unknown(belief, k), belief)
+                changed = changed | surprise
+            y = where(there, seen.angle_rad, math.nan)
+            belief = observed(belief, seen.row, y, seen.variance, math.inf)
         return belief, changed
+
+    def angle(self, belief: Belief, k: int, sample: AngleSample, b: np.ndarray) -> Angle:
+        """What the encoder of wheel k says."""
+        if self.noise.edge_std_counts is None:
+            return count_angle(self.model, k)
+        return edge_angle(self.model, k, belief, sample, b)
+
+    def surprises(self, belief: Belief, seen: Angle) -> Any:
+        """Whether an angle is farther from the believed one than the ground as it was allows."""
+        error = seen.angle_rad - seen.row @ belief.mean
+        return error**2 > self.surprise * (seen.row @ belief.cov @ seen.row + seen.variance)
 
     def force_unknown(self, belief: Belief, k: int) -> Belief:
         """As if the force on a wheel had changed by anything up to its load, `SEEN_LATE_S` ago."""
@@ -204,16 +222,17 @@ class MomentumObserver:
         model = self.model
         known = model.drive(belief.mean[: self.scene.robot.freedoms], torque_Nm, pitch_rad)[0]
         y = sample.acceleration_m_s2 - GRAVITY * sin(pitch_rad) - moving * known
-        row = {i: moving * value for i, value in enumerate(model.rate[0]) if value}
-        return observed(belief, {**row, model.offset: 1.0}, y, std**2, self.gate)
+        rates = {i: moving * value for i, value in enumerate(model.rate[0]) if value}
+        return observed(belief, vector(len(belief.mean), {**rates, model.offset: 1.0}), y, std**2, self.gate)
 
     def use_body(self, belief: Belief, sample: AngleSample) -> Belief:
         """With yaw gyro and external speed."""
-        yaw = self.model.names.index("yaw_rate_rad_s")
+        yaw = vector(len(belief.mean), {self.model.names.index("yaw_rate_rad_s"): 1.0})
+        speed = vector(len(belief.mean), {0: 1.0})
         if self.noise.gyro_std_rad_s is not None:
-            belief = observed(belief, {yaw: 1.0}, sample.yaw_rate_rad_s, self.noise.gyro_std_rad_s**2, self.gate)
+            belief = observed(belief, yaw, sample.yaw_rate_rad_s, self.noise.gyro_std_rad_s**2, self.gate)
         if self.noise.speed_std_m_s is not None:
-            belief = observed(belief, {0: 1.0}, sample.speed_m_s, self.noise.speed_std_m_s**2, self.gate)
+            belief = observed(belief, speed, sample.speed_m_s, self.noise.speed_std_m_s**2, self.gate)
         return belief
 
     def conclude(self, belief: Belief, torque_Nm: np.ndarray, pitch_rad: Any, flags: Any) -> MomentumEstimate:
@@ -243,11 +262,10 @@ class MomentumObserver:
         )
 
 
-def observed(belief: Belief, row: dict[int, Any], y: Any, variance: float, gate: float) -> Belief:
-    """The belief after y = sum row[i] x[i]; a measurement that is no number or outside its gate changes nothing."""
-    H = vector(len(belief.mean), row)[None]
+def observed(belief: Belief, row: np.ndarray, y: Any, variance: Any, gate: float) -> Belief:
+    """The belief after y = row @ x, row (n,); a measurement that is no number or outside its gate changes nothing."""
     there = isfinite(y)
-    correction = kalman.correct(belief, np.array([where(there, y, 0.0)]), H, np.array([[variance]]))
+    correction = kalman.correct(belief, np.array([where(there, y, 0.0)]), row[None], np.array([[variance]]))
     return choose(there & passes(correction.innovation, gate), correction.belief, belief)
 
 
