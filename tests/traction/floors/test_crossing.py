@@ -1,56 +1,81 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.floors import CrossingTest, crossing_test, slip_on_floors
+from ohmward.traction.floors.crossing import CrossingSample
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 
-STEP = CrossingTest(step_share=0.06, ripple_share=0.012, ripple_growth=0.0)
+TEST = CrossingTest(ripple_share=0.02, ripple_growth=0.0)
+SPEED_M_S = 0.1
+TAU_S = TEST.ripple_m / SPEED_M_S
+#: What counts under each of three wheels, in the forces of the wheels.
+CHANGE = np.array([[0.08, 0.02, 0.0], [0.02, -0.06, 0.01], [0.0, 0.03, 0.09]])
 
 
-def alarms(test, drag, dt_s=0.03):
-    state, found = test.init(3), []
-    for k, value in enumerate(drag):
-        state, crossing = test.step(state, float(value), np.array([0.1, 0.0, 0.0]), True, dt_s)
-        found += [k * dt_s] if crossing else []
+def alarms(test, force, dt_s=0.03):
+    state, found = test.init(OMNI), []
+    for k, value in enumerate(force):
+        sample = CrossingSample(value, CHANGE, np.array([SPEED_M_S, 0.0, 0.0]), True, dt_s)
+        state, crossed = test.step(state, sample)
+        found += [k * dt_s] if crossed else []
     return found
 
 
+def later(change):
+    """Forces (400, 3) that change at 6 s."""
+    return np.where(np.arange(400)[:, None] < 200, 0.1, 0.1 + change)
+
+
 def test_the_threshold_solves_the_equation_of_the_run_length():
-    h, k = STEP.threshold, 5.0
-    assert 2 * 0.3 / k**2 * (math.exp(h) - h - 1) == pytest.approx(2 * 3600.0)
+    k2 = np.array([0.1, 0.5, 30.0])
+    h = TEST.threshold(k2, TAU_S)
+    np.testing.assert_allclose(2 * TAU_S / k2 * (np.exp(h) - h - 1), 6 * 3600.0, rtol=1e-9)
 
 
-@pytest.mark.parametrize("change", [0.06, -0.06])
-def test_a_step_is_found_as_soon_as_the_sum_reaches_the_threshold(change):
-    drag = np.where(np.arange(400) < 200, 0.1, 0.1 + change)
-    (found,) = alarms(STEP, drag)
-    gain = STEP.step_share / STEP.ripple_share**2 / STEP.ripple_s * (abs(change) - STEP.step_share / 2)
-    assert 6.0 < found < 6.0 + 1.6 * STEP.threshold / gain
+@pytest.mark.parametrize("wheel", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_change_under_each_wheel_is_found_as_soon_as_its_sum_reaches_the_threshold(wheel, sign):
+    e = CHANGE[:, wheel]
+    k2 = np.sum(CHANGE**2, axis=0) / TEST.ripple_share**2
+    (found,) = alarms(TEST, later(sign * e))
+    soonest = TEST.threshold(k2, TAU_S)[wheel] * TAU_S / (k2[wheel] / 2)
+    assert 6.0 + 0.9 * soonest < found < 6.0 + 1.8 * soonest
 
 
-def test_a_change_of_half_a_step_is_none():
-    assert alarms(STEP, np.where(np.arange(400) < 200, 0.1, 0.1 + 0.029)) == []
+def test_less_than_half_a_change_is_none():
+    assert alarms(TEST, later(0.45 * CHANGE[:, 0])) == []
+
+
+def test_forces_that_no_wheel_explains_are_no_crossing():
+    two = CHANGE[:, [0, 1, 0]]
+    across = np.cross(two[:, 0], two[:, 1])
+    state = TEST.init(OMNI)
+    for force in later(0.3 * across / np.linalg.norm(across)):
+        state, crossed = TEST.step(state, CrossingSample(force, two, np.array([SPEED_M_S, 0.0, 0.0]), True, 0.03))
+        assert not crossed
 
 
 @pytest.mark.slow
 def test_false_alarms_are_no_more_frequent_than_claimed():
     rng = np.random.default_rng(6)
-    test = CrossingTest(step_share=0.03, ripple_share=0.015, ripple_growth=0.0, false_alarms_per_hour=60.0)
-    white = rng.normal(0.0, 0.015 * math.sqrt(0.3 / 0.03), 200_000)  # the density of a ripple that lasts 0.3 s
-    per_hour = len(alarms(test, 0.1 + white)) / (200_000 * 0.03 / 3600)
-    assert per_hour < 60.0
+    test = replace(TEST, false_alarms_per_hour=60.0)
+    white = rng.normal(0.0, 0.02 * math.sqrt(TAU_S / 0.03), (100_000, 3))  # the density of a ripple that lasts tau
+    per_hour = len(alarms(test, 0.1 + white)) / (100_000 * 0.03 / 3600)
+    assert 2.0 < per_hour < 60.0
 
 
 def test_a_stop_and_another_direction_start_anew():
-    state = STEP.init(3)
+    state = TEST.init(OMNI)
     for moving, motion in ((True, [0.1, 0, 0]), (False, [0.0, 0, 0]), (True, [0.0, 0.1, 0])):
         for _ in range(60):
-            drag = 0.3 if motion[1] else 0.1
-            state, crossing = STEP.step(state, drag, np.array(motion, dtype=float), moving, 0.03)
-            assert crossing is None
+            force = np.full(3, 0.5 if motion[1] else 0.1)
+            sample = CrossingSample(force, CHANGE, np.array(motion, dtype=float), moving, 0.03)
+            state, crossed = TEST.step(state, sample)
+            assert not crossed
 
 
 @pytest.mark.parametrize("before, after, sign", [(SMOOTH, SOFT, 1), (SOFT, SMOOTH, -1)])
@@ -66,12 +91,13 @@ def test_one_floor_has_no_crossing():
     assert slip_on_floors(OMNI, (SMOOTH, SOFT)).run(drive.log).crossings == []
 
 
-def test_the_smallest_change_is_the_lightest_wheel_between_the_nearest_floors():
-    found = crossing_test(OMNI, (SMOOTH, SOFT))
-    assert found.step_share == pytest.approx((SOFT.drag - SMOOTH.drag) * 30.0 / 110.8)
-    assert crossing_test(OMNI, ()).step_share == CrossingTest().step_share
+def test_what_counts_is_a_share_of_what_sets_the_nearest_floors_apart():
+    found = crossing_test((SMOOTH, SOFT, replace(SOFT, name="far", rolling=0.5, roller=0.8)))
+    assert found.rolling_step == pytest.approx(0.7 * (SOFT.rolling - SMOOTH.rolling))
+    assert found.roller_step == pytest.approx(0.7 * (SOFT.roller - SMOOTH.roller))
+    assert crossing_test(()) == crossing_test((SOFT,)) == CrossingTest()
 
 
 def test_wrong_settings_are_refused():
-    with pytest.raises(InputError, match="ripple_s must be > 0"):
-        CrossingTest(ripple_s=0.0)
+    with pytest.raises(InputError, match="ripple_m must be > 0"):
+        CrossingTest(ripple_m=0.0)

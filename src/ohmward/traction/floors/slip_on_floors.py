@@ -174,7 +174,7 @@ class SlipOnFloors:
 
 def slip_on_floors(robot: Robot, floors: Sequence[Floor] = (), method: str = "ukf") -> SlipOnFloors:
     """The estimator of a calibrated robot that has learnt these floors; `method` as in `wheel_filter.METHODS`."""
-    return SlipOnFloors(Recognition(robot, floors), WheelFilter(robot, method), crossing_test(robot, floors))
+    return SlipOnFloors(Recognition(robot, floors), WheelFilter(robot, method), crossing_test(floors))
 
 
 def wheel_samples(log: DriveLog, driven: int) -> WheelSample:
