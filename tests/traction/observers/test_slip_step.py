@@ -1,14 +1,16 @@
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, Input, next_state
+from ohmward.traction import EULER, Input, Terrain, next_state, scene
 from ohmward.traction.observers import KNOWN_GROUND
 from ohmward.traction.observers.slip_step import grip, slip_step
 from ohmward.traction.observers.states import Layout, States
 from ohmward.traction.quasi_static import wheel_slip
 
-from .examples import SCENES
+from .examples import FLOOR, LOW, SCENES
 
 
 def step_of(place, dt_s=0.01, states=KNOWN_GROUND):
@@ -112,3 +114,36 @@ def test_from_the_end_of_their_mean_sigma_points_reach_the_balance(current_A, tr
     exact = np.array([slip_step(layout.split(p), u, place, 0.01).slip_m_s for p in points])
     assert np.ptp(exact) > 1e-3
     assert found == pytest.approx(exact, abs=1e-4)
+
+
+class Pushed(NamedTuple):
+    """The floor's law with a force besides."""
+
+    besides_N: float
+
+    def force_N(self, contact):
+        return FLOOR.traction.force_N(contact) + self.besides_N
+
+
+def moved_on(place, x, current_A):
+    return slip_step(Layout(place.robot, KNOWN_GROUND).split(x), Input(current_A), place, 0.01)
+
+
+@pytest.mark.parametrize("current_A", [2.0, 8.0, 20.0])
+def test_what_a_force_besides_the_law_does_to_body_and_wheels(current_A):
+    x, current, besides_N = np.array([0.3, 0.0, 2.6, 2.6]), np.full(2, current_A), 0.01
+    moved = moved_on(SCENES["front-driven"], x, current)
+    pushed = moved_on(scene(LOW, Terrain("pushed", Pushed(besides_N), FLOOR.rolling, "tests")), x, current)
+    change = np.concatenate([pushed.motion - moved.motion, pushed.omega - moved.omega]) / besides_N
+    assert moved.force_response @ np.ones(2) == pytest.approx(change, rel=0.12, abs=1e-6)  # Newton has not ended
+
+
+def test_the_force_of_the_bend_is_that_of_the_slip_beyond_a_straight_law():
+    x = np.array([0.3, 0.0, 3.2, 3.2])
+    moved = moved_on(SCENES["front-driven"], x, np.full(2, 8.0))
+    law, s = FLOOR.traction, moved.slip_m_s[0]
+    load_N = LOW.mass_kg * 9.80665 / 4
+    bend_m_s = s - -np.expm1(-law.c2_s_per_m * s) / law.c2_s_per_m
+    slope = load_N * law.c1 * law.c2_s_per_m * np.exp(-law.c2_s_per_m * s)
+    assert s > 0.02
+    assert moved.bend_N == pytest.approx(np.full(2, slope * bend_m_s), rel=1e-6)

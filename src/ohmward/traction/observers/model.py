@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import exp, minimum, sin, where
+from ohmward.trace import exp, maximum, minimum, sin, sqrt, where
 from ohmward.traction.dynamics import Input, Scene, momentum_rates, normal_loads
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading
@@ -30,6 +30,8 @@ UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
 #: A steeper pitch [rad] is a sensor's fault.
 STEEPEST_RAD = 1.5
+
+_TINY_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class Model:
         return Input(reading.current_A, grade)
 
     def process_noise(self, mean: np.ndarray, reading: Reading) -> np.ndarray:
-        """Q (n, n) of a step; unknown torque goes through the model, where a wheel that grips damps it."""
+        """Q (n, n) of a step; unknown torque and traction go through the model, where a wheel that grips damps them."""
         robot, noise = self.scene.robot, self.noise
         moved = self.moved(mean, reading)
         most_Nm = robot.wheel.radius_m * self.static_load_N[: self.driven]
@@ -135,8 +137,20 @@ class Model:
         diagonal += [self.walked(name, reading.dt_s) for name in self.layout.names[len(diagonal) :]]
         Q = np.diag(np.array(diagonal))
         own = robot.freedoms + self.driven
-        Q[:own, :own] = Q[:own, :own] + B @ B.T
+        C = self.bend_response(moved, reading)
+        Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
         return mirror_lower(Q)
+
+    def bend_response(self, moved: Moved, reading: Reading) -> np.ndarray:
+        """Change (freedoms + driven, driven) of body and wheels in a step by a law that bends otherwise, one sigma.
+
+        Friction and stiffness fit a law at its two ends; how it bends in between stays unknown, and a wheel there seems
+        to show a speed that it does not. An error that lasts for T weighs as white noise sqrt(2 T/dt) times as large.
+        """
+        if self.states.friction == "known":
+            return np.zeros_like(moved.force_response)
+        lasting = sqrt(2 * self.noise.bend_s / maximum(reading.moving_s, _TINY_S))
+        return moved.force_response * (moved.bend_N * (self.noise.bend_std * lasting))
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         """Slip speed (driven,) [m/s] in state x (n,)."""

@@ -36,12 +36,16 @@ class Moved(NamedTuple):
     omega: (driven,) [rad/s].
     slip_m_s: (driven,) that balances.
     torque_response: (freedoms + driven, driven) of body and wheels to torque besides that of the currents [1/(N m)].
+    force_response: (freedoms + driven, driven) of body and wheels to traction besides that of the law [1/N].
+    bend_N: (driven,) force that the part of the slip makes which is there because the law bends.
     """
 
     motion: np.ndarray
     omega: np.ndarray
     slip_m_s: np.ndarray
     torque_response: np.ndarray
+    force_response: np.ndarray
+    bend_N: np.ndarray
 
 
 class Balance(NamedTuple):
@@ -50,11 +54,13 @@ class Balance(NamedTuple):
     slip_m_s: at the end of the step.
     traction_N: force of the ground during the step.
     slope: of the force over the slip [N s/m], >= 0.
+    rest_slope: the same without slip.
     """
 
     slip_m_s: np.ndarray
     traction_N: np.ndarray
     slope: np.ndarray
+    rest_slope: np.ndarray
 
 
 def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> Moved:
@@ -75,10 +81,13 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray
     start, steps = (start_m_s, FINISHING_STEPS) if start_m_s is not None else (before, NEWTON_STEPS)
     balance = balanced(start, radius * ballistic[free:] - G @ ballistic[:free], A, parts, load_N, p, steps)
     F: Any = balance.traction_N
-    carried = balance.slope * radius * wheels / (1.0 + np.diag(A) * balance.slope)
+    damping = 1.0 + np.diag(A) * balance.slope
+    carried = balance.slope * radius * wheels / damping
     response = np.vstack([dt_s * (rows.T * carried), np.diag(wheels * (1.0 - radius * carried))])
+    pushed = np.vstack([dt_s * (rows.T / damping), np.diag(-radius * wheels / damping)])
+    bend_N = balance.slope * (balance.slip_m_s - F / balance.rest_slope)
     motion, omega = ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F
-    return Moved(motion, omega, balance.slip_m_s, response)
+    return Moved(motion, omega, balance.slip_m_s, response, pushed, bend_N)
 
 
 def without_traction(parts: Parts, u: Input, p: Scene, load_N: np.ndarray) -> Forces:
@@ -102,7 +111,7 @@ def balanced(
         F, slope = slopes(slip, parts, load_N, p)
         step = slip - (slip + A @ F - free_slip) / (1.0 + diagonal * slope)
         slip = np.array([_beyond(*pair) for pair in zip(step, least, strict=True)])
-    return Balance(slip, *slopes(slip, parts, load_N, p))
+    return Balance(slip, *slopes(slip, parts, load_N, p), rest)
 
 
 def _beyond(slip: Any, least: Any) -> Any:
