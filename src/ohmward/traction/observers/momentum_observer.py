@@ -64,6 +64,7 @@ class MomentumObserver:
         scene: robot, and the terrain, of which only the rolling resistance counts.
         noise: how wrong sensors and model may be, and which sensors there are.
         surprise: NIS of a count beyond which the ground under its wheel has changed, > 0.
+        edge_surprise: likewise of an edge, whose time shows even how gradually the ground takes up a torque, > 0.
         gate: largest NIS of any other measurement that is used, > 0.
         gap_s: after a longer step nothing is known of the speed, > 0.
         rest_hold_s: counts and motors must be still for so long before the robot counts as standing.
@@ -74,6 +75,7 @@ class MomentumObserver:
     scene: Scene
     noise: MomentumNoise
     surprise: float = 25.0
+    edge_surprise: float = 400.0
     gate: float = 25.0
     gap_s: float = 0.05
     rest_hold_s: float = 0.1
@@ -86,7 +88,7 @@ class MomentumObserver:
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
                 'Differential(driven="all") and give it a gyro'
             )
-        for name in ("surprise", "gate", "gap_s", "rest_current_A", "current_limit_A"):
+        for name in ("surprise", "edge_surprise", "gate", "gap_s", "rest_current_A", "current_limit_A"):
             require_positive(f"momentum_observer.{name}", getattr(self, name))
         require_between("momentum_observer.rest_hold_s", self.rest_hold_s, 0.0, math.inf)
 
@@ -205,7 +207,8 @@ class MomentumObserver:
     def surprises(self, belief: Belief, seen: Angle) -> Any:
         """Whether an angle is farther from the believed one than the ground as it was allows."""
         error = seen.angle_rad - seen.row @ belief.mean
-        return error**2 > self.surprise * (seen.row @ belief.cov @ seen.row + seen.variance)
+        most = self.surprise if self.noise.edge_std_counts is None else self.edge_surprise
+        return error**2 > most * (seen.row @ belief.cov @ seen.row + seen.variance)
 
     def force_unknown(self, belief: Belief, k: int) -> Belief:
         """As if the force on a wheel had changed by anything up to its load, `SEEN_LATE_S` ago."""
