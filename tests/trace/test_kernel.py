@@ -311,3 +311,10 @@ def scaled(x, factor):
 def test_kernels_travel_between_processes():
     kernel = pickle.loads(pickle.dumps(Kernel(partial(scaled, factor=3.0), 0.0)))
     assert kernel(2.0) == 6.0
+
+
+def test_a_few_long_lanes_are_worth_machine_code_too():
+    pytest.importorskip("llvmlite")
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
+    assert kernel._takes_machine_code(np.zeros((10_000, 2)), 400_000)
+    assert not kernel._takes_machine_code(np.zeros((9_999, 2)), 400_000)

@@ -15,7 +15,7 @@ from ohmward.trace.structure import Branch, Leaf, Structure, check, flatten, lea
 
 LOWERINGS = ("auto", "python", "machine")
 
-#: From so many steps on, machine code is faster although it must be compiled first: one log, and all lanes together.
+#: From so many steps on, machine code is faster although it must be compiled first: of a log, of all lanes together.
 WORTH_STEPS, WORTH_LANE_STEPS = 10_000, 400_000
 
 
@@ -129,9 +129,10 @@ class Kernel:
         """Whether these samples go through machine code; NoMachineCodeError where it is asked for and there is none."""
         if self.lowering == "auto":
             structure = self._step_structures[1]
-            pairs = zip(leaves(structure), flatten(structure, samples, "samples"), strict=True)
+            pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
             steps = max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
-            return steps >= worth and not _no_machine_code()
+            length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
+            return (steps >= worth or length >= WORTH_STEPS) and not _no_machine_code()
         if self.lowering == "machine":
             _load_llvm()
         return self.lowering == "machine"
