@@ -4,6 +4,7 @@ import math
 import os
 import shutil
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def spark():
 
     os.environ["PYSPARK_PYTHON"] = sys.executable
     provider = "org.apache.spark.sql.execution.streaming.state.RocksDBStateStoreProvider"
-    settings = {
+    settings: dict[str, Any] = {
         "spark.sql.shuffle.partitions": "2",
         "spark.ui.enabled": "false",
         "spark.sql.streaming.stateStore.providerClass": provider,

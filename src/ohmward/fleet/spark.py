@@ -44,7 +44,7 @@ def soc_stream(
     functions = _functions(samples)
     if missing := [name for name in ("robot", *MEASURED) if name not in samples.columns]:
         raise InputError(f"samples must have the column {missing[0]!r}, got {', '.join(samples.columns)}; add it")
-    robot = SocOfRobot(battery, filter, initial_soc, initial_soc_std)
+    robot: Any = SocOfRobot(battery, filter, initial_soc, initial_soc_std)
     robot.estimator()  # refused now, not on the executors
     columns = [functions.col("robot").cast("string"), *(functions.col(name).cast("double") for name in MEASURED)]
     by_robot = samples.select(*columns).groupBy("robot")
