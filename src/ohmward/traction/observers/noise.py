@@ -50,11 +50,11 @@ class Noise:
     speed_std_m_s: float | None = None
     pitch_std_rad: float | None = None
     accelerometer_std_m_s2: float | None = None
-    speed_walk: float = 0.01
+    speed_walk: float = 0.015
     yaw_rate_walk: float = 0.3
     friction_walk: float = 0.3
     stiffness_walk: float = 0.05
-    grade_walk: float = 0.003
+    grade_walk: float = 0.006
     rolling_walk: float = 0.05
     initial_speed_std_m_s: float = 0.05
     initial_yaw_rate_std_rad_s: float = 0.3
