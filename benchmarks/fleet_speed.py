@@ -1,0 +1,52 @@
+"""How long 10,000 logs of 36,000 samples take from Parquet to a row each: `python benchmarks/fleet_speed.py`."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ohmward.battery.battery_file import dump_battery
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.simulation import simulate_voltage
+from ohmward.fleet import Job, in_processes, run_fleet
+from ohmward.logs import Log, write_log
+
+LOGS, STEPS, FLEET = 256, 36_000, 10_000
+BAR_S = 60.0
+
+
+def write_logs(folder: Path) -> list[str]:
+    """Ten hours at 1 Hz each; eight different ones, many times."""
+    model, rng = generic_battery("nmc", 2.0).thevenin, np.random.default_rng(0)
+    different = []
+    for k in range(8):
+        current = np.repeat(rng.normal(-0.1, 0.5, STEPS // 20), 20) + 0.01 * rng.standard_normal(STEPS)
+        truth = Log(f"robot {k}", np.arange(STEPS, dtype=float), current, np.full(STEPS, 3.7))
+        voltage = simulate_voltage(model, truth, 0.9).voltage_V + 0.002 * rng.standard_normal(STEPS)
+        different.append(Log(truth.name, truth.time_s, current, voltage))
+    paths = [folder / f"robot{k:04d}.parquet" for k in range(LOGS)]
+    for k, path in enumerate(paths):
+        write_log(different[k % 8], path)
+    return list(map(str, paths))
+
+
+def main() -> None:
+    processes = os.cpu_count() or 1
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        paths, job = write_logs(folder), Job(dump_battery(generic_battery("nmc", 2.0)))
+        began = time.perf_counter()
+        run_fleet(paths, job, folder / "out", partial(in_processes, processes=processes))
+        seconds = (time.perf_counter() - began) / LOGS
+    print(
+        f"{processes} at once: {1e3 * seconds:.1f} ms a log; {FLEET:,} take {FLEET * seconds:.0f} s, bar {BAR_S:.0f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()
