@@ -128,7 +128,8 @@ def build(export: Export, option: str, machine: Machine, folder: Path) -> Path:
 
 def run(image: Path, machine: Machine) -> dict[str, int]:
     """What the image says of itself."""
-    options: list[str | Path] = ["-nographic", "-semihosting-config", "enable=on,target=native", "-icount", "shift=6", "-kernel", image]
+    options: list[str | Path] = ["-nographic", "-semihosting-config", "enable=on,target=native", "-icount", "shift=6"]
+    options += ["-kernel", image]
     result = subprocess.run(
         ["qemu-system-arm", "-machine", machine.name, *options],
         capture_output=True,

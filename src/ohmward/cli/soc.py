@@ -30,8 +30,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--filter",
         default="ekf",
         metavar="NAME",
-        help="ekf, ukf, aekf, aukf, hybrid, rc-kf, rc-soc, rc-aukf, textbook-ekf, textbook-ukf, coulomb or ocv (default "
-        "%(default)s)",
+        help="ekf, ukf, aekf, aukf, hybrid, rc-kf, rc-soc, rc-aukf, textbook-ekf, textbook-ukf, coulomb or ocv "
+        "(default %(default)s)",
     )
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")

@@ -5,6 +5,7 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction import EULER, Input, Terrain, next_state, scene
+from ohmward.traction.laws import WardIagnemma
 from ohmward.traction.observers import KNOWN_GROUND
 from ohmward.traction.observers.slip_step import grip, slip_step
 from ohmward.traction.observers.states import Layout, States
@@ -142,6 +143,7 @@ def test_the_force_of_the_bend_is_that_of_the_slip_beyond_a_straight_law():
     x = np.array([0.3, 0.0, 3.2, 3.2])
     moved = moved_on(SCENES["front-driven"], x, np.full(2, 8.0))
     law, s = FLOOR.traction, moved.slip_m_s[0]
+    assert isinstance(law, WardIagnemma)
     load_N = LOW.mass_kg * 9.80665 / 4
     bend_m_s = s - -np.expm1(-law.c2_s_per_m * s) / law.c2_s_per_m
     slope = load_N * law.c1 * law.c2_s_per_m * np.exp(-law.c2_s_per_m * s)
