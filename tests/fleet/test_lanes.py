@@ -1,14 +1,20 @@
 """Logs side by side are the logs one by one."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from battery.examples import NMC, drive, samples, simulate
+from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.coulomb import CoulombCounting
+from ohmward.battery.estimators import ESTIMATORS, make_estimator
 from ohmward.battery.noise import Noise
+from ohmward.battery.rc import RcModel
 from ohmward.battery.soc_estimator import SocEstimator
 from ohmward.battery.thevenin_filter import TheveninFilter
-from ohmward.fleet.lanes import _parts, estimate_logs
+from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
 
 NOISE = Noise()
@@ -50,3 +56,12 @@ def test_parts_cover_every_step_of_every_log(lengths):
     assert len(parts) <= 16
     for first, last, lanes in parts:
         assert first < last and lanes == sum(length > first for length in lengths)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_every_estimator_is_traced_once_for_all_batches(name):
+    generic = generic_battery("nmc", 2.0)
+    battery = replace(generic, rc=RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, NMC.ocv, 2.0))
+    first: Any = make_estimator(name, battery)
+    again: Any = make_estimator(name, battery)
+    assert _kernel(first, "python") is _kernel(again, "python")

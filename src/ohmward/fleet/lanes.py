@@ -7,8 +7,10 @@ say nothing, and what it says there is thrown away.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+import math
+from collections.abc import Hashable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
 
@@ -41,7 +43,7 @@ def estimate_logs(
     columns = Sample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(Sample._fields))))
     firsts = [Sample(*(float(column[0]) for column in samples[i])) for i in order]
     states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
-    kernel = Kernel(estimator.step, states[0], Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+    kernel = _kernel(cast(Hashable, estimator), lowering)
     found = Estimate(*(np.empty((lengths[0], len(logs))) for _ in Estimate._fields))
     state = _side_by_side(states)
     for first, last, lanes in _parts(lengths):
@@ -53,6 +55,13 @@ def estimate_logs(
     for lane, i in enumerate(order):
         results[i] = Estimate(*(np.ascontiguousarray(values[: lengths[lane], lane]) for values in found))
     return results
+
+
+@lru_cache(maxsize=4)
+def _kernel(estimator: Any, lowering: str | None) -> Kernel:
+    """Traced and compiled once for all batches of a process."""
+    example = estimator.init(Sample(0.0, math.nan, math.nan, math.nan))
+    return Kernel(estimator.step, example, Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
 
 
 def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
