@@ -159,3 +159,11 @@ def test_threads_that_start_together_share_one_compilation(monkeypatch):
     state, outputs = np.repeat(START[:, None], 8 * WIDTH, axis=1), np.empty((OUTPUTS, 5, 8 * WIDTH))
     MachineStep(PROGRAM, STATE_SIZE).many(state, columns, list(outputs), None, threads=8)
     assert len(compiled) == 1
+
+
+def test_the_environment_says_how_many_threads(monkeypatch):
+    monkeypatch.delenv("OHMWARD_THREADS", raising=False)
+    assert llvm_run.processors() >= 1
+    for text, threads in (("3", 3), ("0", 1), ("all", 1)):
+        monkeypatch.setenv("OHMWARD_THREADS", text)
+        assert llvm_run.processors() == threads

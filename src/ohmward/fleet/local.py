@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -33,9 +34,14 @@ def in_processes(job: Job, batches: Sequence[list[str]], processes: int = 1) -> 
         ) from error
 
 
+def _one_thread() -> None:
+    """Processes share the processors; threads of theirs would only fight each other."""
+    os.environ["OHMWARD_THREADS"] = "1"
+
+
 def _side_by_side(job: Job, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
     left = iter(batches)
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
         under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(left, 2 * processes)}
         while under_way:
             finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)

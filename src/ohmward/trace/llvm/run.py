@@ -175,5 +175,7 @@ def _padded(values: np.ndarray, width: int) -> np.ndarray:
 
 
 def processors() -> int:
-    """Processors that this process may use."""
+    """Processors that this process may use: OHMWARD_THREADS, else all that it is allowed."""
+    if named := os.environ.get("OHMWARD_THREADS", ""):
+        return max(1, int(named)) if named.isdigit() else 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
