@@ -1,4 +1,4 @@
-"""Accuracy: `make accuracy` writes benchmarks/accuracy.md, `python benchmarks/accuracy.py vrla energy` runs some parts.
+"""Accuracy: `make accuracy` writes benchmarks/accuracy.md, `python benchmarks/accuracy.py vrla robotino` runs parts.
 
 The parts on measured data need what is not part of the repository: `../shared/data` or the folder named by
 OHMWARD_DATA. A part without its data is skipped with a message, and then the page stays as it is.
@@ -15,7 +15,7 @@ from figure import HERE, Figure, verdict
 
 Part = Callable[[], Iterator]
 PAGE = HERE / "accuracy.md"
-TRACTION = ("traction_mujoco", "traction_real", "robotino", "slip_control", "energy")
+TRACTION = ("traction_mujoco", "traction_real", "robotino", "slip_control", "range_accuracy")
 INTRODUCTION = """\
 # Accuracy
 
@@ -49,11 +49,8 @@ def main() -> int:
 
 
 def all_parts() -> dict[str, Part]:
-    """Every part by its name: those of the battery, then the modules beside this one that have `rows`."""
-    modules = {name: import_module(name) for name in TRACTION if (HERE / f"{name}.py").exists()}
-    return {part.__name__: part for part in battery.SECTIONS} | {
-        name: module.rows for name, module in modules.items() if hasattr(module, "rows")
-    }
+    """Every part by its name: those of the battery, then `rows` of the modules beside this one."""
+    return {part.__name__: part for part in battery.SECTIONS} | {name: import_module(name).rows for name in TRACTION}
 
 
 def chosen(names: Sequence[str]) -> dict[str, Part] | str:

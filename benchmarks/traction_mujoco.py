@@ -23,7 +23,7 @@ from ohmward.traction.observers import Noise
 from ohmward.traction.power import losses
 from ohmward.traction.robot import GRAVITY
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 
 from traction.observers import mujoco_runs as runs
 
