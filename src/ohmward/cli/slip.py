@@ -239,7 +239,7 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
     band_m_s = BAND_95 * figures["speed_std_final_m_s"]
     rows = {
         "drive": f"{figures['distance_m']:.3g} m in {wording.duration(figures['duration_s'])}, "
-        f"{figures['speed_min_m_s']:.2f} to {figures['speed_max_m_s']:.2f} m/s",
+        f"{figures['speed_min_m_s']:z.2f} to {figures['speed_max_m_s']:z.2f} m/s",
         "speed at the end": f"{figures['speed_final_m_s']:.3g} ± {band_m_s:.2g} m/s (95 %)",
         "friction": _share_text(figures, "friction"),
         "grade": _grade_text(figures),
