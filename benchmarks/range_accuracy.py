@@ -160,7 +160,7 @@ def range_rows(answers: list[Answer]) -> Iterator[Figure]:
     yield at_least(PLANT, "range left, <= 3 drives", "truth within P10-P90 [%]", 100 * inside[few].mean(), form=".1f")
     yield at_least(PLANT, "range left, > 3 drives", "truth within P10-P90 [%]", 100 * inside[~few].mean(), form=".1f")
     yield from within("range left", d < low, "truth below P10 [%]", 6.0, 10.0)
-    yield at_most(PLANT, "range left", "median |P50 - truth| [%]", 100 * np.median(np.abs(middle / d - 1)))
+    yield at_most(PLANT, "range left", "median error of P50 [%]", 100 * np.median(np.abs(middle / d - 1)))
     yield at_most(PLANT, "range left", "median width of P10-P90 over P50 [%]", 100 * np.median((high - low) / middle))
 
 
