@@ -6,43 +6,22 @@ import subprocess
 from typing import Any, NamedTuple
 
 import adaptive_ukf
+import every_operation
 import numpy as np
 import pytest
+from every_operation import Memory, Seen
 
 from ohmward.errors import InputError
-from ohmward.trace import exp, isfinite, log, maximum, minimum, sign, sqrt, table, tanh, trace, where
+from ohmward.trace import exp, trace, where
 from ohmward.trace.c_source import c_source, literal, members
 from ohmward.trace.llvm.run import MachineStep
 from ohmward.trace.structure import size, structure_of
 
+pytest.importorskip("llvmlite")
 RNG = np.random.default_rng(3)
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-Werror", "-O2"]
 STRICT += ["-ffp-contract=off", "-fno-math-errno"]
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
-needs_llvm = pytest.mark.skipif(not pytest.importorskip("llvmlite"), reason="llvmlite is not installed")
-
-
-class Memory(NamedTuple):
-    level: Any
-    armed: Any
-    held: Any  # (2,)
-
-
-class Seen(NamedTuple):
-    u: Any
-    on: Any
-    w: Any
-
-
-def every_operation(state: Memory, sample: Seen) -> tuple:
-    u, on, w = sample
-    level = 0.9 * state.level + minimum(u, 1.5) - maximum(w, state.held[0]) / 3.0
-    level = where(on, level, tanh(level) + sign(u))
-    curve = table([0.0, 1.0, 0.5, 3.0], -2.0, 1.5, level, kind="hermite")
-    good = isfinite(w) & ~(u == w) | (u != 2.0)
-    armed = (on & good) | (state.armed & (abs(u) <= 1.0))
-    held = np.array([sqrt(abs(level)), log(1.0 + exp(u)) + np.sin(level) + (w % 0.7) + w // 0.3])
-    return Memory(level, armed, held), (curve, where(armed, -curve, held[1]), armed, held[0])
 
 
 def compiled(source, name, folder):
@@ -93,7 +72,7 @@ def run_llvm(program, start, columns):
 
 @needs_gcc
 def test_every_operation_has_the_bits_of_machine_code(tmp_path):
-    program = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    program = trace(every_operation.step, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
     u, w = RNG.normal(0.0, 2.0, (2, 400)).astype(np.float32).astype(float)
     u[::37], w[::41] = np.nan, np.inf
     columns, start = [u, RNG.random(400) < 0.5, w], [0.3, 0.0, 0.1, -0.2]
@@ -113,7 +92,7 @@ def test_a_whole_filter_has_the_bits_of_machine_code(tmp_path):
 
 
 def test_the_header_names_members_and_carries_comments():
-    program = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    program = trace(every_operation.step, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
     header = c_source(program, "cell", comments={"sample.u": "pull [m/s]"}).header
     assert "    float held[2];\n} cell_state;" in header
     assert "    float u; /* pull [m/s] */\n    bool on;" in header
@@ -168,7 +147,7 @@ def opened(first: Seen, level, spread):
 
 @needs_gcc
 def test_a_start_stands_beside_its_step(tmp_path):
-    step = trace(every_operation, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
+    step = trace(every_operation.step, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
     start = trace(opened, Seen(0.0, False, 0.0), 0.0, 0.0)
     source = c_source(step, "cell", start)
     assert "void cell_start(cell_state *state, const cell_sample *sample, float level, float spread);" in source.header

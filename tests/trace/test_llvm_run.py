@@ -1,12 +1,12 @@
 """Machine code against the same program on Python floats, bit by bit where nothing is contracted."""
 
-from typing import Any, NamedTuple
-
 import adaptive_ukf
+import every_operation
 import numpy as np
 import pytest
+from every_operation import Memory, Seen
 
-from ohmward.trace import exp, isfinite, log, maximum, minimum, python_source, sign, sqrt, table, tanh, trace, where
+from ohmward.trace import python_source, trace
 from ohmward.trace.elementary import F64, expand
 from ohmward.trace.llvm import run as llvm_run
 from ohmward.trace.llvm.machine_code import vector_bits
@@ -17,25 +17,7 @@ RNG = np.random.default_rng(1)
 WIDTH = vector_bits() // 64
 
 
-class Memory(NamedTuple):
-    level: Any
-    armed: Any
-    held: Any  # (2,)
-
-
-def every_operation(state: Memory, sample: tuple) -> tuple:
-    """A step with each operation in it."""
-    u, on, w = sample
-    level = 0.9 * state.level + minimum(u, 1.5) - maximum(w, state.held[0]) / 3.0
-    level = where(on, level, tanh(level) + sign(u))
-    curve = table([0.0, 1.0, 0.5, 3.0], -2.0, 1.5, level, kind="hermite")
-    good = isfinite(w) & ~(u == w) | (u != 2.0)
-    armed = (on & good) | (state.armed & (abs(u) <= 1.0))
-    held = np.array([sqrt(abs(level)), log(1.0 + exp(u)) + np.sin(level) + (w % 0.7) + w // 0.3])
-    return Memory(level, armed, held), (curve, where(armed, -curve, held[1]), armed, held[0])
-
-
-PROGRAM = trace(every_operation, Memory(0.0, False, np.zeros(2)), (0.0, False, 0.0))
+PROGRAM = trace(every_operation.step, Memory(0.0, False, np.zeros(2)), Seen(0.0, False, 0.0))
 STATE_SIZE, OUTPUTS = 4, 4
 START = np.array([0.3, 0.0, 0.1, -0.2])
 
