@@ -16,6 +16,7 @@ from ohmward.trace import Kernel, trace
 from ohmward.trace.llvm import machine_code
 from ohmward.trace.llvm.peak import peak_flops
 from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
 
 #: Operations that a floating-point unit does; comparisons, choices and table look-ups come on top.
@@ -51,7 +52,7 @@ def many_logs(estimators: dict[str, Any], samples: Sample, lanes: Sample, median
         state = start(estimator, samples)
         program = trace(estimator.step, state, EXAMPLE)
         n = size(program.argument_structure.children[0])
-        row = np.concatenate([np.ravel(x) for x in _scalars(state)]).astype(float)
+        row = np.array(state_row(program.argument_structure.children[0], state), dtype=float)
         for precision, peak in peaks.items():
             step = MachineStep(program, n, precision)
             outputs = [np.empty((steps, width)) for _ in range(len(program.outputs) - n)]
@@ -104,11 +105,3 @@ EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
 def start(estimator: Any, samples: Sample) -> Any:
     """The state before the log."""
     return estimator.init(Sample(*(float(column[0]) for column in samples)))
-
-
-def _scalars(tree: Any) -> Iterator[Any]:
-    if isinstance(tree, tuple):
-        for part in tree:
-            yield from _scalars(part)
-    else:
-        yield tree

@@ -81,7 +81,7 @@ def check_fits(export: Export, flash_bytes: float | None, ram_bytes: float | Non
 
 def library(export: Export) -> dict[str, str]:
     """The text of every file, by its name."""
-    comments = _comments(export)
+    comments, needed = _comments(export), size(export)
     flags = {str(flag.name): flag.value for flag in export.flags}
     source = c_source(export.step, export.name, export.start, comments, flags)
     files = {f"{export.name}.h": source.header, f"{export.name}.c": source.source}
@@ -93,8 +93,8 @@ def library(export: Export) -> dict[str, str]:
         "UPPER": export.name.upper(),
         "VERSION": __version__,
         "TITLE": export.title,
-        "STATE_BYTES": str(size(export).state),
-        "FLASH_BYTES": f"{round(size(export).flash, -2)}",
+        "STATE_BYTES": str(needed.state),
+        "FLASH_BYTES": f"{round(needed.flash, -2)}",
         "ARGUMENTS": "".join(f", {a:g}f" if "." in f"{a:g}" else f", {a:g}.0f" for a in export.arguments),
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
         "SAMPLE": _table(export.step, 1, "sample", comments),

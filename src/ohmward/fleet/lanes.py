@@ -18,6 +18,7 @@ from ohmward.battery.estimate import Estimate, Sample
 from ohmward.battery.soc_estimator import Estimator, samples_of
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
+from ohmward.trace.structure import flatten, structure_of, unflatten
 
 #: A batch of logs is run in at most so many parts.
 _PARTS = 16
@@ -88,16 +89,12 @@ def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
 
 def _side_by_side(states: Sequence[Any]) -> Any:
     """One tree with a trailing lane axis on every leaf."""
-    first = states[0]
-    if isinstance(first, tuple):
-        children = (_side_by_side([state[k] for state in states]) for k in range(len(first)))
-        return type(first)(*children) if hasattr(first, "_fields") else tuple(children)
-    return np.stack([np.asarray(state, dtype=float) for state in states], axis=-1)
+    structure = structure_of(states[0], "state")
+    leaves = zip(*(flatten(structure, state) for state in states), strict=True)
+    return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in leaves))
 
 
 def _lanes(state: Any, lanes: int) -> Any:
     """The first lanes of a tree."""
-    if isinstance(state, tuple):
-        children = (_lanes(child, lanes) for child in state)
-        return type(state)(*children) if hasattr(state, "_fields") else tuple(children)
-    return state[..., :lanes]
+    structure = structure_of(state, "state")
+    return unflatten(structure, (values[..., :lanes] for values in flatten(structure, state)))

@@ -57,7 +57,7 @@ class MachineStep:
 
     @cached_property
     def width(self) -> int:
-        """Lanes in a vector of this processor; small programs take two."""
+        """Lanes in a vector of this processor."""
         return vector_bits() // (64 if self.precision == "f64" else 32)
 
     @cached_property
