@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.errors import InputError
+from ohmward.flags import count_flags
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, snapshot
 from ohmward.trace.live import Live
@@ -45,9 +46,7 @@ class Run(NamedTuple):
 
     def counts(self) -> dict[str, int]:
         """How many samples carry each flag, by name; flags that never occur are left out."""
-        flags = self.estimates.flags.astype(int)
-        counted = {flag.name.lower(): int(np.count_nonzero(flags & flag)) for flag in Flag if flag.name}
-        return {name: count for name, count in counted.items() if count}
+        return count_flags(self.estimates.flags, Flag)
 
 
 class SocEstimator:
@@ -122,8 +121,6 @@ class SocEstimator:
         Raises:
             InputError: there is no state before the first sample.
         """
-        if self.state is None:
-            raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
         return snapshot.take(self.estimator, self.state, self.time_s)
 
     def restore(self, taken: Mapping[str, Any]) -> None:

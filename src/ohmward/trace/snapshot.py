@@ -21,7 +21,13 @@ _ADVICE = "start a new estimator from the first sample instead"
 
 
 def take(estimator: Any, state: Any, time_s: float) -> dict[str, Any]:
-    """The state after the sample at `time_s`, as a dict that `json.dumps` writes; a number that is none is None."""
+    """The state after the sample at `time_s`, as a dict that `json.dumps` writes; a number that is none is None.
+
+    Raises:
+        InputError: `state` is None, there is none before the first sample.
+    """
+    if state is None:
+        raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
     structure = structure_of(state, "state")
     values = [x for leaf in flatten(structure, state) for x in np.asarray(leaf, dtype=float).ravel().tolist()]
     return {

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.flags import count_flags
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, snapshot
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
@@ -34,9 +35,7 @@ class Track(NamedTuple):
 
     def counts(self) -> dict[str, int]:
         """How many samples carry each flag, by name; flags that never occur are left out."""
-        flags = self.estimates.flags.astype(int)
-        counted = {flag.name.lower(): int(np.count_nonzero(flags & flag)) for flag in Flag if flag.name}
-        return {name: count for name, count in counted.items() if count}
+        return count_flags(self.estimates.flags, Flag)
 
 
 def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> Track:
@@ -91,8 +90,6 @@ class SlipEstimator:
         Raises:
             InputError: there is no state before the first sample.
         """
-        if self.state is None:
-            raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
         return snapshot.take(self.observer, self.state, self.time_s)
 
     def restore(self, taken: Mapping[str, Any]) -> None:
