@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
-from ohmward.toml_file import TomlFile
+from ohmward.toml_file import TomlFile, noun_of
 
 
 @dataclass(frozen=True)
@@ -115,3 +115,11 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     with pytest.raises(OhmwardError, match="cannot be written"):
         FILE.save(Drawing("other", Box()), path)
     assert path.read_text() == TEXT and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_says_what_it_holds(tmp_path):
+    FILE.save(DRAWING, tmp_path / "a.toml")
+    (tmp_path / "b.toml").write_text("title = 1")
+    (tmp_path / "c.toml").write_bytes(b"\xff\xfe")
+    assert noun_of(tmp_path / "a.toml") == "drawing"
+    assert [noun_of(tmp_path / name) for name in ("b.toml", "c.toml", "none.toml")] == [None, None, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import reprlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from os import PathLike
 from pathlib import Path
@@ -58,14 +58,7 @@ class TomlFile(Generic[T]):
         Raises:
             InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
         """
-        try:
-            return self.parse(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-        except UnicodeDecodeError as error:
-            raise InputError(f"{path}: is not text in UTF-8; is it a {self.noun} file?") from error
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+        return parse_file(path, self.parse, f"{self.noun} file")
 
     def dump(self, value: T) -> str:
         """The text of the file; numbers are rounded to `digits`, fields that are None left out."""
@@ -196,6 +189,30 @@ def _literal(value: Any) -> str:
     per_line = _NUMBERS_PER_LINE if numbers else 1
     lines = [", ".join(items[i : i + per_line]) for i in range(0, len(items), per_line)]
     return "[\n" + "".join(f"    {line},\n" for line in lines) + "]"
+
+
+def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) -> T:
+    """What `parse` finds in the text of a file; what: a file that it should be, in words.
+
+    Raises:
+        InputError: the file cannot be read, or `parse` refuses; names the file.
+    """
+    try:
+        return parse(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not text in UTF-8; is it a {what}?") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def noun_of(path: str | PathLike[str]) -> str | None:
+    """What a file says that it holds: "battery", "robot"; None for one that cannot be read or says nothing."""
+    try:
+        return _noun(str(tomllib.loads(Path(path).read_text(encoding="utf-8"))["format"]))
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def _noun(format_: str) -> str:

@@ -100,14 +100,9 @@ def run(args: argparse.Namespace) -> Outcome:
 def _is_robot(file: str) -> bool:
     """Whether it names a robot: one that comes with the package, or a file of that format."""
     from ohmward.cli.driving import BUILT_IN
+    from ohmward.toml_file import noun_of
 
-    if file.lower() in BUILT_IN:
-        return True
-    try:
-        with Path(file).open(encoding="utf-8") as stream:
-            return any(line.startswith("format") and "ohmward-robot" in line for line in stream)
-    except (OSError, UnicodeDecodeError):
-        return False  # the reader of battery files says what is wrong
+    return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
 
 
 def _battery_export(args: argparse.Namespace) -> Export:

@@ -14,6 +14,7 @@ import numpy as np
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import Prior
 from ohmward.errors import InputError
+from ohmward.toml_file import parse_file
 
 FORMAT = "ohmward-consumption/1"
 _HEADER = """\
@@ -41,14 +42,7 @@ def load_consumption(path: str | PathLike[str]) -> Consumption:
     Raises:
         InputError: the file cannot be read or is no consumption table; names file, key, rule and fix.
     """
-    try:
-        return parse_consumption(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not text in UTF-8; is it a consumption table?") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return parse_file(path, parse_consumption, "consumption table")
 
 
 def dump_consumption(c: Consumption) -> str:
