@@ -153,7 +153,7 @@ def sizes(object_file: Path) -> tuple[int, int]:
 
 
 def _state_bytes(export: Export) -> int:
-    from ohmward.export.library import size
+    from ohmward.export.c_library import size
 
     return size(export).state
 

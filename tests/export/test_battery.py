@@ -12,8 +12,8 @@ from ohmward.battery.estimate import Sample
 from ohmward.battery.estimators import available, make_estimator
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
+from ohmward.export.c_library import check_fits, size
 from ohmward.export.comments import field_comments
-from ohmward.export.library import check_fits, size
 from ohmward.trace import Kernel
 
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)

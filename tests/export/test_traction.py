@@ -7,7 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.export import controller_export, library, observer_export, write_library
-from ohmward.export.library import size
+from ohmward.export.c_library import size
 from ohmward.export.traction import CONTROLLERS
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 

@@ -11,7 +11,7 @@ from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import add_command, positive, share
 
 if TYPE_CHECKING:
-    from ohmward.export.library import Export
+    from ohmward.export.c_library import Export
 
 _EXAMPLES = """\
   ohmward export battery.toml -o firmware/soc
@@ -64,7 +64,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library."""
-    from ohmward.export.library import check_fits, library, size, write_library
+    from ohmward.export.c_library import check_fits, library, size, write_library
 
     export = _robot_export(args) if _is_robot(args.file) else _battery_export(args)
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))

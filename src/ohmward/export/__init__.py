@@ -1,7 +1,7 @@
 """C99 libraries for microcontrollers: a filter with its build files, test vectors and a README; see docs/export.md."""
 
 from ohmward.export.battery import battery_export
-from ohmward.export.library import Export, library, write_library
+from ohmward.export.c_library import Export, library, write_library
 from ohmward.export.traction import controller_export, observer_export
 
 __all__ = ["Export", "battery_export", "controller_export", "library", "observer_export", "write_library"]

@@ -12,7 +12,7 @@ from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.estimators import ESTIMATORS, make_estimator
 from ohmward.battery.reading import ROOM_DEGC
 from ohmward.checks import require_positive
-from ohmward.export.library import Export
+from ohmward.export.c_library import Export
 from ohmward.trace import trace
 
 if TYPE_CHECKING:

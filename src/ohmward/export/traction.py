@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.export.library import Export
+from ohmward.export.c_library import Export
 from ohmward.trace import trace
 from ohmward.traction import control
 from ohmward.traction.control import (
