@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_positive
+from ohmward.traction.observers.noise import require_stds
 
 _OPTIONAL = ("edge_std_counts", "passive_std_rad", "accelerometer_std_m_s2", "gyro_std_rad_s", "speed_std_m_s")
 
@@ -50,14 +51,8 @@ class MomentumNoise:
     standstill_std_m_s: float = 0.001
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in _OPTIONAL and value is None:
-                continue
-            if field.name.endswith("walk"):
-                require_between(f"momentum_noise.{field.name}", value, 0.0, math.inf)
-            else:
-                require_positive(f"momentum_noise.{field.name}", value)
+        stds = {field.name: getattr(self, field.name) for field in fields(self)}
+        require_stds("momentum_noise", stds, _OPTIONAL)
 
 
 def count_std_rad(counts_per_turn: float) -> float:

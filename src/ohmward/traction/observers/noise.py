@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 
 from ohmward.checks import require_between, require_positive
@@ -66,17 +67,24 @@ class Noise:
     accelerometer_offset_std_m_s2: float = 0.1
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in _OPTIONAL:
-                if value is not None:
-                    require_positive(f"noise.{field.name}", value)
-            elif field.name == "encoder_lag_share":
-                require_between("noise.encoder_lag_share", value, 0.0, 1.0)
-            elif field.name.endswith("_walk"):
-                require_between(f"noise.{field.name}", value, 0.0, math.inf)
-            else:
-                require_positive(f"noise.{field.name}", value)
+        stds = {field.name: getattr(self, field.name) for field in fields(self)}
+        require_between("noise.encoder_lag_share", stds.pop("encoder_lag_share"), 0.0, 1.0)
+        require_stds("noise", stds, _OPTIONAL)
+
+
+def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:
+    """Standard deviations are > 0, walks >= 0; an optional one may be None.
+
+    Raises:
+        InputError: one is not; names it behind the prefix.
+    """
+    for name, value in values.items():
+        if value is None and name in optional:
+            continue
+        if name.endswith("walk"):
+            require_between(f"{prefix}.{name}", value, 0.0, math.inf)
+        else:
+            require_positive(f"{prefix}.{name}", value)
 
 
 def quantisation_std_rad_s(counts_per_turn: int, dt_s: float) -> float:
