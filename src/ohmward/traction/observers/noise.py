@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 
 from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
 
 _OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_rad", "accelerometer_std_m_s2")
 
@@ -79,9 +80,10 @@ def require_stds(prefix: str, values: Mapping[str, float | None], optional: Coll
         InputError: one is not; names it behind the prefix.
     """
     for name, value in values.items():
-        if value is None and name in optional:
-            continue
-        if name.endswith("walk"):
+        if value is None:
+            if name not in optional:
+                raise InputError(f"{prefix}.{name} is None; give it a number.")
+        elif name.endswith("walk"):
             require_between(f"{prefix}.{name}", value, 0.0, math.inf)
         else:
             require_positive(f"{prefix}.{name}", value)
