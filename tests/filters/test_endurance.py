@@ -92,5 +92,5 @@ def test_redrawing_survives_a_sensor_that_ends_filterpy():
 
 @pytest.mark.parametrize("step", [extended_step, reusing_step])
 def test_beyond_the_digits_of_a_double_the_others_say_so(step):
-    _, (healthy, _) = run(step, 10, 0.0, r=1e-20)
+    _, (healthy, _) = run(step, 10, 0.0, r=1e-22)
     assert healthy.min() == 0

@@ -171,7 +171,7 @@ def count(filter_step):
     ("filter_step", "most"),
     [
         (adaptive.unscented_step_reusing_points, 1150),
-        (adaptive.unscented_step, 1550),
+        (adaptive.unscented_step, 1650),
         (adaptive.extended_step, 560),
     ],
 )

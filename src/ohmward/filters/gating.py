@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.belief import Innovation, nis
+from ohmward.filters.belief import Belief, Innovation, nis
+from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, where
 
 
@@ -51,6 +52,16 @@ def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCoun
     finite = where(_is_there(innovation), 1.0, 0.0)
     used = where(accepted, 1.0, 0.0)
     return GateCounts(counts.accepted + used, counts.rejected + finite - used, counts.missing + 1 - finite)
+
+
+def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
+    """The prior corrected with the gain K (n, m): the filter's own, or zeros where the measurement is not used.
+
+    Choosing the gain costs n choices, choosing between prior and posterior n (n + 3) / 2. The covariance is the plain
+    difference P - K S K'.
+    """
+    cov = prior.cov - K @ innovation.cov @ K.T
+    return Belief(prior.mean + K @ innovation.value, mirror_lower(cov))
 
 
 def choose(condition: Any, a: Any, b: Any) -> Any:

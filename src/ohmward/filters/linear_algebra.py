@@ -6,6 +6,7 @@ Nothing here branches on data, so every function runs with floats and with trace
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -18,32 +19,45 @@ TINY = 2.0**-126
 """Floor of what is divided by, so that a variance of zero is safe; float32's smallest normal survives the export."""
 
 
-def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR) -> tuple[np.ndarray, float]:
-    """Lower factor L of P = L L', guarded: a pivot below the floor is raised to it, and `ok` says what that meant.
+def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0) -> tuple[np.ndarray, float]:
+    """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` says what it was.
 
-    Only the lower triangle of P is read; its structural zeros stay zeros in L.
+    Only the lower triangle of P is read; its structural zeros stay zeros in L. The elimination is that of P = U D U'
+    with ones on the diagonal of U, because its columns wait for a division each, not for a square root too: those
+    stand aside.
 
     Args:
         P: (n, n) covariance.
         pivot_floor: smallest pivot relative to P[j, j], in (0, 1).
+        scale: of the factor, > 0.
 
     Returns:
         L: (n, n); its diagonal is positive whatever P holds, NaN excepted.
-        ok: 1.0 when every pivot is above -`pivot_floor` * P[j, j]; 0.0 when P is indefinite or not a number, and then
+        ok: 1.0 when no pivot is below -`pivot_floor` * |P[j, j]|; 0.0 when P is indefinite or not a number, and then
             L is not a factor of P.
     """
     n = len(P)
-    L = np.zeros_like(P, dtype=np.result_type(P, float))
+    L, U, V = (np.zeros_like(P, dtype=np.result_type(P, float)) for _ in range(3))  # V = U D
     ok = 1.0
     for j in range(n):
-        pivot = P[j, j] - L[j, :j] @ L[j, :j]
-        floor = pivot_floor * P[j, j]
+        pivot = _less_products(P[j, j], U[j, :j], V[j, :j])
+        floor = pivot_floor * abs(P[j, j]) + TINY
         ok = where(pivot >= -floor, ok, 0.0)
-        L[j, j] = np.sqrt(maximum(maximum(pivot, floor), TINY))
-        reciprocal = 1.0 / L[j, j]  # one division a column: they cost many multiplications each
+        d = where(pivot < floor, floor, pivot)  # NaN stays
+        reciprocal, root = 1.0 / d, scale * np.sqrt(d)
+        L[j, j] = root
         for i in range(j + 1, n):
-            L[i, j] = (P[i, j] - L[i, :j] @ L[j, :j]) * reciprocal
+            V[i, j] = _less_products(P[i, j], U[i, :j], V[j, :j])
+            U[i, j] = V[i, j] * reciprocal
+            L[i, j] = V[i, j] * (root * reciprocal)
     return L, ok
+
+
+def _less_products(x: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    """The difference x - a_1 b_1 - a_2 b_2 - ..., the newest last: then nothing else waits for it."""
+    for first, second in zip(a, b, strict=True):
+        x = x - first * second
+    return x
 
 
 def solve_lower(L: np.ndarray, B: np.ndarray) -> np.ndarray:

@@ -7,11 +7,12 @@
   of this step, and the covariance is the plain difference P - K C'.
 
 Sigma points come in pairs, mean +- sqrt(c) l_k with l_k the columns of the Cholesky factor and c = N + chi. Their
-images Y+ and Y- enter through half differences and half sums,
+images Y+ and Y- enter through differences and sums,
 
-    odd_k = (Y+ - Y-) / (2 sqrt(c)),   even_k = (Y+ + Y- - 2 y_hat) / (2 sqrt(c)),   even_0 = sqrt(W0c) (Y_0 - y_hat),
+    odd_k = Y+ - Y-,   even_k = Y+ + Y- - 2 y_hat,   even_0 = sqrt(4 c W0c) (Y_0 - y_hat),
 
-because then the weighted sum of the covariance is a plain product, odd odd' + even even', that cannot be indefinite.
+because then the weighted sum of the covariance is a plain product, (odd odd' + even even') / (4 c), that cannot be
+indefinite.
 
 Where the image of every sigma point repeats one element of the point itself (a parameter that the model keeps; an
 output that is a state), mean and covariance of that element are known exactly and taken from the belief, not summed.
@@ -51,24 +52,26 @@ class Weights(NamedTuple):
     spread: c = N + chi = alpha^2 (N + kappa), the squared distance of the points in standard deviations.
     mean_0, cov_0: of the central point, chi / c and chi / c + 1 - alpha^2 + beta.
     side: of every other point, 1 / (2 c).
+    pair: of a product of differences or of sums of a pair, 1 / (4 c).
     """
 
     spread: float
     mean_0: float
     cov_0: float
     side: float
+    pair: float
 
 
 class SigmaPoints(NamedTuple):
     """Sigma points of a belief about n states.
 
     points: (2 n + 1, n), the mean, then mean + sqrt(c) l_k for k = 1 ... n, then mean - sqrt(c) l_k.
-    factor: (n, n), the lower Cholesky factor whose columns the l_k are.
+    offsets: (n, n), lower triangle; column k is sqrt(c) l_k.
     weights: of the points.
     """
 
     points: np.ndarray
-    factor: np.ndarray
+    offsets: np.ndarray
     weights: Weights
 
 
@@ -76,14 +79,18 @@ class Image(NamedTuple):
     """What a function makes of a belief's sigma points.
 
     mean: (m,).
-    odd: (m, n), half differences of the pairs.
-    even: (m, n + 1), half sums about the mean, and the central point.
+    odd: (m, n), differences of the pairs, divided by `unit`.
+    even: (m, n + 1), sums of the pairs about twice the mean, and the central point.
+    unit: (m,), 2 for an element that repeats a state, whose differences are twice its offsets, else 1.
+    weights: of the sigma points.
     repeats: for each of m elements the index of the state that it repeats at every sigma point, or None.
     """
 
     mean: np.ndarray
     odd: np.ndarray
     even: np.ndarray
+    unit: np.ndarray
+    weights: Weights
     repeats: tuple[int | None, ...]
 
 
@@ -131,16 +138,16 @@ def update(
 def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, scaling: Scaling = DEFAULT) -> Correction:
     """`update`, with the gain too.
 
-    The covariance is Joseph's form in the coordinates of the Cholesky factor L: with G = odd of the output,
-    (L - K G) (L - K G)' + K (even even' + R) K'.
+    The covariance is Joseph's form in the coordinates of the pairs: with D the offsets of the points and G half the
+    differences of the outputs, (D - K G) (D - K G)' / c + K (even even' / (4 c) + R) K'.
     """
     sigma = draw(belief, scaling)
     output = _output(transform(h, sigma), y, R)
     S = mirror_lower(covariance(output, output, belief.cov) + R)
     K = gain(covariance(identity(sigma), output, belief.cov), S)
     nu = y - output.mean
-    A = sigma.factor - K @ output.odd
-    cov = A @ A.T + K @ (output.even @ output.even.T + R) @ K.T
+    A, pair = sigma.offsets - K * (0.5 * output.unit) @ output.odd, sigma.weights.pair
+    cov = 4 * pair * (A @ A.T) + K @ (pair * (output.even @ output.even.T) + R) @ K.T
     return Correction(Belief(belief.mean + K @ nu, mirror_lower(cov)), Innovation(nu, S), K)
 
 
@@ -201,7 +208,7 @@ def weights(n: int, scaling: Scaling = DEFAULT) -> Weights:
             f"the central covariance weight must be >= 0 but is {cov_0:.3g} for {scaling}, n = {n}; "
             "with beta = 2 and kappa = 0 choose alpha between 0.52 and 1.93"
         )
-    return Weights(spread, mean_0, cov_0, 0.5 / spread)
+    return Weights(spread, mean_0, cov_0, 0.5 / spread, 0.25 / spread)
 
 
 def covariance(a: Image, b: Image, P: np.ndarray) -> np.ndarray:
@@ -209,7 +216,7 @@ def covariance(a: Image, b: Image, P: np.ndarray) -> np.ndarray:
 
     Elements that both repeat a state have exactly the covariance of those states.
     """
-    summed = a.odd @ b.odd.T + a.even @ b.even.T
+    summed = a.weights.pair * np.outer(a.unit, b.unit) * (a.odd @ b.odd.T + a.even @ b.even.T)
     return np.array(
         [
             [summed[i, j] if p is None or q is None else P[p, q] for j, q in enumerate(b.repeats)]
@@ -223,9 +230,8 @@ def draw(belief: Belief, scaling: Scaling = DEFAULT) -> SigmaPoints:
     n = len(belief.mean)
     require_shape("belief.cov", belief.cov, (n, n))
     w = weights(n, scaling)
-    factor, _ = cholesky(belief.cov)
-    offsets = math.sqrt(w.spread) * factor.T
-    return SigmaPoints(np.vstack([belief.mean, belief.mean + offsets, belief.mean - offsets]), factor, w)
+    offsets, _ = cholesky(belief.cov, scale=math.sqrt(w.spread))
+    return SigmaPoints(np.vstack([belief.mean, belief.mean + offsets.T, belief.mean - offsets.T]), offsets, w)
 
 
 def transform(function: Function, sigma: SigmaPoints) -> Image:
@@ -234,27 +240,27 @@ def transform(function: Function, sigma: SigmaPoints) -> Image:
 
 
 def image(images: Sequence[np.ndarray], sigma: SigmaPoints) -> Image:
-    """Mean, half differences and half sums of what a function has made of each sigma point, 2 n + 1 times (m,)."""
-    Y, (points, L, w) = np.array(images), sigma
-    n = len(L)
-    plus, minus = Y[1 : n + 1], Y[n + 1 :]
-    mean = w.mean_0 * Y[0] + w.side * (plus + minus).sum(axis=0)
-    half = 0.5 / math.sqrt(w.spread)
-    odd = half * (plus - minus).T
-    even = np.column_stack([half * (plus + minus - 2 * mean).T, math.sqrt(w.cov_0) * (Y[0] - mean)])
+    """Mean, differences and sums of what a function has made of each sigma point, 2 n + 1 times (m,)."""
+    Y, (points, offsets, w) = np.array(images), sigma
+    n = len(offsets)
+    sums, differences = Y[1 : n + 1] + Y[n + 1 :], Y[1 : n + 1] - Y[n + 1 :]
+    mean = w.mean_0 * Y[0] + w.side * sums.sum(axis=0)
+    even = np.column_stack([(sums - 2 * mean).T, math.sqrt(w.cov_0 / w.pair) * (Y[0] - mean)])
     repeats = tuple(_repeated_state(column, points) for column in Y.T)
     return Image(
         _replaced(mean, points[0], repeats),
-        _replaced(odd, L, repeats),
+        _replaced(differences.T, offsets, repeats),
         _replaced(even, np.zeros((n, n + 1)), repeats),
+        np.array([1.0 if state is None else 2.0 for state in repeats]),
+        w,
         repeats,
     )
 
 
 def identity(sigma: SigmaPoints) -> Image:
     """The image under x -> x."""
-    n = len(sigma.factor)
-    return Image(sigma.points[0], sigma.factor, np.zeros((n, n + 1)), tuple(range(n)))
+    n = len(sigma.offsets)
+    return Image(sigma.points[0], sigma.offsets, np.zeros((n, n + 1)), np.full(n, 2.0), sigma.weights, tuple(range(n)))
 
 
 def _repeated_state(column: np.ndarray, points: np.ndarray) -> int | None:

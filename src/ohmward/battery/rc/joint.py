@@ -31,7 +31,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack
-from ohmward.filters.gating import choose
+from ohmward.filters.gating import apply_gain, choose
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
 
@@ -197,7 +197,7 @@ class RcJoint:
         )
         used, outside = self.verdict(state, reading, measured, correction.innovation)
         K = where(used, correction.gain, 0.0)
-        posterior = _corrected(prior, correction.innovation, K)
+        posterior = apply_gain(prior, correction.innovation, K)
         residual = np.array([y]) - self.voltage(posterior.mean, reading)
         moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
         after = JointState(
@@ -299,9 +299,3 @@ class RcJoint:
             innovation_V=innovation_V,
             flags=flags,
         )
-
-
-def _corrected(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
-    """The prior with the gain K (n, 1) applied: the filter's own correction, or none at all where K is zero."""
-    cov = prior.cov - K @ innovation.cov @ K.T
-    return Belief(prior.mean + K @ innovation.value, mirror_lower(cov))
