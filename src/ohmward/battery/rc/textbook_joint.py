@@ -1,0 +1,168 @@
+"""States and parameters of the RC model together, by the filter as [T] 3.3 has it: Euler steps and nothing else.
+
+    x = [z_Cb, z_Cs, z_Re, z_Rt, V_cb, V_cs, V]    y = V    R_b = R_s = R_e
+    1/C_b = z_Cb / C_b0    1/C_s = z_Cs / C_s0    1/R_e = z_Re / R_e0    R_t = z_Rt R_t0
+
+the parameters being of order one by their nominal values. [T] has them at the end; at the front they cost less, because
+the Cholesky factor is triangular: the sigma points along the voltages all share the parameters of the mean.
+
+It trusts the current, assumes di/dt = 0 while V moves, and a sigma point may have a negative capacitance: `RcJoint`
+does all that better. This one is the published filter to compare with, and what fits into a small microcontroller.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.estimate import Sample
+from ohmward.battery.rc.joint import PARAMETERS, Nominal
+from ohmward.battery.reading import first_input, is_current, is_voltage
+from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
+from ohmward.filters import adaptive, unscented
+from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.gating import apply_gain, choose
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.trace import maximum, where
+
+STATES = 7
+
+#: Parameters are kept above this share of their nominal values.
+LEAST = 0.02
+
+
+class TextbookJointState(NamedTuple):
+    """What the filter carries.
+
+    belief: mean (7,) and lower triangle of the covariance.
+    noise: second moments of innovation and residual [V^2].
+    gain: (7,) of the last voltage.
+    current_A: of the sample before.
+    """
+
+    belief: PackedBelief
+    noise: adaptive.NoiseEstimate
+    gain: np.ndarray
+    current_A: Any
+
+
+class TextbookJointEstimate(NamedTuple):
+    """What is known after a sample.
+
+    c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
+    r_ohm: R_e, in front of each capacitor [ohm].
+    r_terminal_ohm: R_t [ohm].
+    bulk_V, surface_V: voltages of the capacitors.
+    innovation_V: measured minus expected voltage; nan when there was none.
+    """
+
+    c_bulk_F: Any
+    c_surface_F: Any
+    r_ohm: Any
+    r_terminal_ohm: Any
+    bulk_V: Any
+    surface_V: Any
+    innovation_V: Any
+
+
+@dataclass(frozen=True)
+class TextbookJoint:
+    """Settings; `init`, `start` and `step` are pure functions of them.
+
+    Attributes:
+        nominal: start of the parameters.
+        start_std: how wrong that start may be, as a share of it.
+        walk: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. [P] finds
+            that it must be small, or the filter wanders.
+        voltage_std_V: of the voltage sensor: floor of R.
+        window: effective number of samples whose innovations the noise is matched to.
+        highest_ocv_V: of the battery; voltages that no such battery can show are none.
+        scaling: of the sigma points.
+    """
+
+    nominal: Nominal
+    start_std: float = 0.3
+    walk: tuple[float, ...] = (1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4)
+    voltage_std_V: float = 0.002
+    window: float = 100.0
+    highest_ocv_V: float = math.inf
+    scaling: unscented.Scaling = field(default=unscented.DEFAULT)
+
+    def __post_init__(self) -> None:
+        for name, value in zip(Nominal._fields, self.nominal, strict=True):
+            require_positive(f"nominal.{name}", value)
+        require_positive("start_std", self.start_std)
+        if len(self.walk) != STATES:
+            raise InputError(f"walk must have {STATES} numbers, one for each state, got {len(self.walk)}")
+        require_positive("walk", self.walk)
+        require_positive("voltage_std_V", self.voltage_std_V)
+        require_between("window", self.window, 1.0, math.inf)
+
+    def init(self, first: Sample, bulk_std_V: float = 0.05) -> TextbookJointState:
+        """State before the first sample: at rest at its voltage, give or take `bulk_std_V`."""
+        return self.start(first, bulk_std_V)
+
+    def start(self, first: Sample, bulk_std_V: Any) -> TextbookJointState:
+        """The same, traceable."""
+        mean = np.array([*np.ones(PARAMETERS), *[first.voltage_V] * 3])
+        variances = np.square(np.array([*[self.start_std] * PARAMETERS, *[bulk_std_V] * 3]))
+        moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
+        belief = pack(Belief(mean, np.diag(variances)))
+        return TextbookJointState(belief, moments, np.zeros(len(mean)), first_input(first).current_A)
+
+    def step(self, state: TextbookJointState, sample: Sample) -> tuple[TextbookJointState, TextbookJointEstimate]:
+        """The state after a sample, and what is known then."""
+        dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
+        current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
+        mean_A = 0.5 * (current_A + state.current_A)
+        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
+        y = np.array([where(measured, sample.voltage_V, 0.0)])
+
+        before, noise = unpack(state.belief), state.noise
+        P_yy = before.cov[-1:, -1:]
+        prior, correction = unscented.correct_reusing_points(
+            before,
+            lambda x: self.next_state(x, mean_A, dt_s),
+            lambda x: x[-1:],
+            y,
+            mirror_lower(np.diag(np.square(np.array(self.walk))) + noise.innovation * np.outer(state.gain, state.gain)),
+            noise.residual + P_yy + self.voltage_std_V**2,
+            self.scaling,
+        )
+        nu = correction.innovation.value
+        K = where(measured, correction.gain, 0.0)
+        posterior = self.possible(apply_gain(prior, correction.innovation, K))
+        moments = adaptive.remember(noise, nu, y - posterior.mean[-1:], self.window)
+        after = TextbookJointState(pack(posterior), choose(measured, moments, noise), K[:, 0], current_A)
+        return after, self.estimate(posterior.mean, where(measured, nu[0], math.nan))
+
+    def next_state(self, x: np.ndarray, current_A: Any, dt_s: Any) -> np.ndarray:
+        """State (7,) after an Euler step; [T] (3.6) with R_b = R_s and its indices set right."""
+        z_bulk, z_surface, z_r, z_terminal, bulk_V, surface_V, V = x
+        per_bulk, per_surface = 0.5 * dt_s / self.nominal.c_bulk_F, 0.5 * dt_s / self.nominal.c_surface_F
+        bulk, surface = per_bulk * z_bulk, per_surface * z_surface  # dt / (2 C), what a current moves in the step
+        g = z_r * (1 / self.nominal.r_ohm)
+        across_A = g * (surface_V - bulk_V)
+        terminal_V = bulk_V - V + z_terminal * (self.nominal.r_terminal_ohm * current_A)
+        moved = [
+            bulk_V + bulk * (across_A + current_A),
+            surface_V + surface * (current_A - across_A),
+            V + (surface - bulk) * (g * terminal_V) + surface * current_A,
+        ]
+        return np.array([*x[:PARAMETERS], *moved])
+
+    def possible(self, belief: Belief) -> Belief:
+        """The belief with its parameters positive."""
+        mean = np.array([*(maximum(z, LEAST) for z in belief.mean[:PARAMETERS]), *belief.mean[PARAMETERS:]])
+        return belief._replace(mean=mean)
+
+    def estimate(self, x: np.ndarray, innovation_V: Any) -> TextbookJointEstimate:
+        """What state x says in units."""
+        c_bulk, c_surface, r, r_terminal = self.nominal
+        return TextbookJointEstimate(
+            c_bulk / x[0], c_surface / x[1], r / x[2], r_terminal * x[3], x[PARAMETERS], x[PARAMETERS + 1], innovation_V
+        )
