@@ -1,6 +1,7 @@
 """The joint filter as published: its step is [T]'s, it is the generic adaptive filter, and no sample stops it."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -33,11 +34,9 @@ def simulated(count=3000, voltage_std_V=0.002, seed=0):
     current_A = drive(rng, count, hold=40)
     mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
     A, B = rc.rates_with_voltage(EVEN)
-    x, states = np.full(3, 12.5), []
-    for i in mean_A:
-        x = x + A @ x + B * i
-        states.append(x)
-    states = np.array(states)
+    states = np.full((count, 3), 12.5)
+    for k, i in enumerate(mean_A[1:]):
+        states[k + 1] = states[k] + A @ states[k] + B * i
     voltage_V = states[:, 2] + voltage_std_V * rng.standard_normal(count)
     return Sample(np.ones(count), current_A, voltage_V, np.full(count, NAN)), states
 
@@ -73,7 +72,7 @@ def test_the_filter_is_the_generic_one():
         mean_A, before_A = 0.5 * (before_A + sample.current_A), sample.current_A
         generic, innovation = adaptive.unscented_step_reusing_points(
             generic,
-            lambda x, i=mean_A: JOINT.next_state(x, i, 1.0),
+            partial(JOINT.next_state, current_A=mean_A, dt_s=1.0),
             lambda x: x[-1:],
             np.array([sample.voltage_V]),
             matching,
