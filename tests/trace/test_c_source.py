@@ -12,8 +12,10 @@ import pytest
 from every_operation import Memory, Seen
 
 from ohmward.errors import InputError
-from ohmward.trace import exp, trace, where
-from ohmward.trace.c_source import c_source, literal, members
+from ohmward.trace import clip, exp, maximum, minimum, single_precision, table, trace, where
+from ohmward.trace.c_operations import literal
+from ohmward.trace.c_source import c_source, members
+from ohmward.trace.constant_arrays import constant_arrays
 from ohmward.trace.llvm.run import MachineStep
 from ohmward.trace.structure import size, structure_of
 
@@ -165,3 +167,39 @@ def test_a_start_of_another_form_is_refused():
     step = trace(lambda s, x: (s + x, s), 0.0, 0.0)
     with pytest.raises(InputError, match=r"start\(sample, number, ...\) -> state"):
         c_source(step, "f", trace(lambda x: (x, x), 0.0))
+
+
+def bounded(state, x):
+    """Extrema and tables in every form that has a shorter C: bounds that are numbers, and indices that are in range."""
+    low, high = maximum(x, 0.25), minimum(x, 0.25)
+    turned = maximum(-0.5, high), minimum(0.5, low)
+    curves = table(CURVE, -1.0, 0.5, x), table(CURVE, -1.0, 0.5, x, "hermite"), table(CURVE[1:], -0.5, 0.5, low)
+    flat = table((2.0, 2.0, 2.0), 0.0, 1.0, x, "hermite")
+    return state, (low, high, *turned, clip(x, 0.0, 1.0), minimum(x, maximum(x, -x)), *curves, flat)
+
+
+CURVE = (3.0, 3.4, 3.5, 3.45, 4.0)
+
+
+@needs_gcc
+def test_shorter_forms_have_the_bits_of_the_long_ones(tmp_path):
+    program = trace(bounded, 0.0, 0.0)
+    x = np.array([*np.linspace(-2.0, 2.0, 81), 0.25, -0.25, 0.0, -0.0, np.nan, np.inf, -np.inf, 3e38, -3e38, 1e9, -1e9])
+    x = x.astype(np.float32)
+    source = c_source(program, "short")
+    in_c = run_c(program, compiled(source, "short", tmp_path), [0.0], [x])
+    _, in_numpy = single_precision.run(program, np.zeros(1), x[:, None])
+    np.testing.assert_array_equal(in_c, in_numpy)
+    np.testing.assert_array_equal(np.signbit(in_c), np.signbit(in_numpy))
+    assert source.source.count("!=") == 2  # of the one minimum whose both arguments may be nan
+    assert "short_index" not in source.source and "short_floor" not in source.source
+
+
+def test_tables_that_overlap_share_an_array():
+    program = trace(lambda s, x: (s, (table(CURVE, 0.0, 1.0, x), table(CURVE, 0.0, 1.0, x + 1.0))), 0.0, 0.0)
+    assert constant_arrays([program, program]) == [(2.6, *CURVE, 4.55)]
+
+
+def test_a_flat_table_is_a_number():
+    program = trace(lambda x: table((2.0, 2.0, 2.0), 0.0, 1.0, x, "hermite"), 0.0)
+    assert program.outputs == (2.0,) and not program.nodes

@@ -91,6 +91,10 @@ def _where(apply: Callable, c: Any, a: Any, b: Any) -> Any:
     return a if a is b or (type(a) is float and _is(b, a)) else None
 
 
+def _gather(apply: Callable, index: Any, values: tuple[float, ...]) -> Any:
+    return values[0] if len({repr(v) for v in values}) == 1 else None
+
+
 def _and(apply: Callable, a: Any, b: Any) -> Any:
     if a is False or b is False:
         return False
@@ -117,6 +121,7 @@ RULES: dict[str, Callable] = {
     "minimum": _same,
     "maximum": _same,
     "where": _where,
+    "gather": _gather,
     "logical_and": _and,
     "logical_or": _or,
     "logical_not": _not,

@@ -14,9 +14,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from ohmward.errors import InputError
+from ohmward.trace.c_operations import HELPERS, bounds, counts, literal, template
+from ohmward.trace.constant_arrays import constant_arrays, position
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
 from ohmward.trace.program import Program
@@ -168,7 +168,8 @@ def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str])
 
 
 def _source(name: str, functions: list[_Function]) -> str:
-    writer = _Writer(name)
+    arrays = constant_arrays([function.program for function in functions])
+    writer = _Writer(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)})
     bodies = [line for function in functions for line in ("", *_body(writer, function))]
     includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
     return "\n".join([*includes, *writer.globals(), *bodies[1:], ""])
@@ -194,12 +195,12 @@ def _body(writer: _Writer, function: _Function) -> Iterator[str]:
 class _Writer:
     """Lines, tables and helpers of a function while it is written."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, tables: Mapping[str, tuple[float, ...]]):
         self.name = name
         self.lines: list[str] = []
         self.words: dict[int, str] = {}
         self.indices: dict[tuple[str, int], str] = {}
-        self.tables: dict[tuple, str] = {}
+        self.tables = tables
         self.helpers: set[str] = set()
 
     def begin(self) -> None:
@@ -219,121 +220,44 @@ class _Writer:
         """The C of an operation."""
         if node.operation.name == "gather":
             index, values = node.args
-            return f"{self.table(values)}[{self.index(self.word(index), len(values))}]"
-        template = _TEMPLATES[node.operation.name]
-        self.helpers |= {helper for helper in _HELPERS if f"{{name}}_{helper}(" in template}
-        return template.format(*(self.word(a) for a in node.args), name=self.name)
+            return self.entry(values, self.index(index, len(values)))
+        if node.operation.name == "floor" and counts(bounds(node)):
+            return f"(float){self.whole(node)}"
+        text = template(node)
+        self.helpers |= {helper for helper in HELPERS if f"{{name}}_{helper}(" in text}
+        return text.format(*(self.word(a) for a in node.args), name=self.name)
 
-    def index(self, word: str, count: int) -> str:
+    def index(self, index: Expression, count: int) -> str:
         """The place in tables of `count` entries, found once for all of them."""
+        if index.operation.name == "floor" and counts(found := bounds(index)) and found[1] <= count - 1:
+            return self.whole(index)
+        word = self.word(index)
         if (word, count) not in self.indices:
             self.helpers.add("index")
             name = self.indices[word, count] = f"i{len(self.indices)}"
             self.lines.append(f"const int32_t {name} = {self.name}_index({word}, {count});")
         return self.indices[word, count]
 
-    def table(self, values: tuple[float, ...]) -> str:
-        """The constant array of a table."""
-        return self.tables.setdefault(values, f"{self.name}_table{len(self.tables)}")
+    def whole(self, floor: Expression) -> str:
+        """The whole number that is a floor within bounds: a cast, which cuts."""
+        word = self.word(floor.args[0])
+        if (word, 0) not in self.indices:
+            name = self.indices[word, 0] = f"i{len(self.indices)}"
+            self.lines.append(f"const int32_t {name} = (int32_t){word};")
+        return self.indices[word, 0]
+
+    def entry(self, values: tuple[float, ...], index: str) -> str:
+        """An entry of a table, wherever its values stand in the constant arrays."""
+        for name, array in self.tables.items():
+            if (first := position(values, array)) is not None:
+                return f"{name}[{index} + {first}]" if first else f"{name}[{index}]"
+        raise KeyError(values)
 
     def globals(self) -> Iterator[str]:
         """Tables and the helpers that are needed."""
-        for values, name in self.tables.items():
+        for name, values in self.tables.items():
             yield f"static const float {name}[{len(values)}] = {{{', '.join(literal(v) for v in values)}}};"
         if self.tables:
             yield ""
         for helper in sorted(self.helpers):
-            yield _HELPERS[helper].replace("NAME", self.name)
-
-
-def literal(value: object) -> str:
-    """A number or condition as C writes it, with the digits that a single needs."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    with np.errstate(over="ignore"):
-        single = np.float32(value)  # type: ignore[arg-type]
-    if np.isnan(single):
-        return "NAN"
-    if np.isinf(single):
-        return "INFINITY" if single > 0 else "-INFINITY"
-    digits = np.format_float_scientific(single, unique=True, trim="-")
-    digits = np.format_float_positional(single, unique=True, trim="0") if 1e-4 <= abs(single) < 1e7 else digits
-    digits = digits if any(c in digits for c in ".e") else f"{digits}.0"
-    return f"({digits}f)" if single < 0 or (single == 0 and np.signbit(single)) else f"{digits}f"
-
-
-_TEMPLATES: dict[str, str] = {
-    "add": "{0} + {1}",
-    "subtract": "{0} - {1}",
-    "multiply": "{0} * {1}",
-    "divide": "{0} / {1}",
-    "negative": "-{0}",
-    "remainder": "{0} - {name}_floor({0} / {1}) * {1}",
-    "floor_divide": "{name}_floor({0} / {1})",
-    "absolute": "fabsf({0})",
-    "sqrt": "sqrtf({0})",
-    "floor": "{name}_floor({0})",
-    "minimum": "({0} < {1} || {0} != {0}) ? {0} : {1}",
-    "maximum": "({0} > {1} || {0} != {0}) ? {0} : {1}",
-    "where": "{0} ? {1} : {2}",
-    "sign": "({0} > 0.0f) ? 1.0f : ({0} < 0.0f) ? -1.0f : ({0} == 0.0f) ? 0.0f : {0}",
-    "power_of_two": "{name}_power_of_two({0})",
-    "exponent": "{name}_exponent({0})",
-    "less": "{0} < {1}",
-    "less_equal": "{0} <= {1}",
-    "equal": "{0} == {1}",
-    "not_equal": "{0} != {1}",
-    "logical_and": "{0} && {1}",
-    "logical_or": "{0} || {1}",
-    "logical_not": "!{0}",
-    "isfinite": "fabsf({0}) < INFINITY",
-}
-
-_HELPERS = {
-    "power_of_two": """\
-/* 2^n for a whole n from -126 to 127: the sum has n + 127 in its lowest bits. */
-static inline float NAME_power_of_two(float n)
-{
-    const float lifted = n + 12583039.0f;
-    uint32_t bits;
-    float result;
-    memcpy(&bits, &lifted, sizeof bits);
-    bits <<= 23;
-    memcpy(&result, &bits, sizeof result);
-    return result;
-}
-""",
-    "exponent": """\
-/* The exponent of a normal x > 0. */
-static inline float NAME_exponent(float x)
-{
-    uint32_t bits;
-    float result;
-    memcpy(&bits, &x, sizeof bits);
-    bits = (bits >> 23) | 0x4B000000u;
-    memcpy(&result, &bits, sizeof result);
-    return result - 8388735.0f;
-}
-""",
-    "floor": """\
-/* The largest whole number that is not above x. */
-static inline float NAME_floor(float x)
-{
-    if (!(fabsf(x) < 8388608.0f)) {
-        return x;
-    }
-    const float cut = (float)(int32_t)x;
-    return cut > x ? cut - 1.0f : cut;
-}
-""",
-    "index": """\
-/* A place in a table; beyond its ends the last one there, the first for no number. */
-static inline int32_t NAME_index(float x, int32_t count)
-{
-    if (!(x > 0.0f)) {
-        return 0;
-    }
-    return x < (float)(count - 1) ? (int32_t)x : count - 1;
-}
-""",
-}
+            yield HELPERS[helper].replace("NAME", self.name)

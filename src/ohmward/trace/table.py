@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.expression import apply, number
-from ohmward.trace.functions import clip, elementwise, floor
+from ohmward.trace.functions import elementwise, floor, minimum, where
 
 
 def table(
@@ -29,11 +29,16 @@ def table(
     """
     if not spacing > 0:
         raise InputError(f"table: spacing must be > 0, got {spacing}")
-    coefficients = _segments(tuple(np.asarray(values, dtype=float).ravel().tolist()), kind)
-    u = (x - start) / spacing
-    segment = clip(floor(u), -1.0, len(coefficients[0]) - 2.0)
+    points = tuple((np.asarray(values, dtype=float).ravel() + 0.0).tolist())  # no -0.0: equal tables share memory
+    u = (x - start) * (1.0 / spacing) + 1.0  # 1 at the first value: the segment before it is number 0
+    segment = floor(minimum(_positive(u), float(len(points))))
     t = u - segment
-    *lower, y = (_gather(segment + 1.0, c) for c in coefficients)
+    if kind == "linear":
+        # from values alone: half the memory of values and slopes
+        ends = _ends(points)
+        left = _gather(segment, ends[:-1])
+        return left + t * (_gather(segment, ends[1:]) - left)
+    *lower, y = (_gather(segment, c) for c in _segments(points, kind))
     for c in reversed(lower):
         y = c + t * y
     return y
@@ -63,26 +68,43 @@ def _end_slope(d0: float, d1: float) -> float:
 
 
 @lru_cache(maxsize=256)
+def _ends(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Values (n + 2,) at the ends of the segments of straight lines, the extensions included."""
+    v = _checked(values)
+    return (2 * v[0] - v[1], *values, 2 * v[-1] - v[-2])
+
+
+@lru_cache(maxsize=256)
 def _segments(values: tuple[float, ...], kind: str) -> tuple[tuple[float, ...], ...]:
-    """Coefficients (order + 1, n + 1) of t^k on each segment, t in [0, 1]; the first and last are the extensions."""
+    """Coefficients (4, n + 1) of t^k on each segment, t in [0, 1]; the first and last are the extensions."""
+    v = _checked(values)
+    if kind != "hermite":
+        raise InputError(f'table: kind must be "linear" or "hermite", got {kind!r}')
+    return tuple(tuple((row + 0.0).tolist()) for row in _polynomials(v))
+
+
+def _checked(values: tuple[float, ...]) -> np.ndarray:
     v = np.array(values)
     if len(v) < 2 or not np.isfinite(v).all():
         raise InputError(f"table: values must be 2 or more finite numbers, got {values!r:.80}")
-    if kind not in ("linear", "hermite"):
-        raise InputError(f'table: kind must be "linear" or "hermite", got {kind!r}')
-    return tuple(tuple(row.tolist()) for row in _polynomials(v, kind))
+    return v
 
 
-def _polynomials(v: np.ndarray, kind: str) -> list[np.ndarray]:
-    d = np.diff(v)
-    m = monotone_slopes(v) if kind == "hermite" else np.append(d, d[-1])
+def _polynomials(v: np.ndarray) -> list[np.ndarray]:
+    d, m = np.diff(v), monotone_slopes(v)
     c0 = np.array([v[0] - m[0], *v])
     c1 = np.array([m[0], *m])
-    if kind == "linear":
-        return [c0, c1]
     c2 = np.array([0.0, *(3 * d - 2 * m[:-1] - m[1:]), 0.0])
     c3 = np.array([0.0, *(m[:-1] + m[1:] - 2 * d), 0.0])
     return [c0, c1, c2, c3]
+
+
+def _or_nought(u: Any) -> Any:
+    return where(u > 0.0, u, 0.0)
+
+
+#: What is positive; 0 for all else, nan too, so that it can become an index.
+_positive = elementwise(_or_nought, _or_nought, 1)
 
 
 def _gather(index: Any, values: tuple[float, ...]) -> Any:

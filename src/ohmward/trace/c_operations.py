@@ -1,0 +1,144 @@
+"""Operations as C99 writes them, in single precision, with the helpers that some of them need."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from ohmward.trace.expression import Expression
+
+
+def bounds(x: Any) -> tuple[float, float] | None:
+    """Between which numbers a value lies whatever happens, as far as its operation shows; None where it may be nan."""
+    if not isinstance(x, Expression):
+        return (x, x) if isinstance(x, float) and x == x else None
+    name, args = x.operation.name, x.args
+    if name == "floor" and (found := bounds(args[0])):
+        return math.floor(found[0]), found[1]
+    if name == "where" and args[0].operation.name == "less":  # low < x ? x : low
+        (low, tested), (_, chosen, otherwise) = args[0].args, args
+        return (low, math.inf) if tested is chosen and _same_number(low, otherwise) else None
+    if name in ("minimum", "maximum") and (a := bounds(args[0])) and (b := bounds(args[1])):
+        smaller = min if name == "minimum" else max
+        return smaller(a[0], b[0]), smaller(a[1], b[1])
+    return None
+
+
+def _same_number(a: Any, b: Any) -> bool:
+    return type(a) is float and type(b) is float and a == b
+
+
+def counts(found: tuple[float, float] | None) -> TypeGuard[tuple[float, float]]:
+    """Whether these are bounds of what a cast to a whole number cuts as floor does."""
+    return found is not None and found[0] >= 0.0 and found[1] < 2.0**23
+
+
+def template(node: Expression) -> str:
+    """The C of an operation, {0} its first argument; a shorter one where an argument of an extremum cannot be nan."""
+    name = node.operation.name
+    if name in ("minimum", "maximum"):
+        if bounds(node.args[1]):
+            return _TEMPLATES[f"{name} with a number"]
+        if bounds(node.args[0]):
+            return _TEMPLATES[f"{name} of a number"]
+    return _TEMPLATES[name]
+
+
+def literal(value: object) -> str:
+    """A number or condition as C writes it, with the digits that a single needs."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    with np.errstate(over="ignore"):
+        single = np.float32(value)  # type: ignore[arg-type]
+    if np.isnan(single):
+        return "NAN"
+    if np.isinf(single):
+        return "INFINITY" if single > 0 else "-INFINITY"
+    digits = np.format_float_scientific(single, unique=True, trim="-")
+    digits = np.format_float_positional(single, unique=True, trim="0") if 1e-4 <= abs(single) < 1e7 else digits
+    digits = digits if any(c in digits for c in ".e") else f"{digits}.0"
+    return f"({digits}f)" if single < 0 or (single == 0 and np.signbit(single)) else f"{digits}f"
+
+
+_TEMPLATES: dict[str, str] = {
+    "add": "{0} + {1}",
+    "subtract": "{0} - {1}",
+    "multiply": "{0} * {1}",
+    "divide": "{0} / {1}",
+    "negative": "-{0}",
+    "remainder": "{0} - {name}_floor({0} / {1}) * {1}",
+    "floor_divide": "{name}_floor({0} / {1})",
+    "absolute": "fabsf({0})",
+    "sqrt": "sqrtf({0})",
+    "floor": "{name}_floor({0})",
+    "minimum": "({0} < {1} || {0} != {0}) ? {0} : {1}",
+    "maximum": "({0} > {1} || {0} != {0}) ? {0} : {1}",
+    "minimum of a number": "({0} < {1}) ? {0} : {1}",
+    "maximum of a number": "({0} > {1}) ? {0} : {1}",
+    "minimum with a number": "({0} >= {1}) ? {1} : {0}",
+    "maximum with a number": "({0} <= {1}) ? {1} : {0}",
+    "where": "{0} ? {1} : {2}",
+    "sign": "({0} > 0.0f) ? 1.0f : ({0} < 0.0f) ? -1.0f : ({0} == 0.0f) ? 0.0f : {0}",
+    "power_of_two": "{name}_power_of_two({0})",
+    "exponent": "{name}_exponent({0})",
+    "less": "{0} < {1}",
+    "less_equal": "{0} <= {1}",
+    "equal": "{0} == {1}",
+    "not_equal": "{0} != {1}",
+    "logical_and": "{0} && {1}",
+    "logical_or": "{0} || {1}",
+    "logical_not": "!{0}",
+    "isfinite": "fabsf({0}) < INFINITY",
+}
+
+#: Functions that a file gets when it needs them; NAME is its prefix.
+HELPERS = {
+    "power_of_two": """\
+/* 2^n for a whole n from -126 to 127: the sum has n + 127 in its lowest bits. */
+static inline float NAME_power_of_two(float n)
+{
+    const float lifted = n + 12583039.0f;
+    uint32_t bits;
+    float result;
+    memcpy(&bits, &lifted, sizeof bits);
+    bits <<= 23;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+""",
+    "exponent": """\
+/* The exponent of a normal x > 0. */
+static inline float NAME_exponent(float x)
+{
+    uint32_t bits;
+    float result;
+    memcpy(&bits, &x, sizeof bits);
+    bits = (bits >> 23) | 0x4B000000u;
+    memcpy(&result, &bits, sizeof result);
+    return result - 8388735.0f;
+}
+""",
+    "floor": """\
+/* The largest whole number that is not above x. */
+static inline float NAME_floor(float x)
+{
+    if (!(fabsf(x) < 8388608.0f)) {
+        return x;
+    }
+    const float cut = (float)(int32_t)x;
+    return cut > x ? cut - 1.0f : cut;
+}
+""",
+    "index": """\
+/* A place in a table; beyond its ends the last one there, the first for no number. */
+static inline int32_t NAME_index(float x, int32_t count)
+{
+    if (!(x > 0.0f)) {
+        return 0;
+    }
+    return x < (float)(count - 1) ? (int32_t)x : count - 1;
+}
+""",
+}
