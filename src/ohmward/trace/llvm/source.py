@@ -15,11 +15,13 @@ Memory holds doubles, whatever the arithmetic. Conditions are 0.0 and 1.0 there.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ohmward.trace.bounds import bounds
 from ohmward.trace.elementary import Precision
 from ohmward.trace.expression import Expression
 from ohmward.trace.program import Program
@@ -364,9 +366,14 @@ def _intrinsic(name: str) -> _Speller:
 
 def _extremum(predicate: str) -> _Speller:
     """Of a and b the first if it is smaller (larger) or nan, else the second."""
+    opposite = {"olt": "ogt", "ogt": "olt"}[predicate]
 
     def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
         first, missing, taken = w.new(), w.new(), w.new()
+        if isinstance(args[1], float) and args[1] and not math.isnan(args[1]):  # of zeros the sign could be lost
+            yield w.compare(first, opposite, *args)
+            yield w.select(result, first, args[1], args[0])
+            return
         yield w.compare(first, predicate, *args)
         yield w.compare(missing, "uno", args[0], args[0])
         yield w.line(taken, "or", w.target.flag, first, missing)
@@ -439,27 +446,46 @@ def _exponent(w: _Writer, result: str, args: tuple) -> Iterator[str]:
 def _gather(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     """An entry of a table; what is no index within it takes the nearest entry, nan the first."""
     t, (index, values) = w.target, args
-    table, indices = w.table(values), t.of("i32")
-    whole, low, high = w.new(), w.new(), w.new()
-    convert = f"llvm.fptosi.sat.{'' if t.width == 1 else f'v{t.width}'}i32.{t.suffix}"
-    w.declarations.add(f"declare {indices} @{convert}({t.number})")
-    yield f"  {whole} = call {indices} @{convert}({t.number} {w.word(index)})"
-    for name, source, function, limit in ((low, whole, "smax", 0), (high, low, "smin", len(values) - 1)):
-        call = f"llvm.{function}.{'' if t.width == 1 else f'v{t.width}'}i32"
-        w.declarations.add(f"declare {indices} @{call}({indices}, {indices})")
-        yield f"  {name} = call {indices} @{call}({indices} {source}, {indices} {t.spread('i32', str(limit))})"
-    place = w.new()
-    yield f"  {place} = getelementptr {t.element}, ptr {table}, {indices} {high}"
+    table, indices, place = w.table(values), t.of("i32"), w.new()
+    yield from (
+        _index_within(w, place, index) if _is_place(index, len(values)) else _clamped_index(w, place, index, values)
+    )
+    pointer = w.new()
+    yield f"  {pointer} = getelementptr {t.element}, ptr {table}, {indices} {place}"
     if t.width == 1:
-        yield f"  {result} = load {t.element}, ptr {place}"
+        yield f"  {result} = load {t.element}, ptr {pointer}"
         return
     function = f"llvm.masked.gather.{t.suffix}.v{t.width}p0"
     pointers, mask = f"<{t.width} x ptr>", t.flag
     w.declarations.add(f"declare {t.number} @{function}({pointers}, i32 immarg, {mask}, {t.number})")
     yield (
-        f"  {result} = call {t.number} @{function}({pointers} {place}, i32 {t.bits // 8}, "
+        f"  {result} = call {t.number} @{function}({pointers} {pointer}, i32 {t.bits // 8}, "
         f"{mask} {t.constant(True)}, {t.number} poison)"
     )
+
+
+def _index_within(w: _Writer, result: str, index: Expression) -> Iterator[str]:
+    """The conversion cuts off what `floor` does, and need not wait for it."""
+    (number,) = index.args
+    yield f"  {result} = fptosi {w.target.number} {w.word(number)} to {w.target.of('i32')}"
+
+
+def _clamped_index(w: _Writer, result: str, index: Any, values: tuple[float, ...]) -> Iterator[str]:
+    t, indices = w.target, w.target.of("i32")
+    whole, low = w.new(), w.new()
+    convert = f"llvm.fptosi.sat.{'' if t.width == 1 else f'v{t.width}'}i32.{t.suffix}"
+    w.declarations.add(f"declare {indices} @{convert}({t.number})")
+    yield f"  {whole} = call {indices} @{convert}({t.number} {w.word(index)})"
+    for name, source, function, limit in ((low, whole, "smax", 0), (result, low, "smin", len(values) - 1)):
+        call = f"llvm.{function}.{'' if t.width == 1 else f'v{t.width}'}i32"
+        w.declarations.add(f"declare {indices} @{call}({indices}, {indices})")
+        yield f"  {name} = call {indices} @{call}({indices} {source}, {indices} {t.spread('i32', str(limit))})"
+
+
+def _is_place(index: Any, count: int) -> bool:
+    """Whether it is the floor of a number between 0 and the last place of a table, whatever the data."""
+    found = bounds(index)
+    return found is not None and index.operation.name == "floor" and found[0] >= 0.0 and found[1] <= count - 1
 
 
 _SPELLINGS: dict[str, _Speller] = {
