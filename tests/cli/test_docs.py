@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cli import test_calibrate, test_slip
+from cli import test_calibrate, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
 from ohmward.cli.main import main
@@ -51,6 +51,10 @@ def test_keys_of_soc_are_all_listed():
 
 def test_keys_of_slip_are_all_listed():
     assert listed("slip") >= test_slip.KEYS | test_slip.SCORES
+
+
+def test_keys_of_twin_are_all_listed():
+    assert listed("twin") >= test_twin.KEYS
 
 
 def test_keys_of_calibrate_are_all_listed():

@@ -8,12 +8,26 @@ import sys
 from collections.abc import Sequence
 
 from ohmward import __version__
-from ohmward.cli import calibrate, compare, demo, doctor, export, fleet, generic, identify, mission, simulate, slip, soc
+from ohmward.cli import (
+    calibrate,
+    compare,
+    demo,
+    doctor,
+    export,
+    fleet,
+    generic,
+    identify,
+    mission,
+    simulate,
+    slip,
+    soc,
+    twin,
+)
 from ohmward.cli.outcome import Outcome, check_output, show, write_page
 from ohmward.cli.parser import Parser
 from ohmward.errors import OhmwardError
 
-COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, mission, simulate, fleet, export, demo)
+COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, mission, simulate, fleet, export, twin, demo)
 REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _EPILOG = """\

@@ -1,0 +1,87 @@
+"""`ohmward twin` by hand: a log through the exported C, compared with double precision, written, refused."""
+
+import csv
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ohmward.cli.main import main
+
+pytestmark = pytest.mark.skipif(
+    not (shutil.which("gcc") and find_spec("cffi")), reason="no twin here: gcc or cffi is not installed"
+)
+KEYS = {
+    "command", "name", "log", "steps", "seconds", "final", "flags", "compared_with", "differences", "notes", "library",
+    "output",
+}  # fmt: skip
+
+
+@pytest.fixture
+def library(here, capsys):
+    """A folder with the textbook filter of the battery."""
+    assert main(["export", "battery.toml", "--filter", "textbook-ekf", "--name", "soc", "-o", "firmware"]) == 0
+    capsys.readouterr()
+    return here / "firmware"
+
+
+def test_it_replays_a_log_and_says_how_far_double_precision_is(library, as_json):
+    words = ("twin", "firmware", "day.csv", "--battery", "battery.toml", "--filter", "textbook-ekf")
+    found = as_json(*words, "--initial-soc", "0.9", "-o", "twin.csv")
+    assert set(found) == KEYS and found["steps"] == 3600 and found["name"] == "soc"
+    assert 0.0 < found["differences"]["soc"] < 1e-3 and found["differences"]["flags"] == 0.0
+    rows = list(csv.DictReader(Path("twin.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 3600 and float(rows[-1]["soc"]) == found["final"]["soc"]
+    assert all(np.float32(row["soc"]) == float(row["soc"]) for row in rows[:50])
+
+
+def test_it_is_near_the_estimator_of_soc(library, as_json):
+    firmware = as_json("twin", "firmware", "day.csv", "--initial-soc", "0.9", "--initial-soc-std", "0.03")
+    desk = as_json("soc", "day.csv", "--battery", "battery.toml", "--filter", "textbook-ekf", "--initial-soc", "0.9")
+    assert firmware["final"]["soc"] == pytest.approx(desk["soc_final"], abs=1e-3)
+    assert firmware["compared_with"] is None and firmware["differences"] is None
+
+
+def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys):
+    assert main(["twin", "firmware", "day.csv", "--battery", "battery.toml", "--filter", "textbook-ekf"]) == 0
+    text = capsys.readouterr().out
+    for words in ("'soc' of firmware", "largest difference", "ns each", "flagged samples", "Assumed"):
+        assert words in text
+
+
+def test_a_drive_needs_its_robot(here, as_json, capsys):
+    assert main(["export", "rlma", "--filter", "ekf", "--name", "speed", "-o", "speed"]) == 0
+    assert main(["simulate", "first-drive", "-o", "drive.csv"]) == 0
+    capsys.readouterr()
+    found = as_json("twin", "speed", "drive.csv", "--robot", "rlma", "--filter", "ekf")
+    assert set(found) == KEYS and found["differences"]["speed_m_s"] < 1e-4
+    assert {"wheel_speed_rad_s_0", "wheel_speed_rad_s_1"} <= set(found["final"])
+    assert main(["twin", "speed", "drive.csv"]) == 2
+    assert "needs --robot" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nothing", "day.csv"], "there is no exported library"),
+        (["firmware", "day.csv", "--name", "cell"], "no exported library 'cell'"),
+        (["firmware", "day.csv", "--battery", "battery.toml"], "--battery and --filter go together"),
+        (["firmware", "day.csv", "--filter", "ekf"], "--battery and --filter go together"),
+        (
+            ["firmware", "day.csv", "--battery", "battery.toml", "--filter", "ekf"],
+            "name with --filter what was exported",
+        ),
+        (["firmware", "day.csv", "-o", "out.txt"], "must end in .csv or .parquet"),
+        (["firmware", "none.csv"], "none.csv"),
+    ],
+)
+def test_refusals(library, refused, words, message):
+    assert message in refused("twin", *words)
+
+
+def test_a_controller_has_no_log(here, refused, capsys):
+    assert main(["export", "rlma", "--filter", "slip-controller", "--name", "wheel", "-o", "wheel"]) == 0
+    capsys.readouterr()
+    assert "use ohmward.export.Twin" in refused("twin", "wheel", "day.csv")
