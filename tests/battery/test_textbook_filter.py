@@ -1,6 +1,7 @@
 """The filter of the textbooks: a Kalman filter where the curve is straight, and no more than that elsewhere."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.noise import Noise
 from ohmward.battery.soc_estimator import SocEstimator
 from ohmward.battery.textbook_filter import PAIR_SHARE, TextbookFilter
+from ohmward.battery.thevenin import ohmic_resistance
 from ohmward.errors import InputError
+from ohmward.filters import unscented
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 
@@ -92,3 +95,33 @@ def test_bad_samples_do_not_stop_it(method):
 def test_another_method_is_refused():
     with pytest.raises(InputError, match="method must be one of ekf, ukf, got 'kf'"):
         TextbookFilter(NMC, method="kf")
+
+
+def voltage(drop_V, x):
+    return np.array([NMC.ocv.mean_V(x[0], 25.0) + x[1] + x[2] + drop_V])
+
+
+def test_the_unscented_filter_is_that_of_all_sigma_points():
+    filter_, rng = TextbookFilter(NMC, NOISE, "ukf"), np.random.default_rng(5)
+    state = filter_.start(FIRST, 0.4, 0.2)
+    R = np.array([[NOISE.voltage_std_V**2 + max(NOISE.model_std_V) ** 2]])
+    for _ in range(30):
+        current, y = rng.normal(-1.0, 1.0), np.array([rng.normal(3.6, 0.1)])
+        prior = filter_.predict(unpack(state.belief), 0.5 * (current + state.current_A), 1.0)
+        drop_V = ohmic_resistance(prior.mean[0], filter_.input(current), NMC) * current
+        expected = unscented.correct(prior, y, partial(voltage, drop_V), R)
+        state, estimate = filter_.step(state, Sample(1.0, current, y[0], 25.0))
+        np.testing.assert_allclose(state.belief.mean, expected.belief.mean, rtol=1e-10, atol=1e-13)
+        np.testing.assert_allclose(unpack(state.belief).cov, expected.belief.cov, rtol=1e-9, atol=1e-15)
+        assert estimate.innovation_V == pytest.approx(expected.innovation.value[0], abs=1e-12)
+        assert estimate.voltage_std_V == pytest.approx(math.sqrt(expected.innovation.cov[0, 0]), rel=1e-12)
+
+
+@both
+def test_without_a_voltage_it_is_the_prediction_to_the_bit(method):
+    filter_ = TextbookFilter(NMC, NOISE, method)
+    state = filter_.start(FIRST, 0.5, 0.1)
+    prior = filter_.predict(unpack(state.belief), -0.5, 2.0)
+    after, _ = filter_.step(state, Sample(2.0, -1.0, math.nan, 25.0))
+    np.testing.assert_array_equal(after.belief.mean, prior.mean)
+    np.testing.assert_array_equal(unpack(after.belief).cov, prior.cov)

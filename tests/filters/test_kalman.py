@@ -167,3 +167,32 @@ def test_predict_refuses_wrong_shapes():
         kalman.predict(Belief(np.zeros(2), np.eye(2)), np.eye(2), np.ones(2))
     with pytest.raises(InputError, match=r"F must have shape \(2, 2\)"):
         kalman.predict(Belief(np.zeros(2), np.eye(2)), np.eye(3), np.eye(2))
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_joseph_is_the_product_of_three_for_any_gain(m):
+    rng = np.random.default_rng(11)
+    *_, H, R, belief = random_linear(rng, 5, m)
+    K = rng.normal(size=(5, m))
+    A = np.eye(5) - K @ H
+    np.testing.assert_allclose(kalman.joseph(belief.cov, K, H, R), A @ belief.cov @ A.T + K @ R @ K.T, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-9, 1e-14])
+def test_josephs_form_keeps_the_digits_that_the_plain_difference_loses(ratio):
+    P, H, R = np.full((1, 1), 2.0), np.full((1, 1), 0.7), np.full((1, 1), ratio)
+    K = kalman.gain(P @ H.T, H @ P @ H.T + R)
+    exact = ratio * 2.0 / (0.98 + ratio)
+    assert kalman.joseph(P, K, H, R)[0, 0] == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_a_measurement_that_is_not_used_changes_no_bit(m):
+    *_, H, R, belief = random_linear(np.random.default_rng(12), 4, m)
+    belief = Belief(belief.mean, kalman.mirror_lower(belief.cov))
+    left = kalman.correct(belief, np.full(m, 1e3), H, R, used=False)
+    np.testing.assert_array_equal(left.belief.mean, belief.mean)
+    np.testing.assert_array_equal(left.belief.cov, belief.cov)
+    assert left.innovation.value[0] != 0.0 and not left.gain.any()
+    used = kalman.correct(belief, np.full(m, 1e3), H, R, used=np.bool_(True))
+    assert largest_difference(used.belief, kalman.correct(belief, np.full(m, 1e3), H, R).belief) < 1e-12

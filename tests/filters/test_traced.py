@@ -172,7 +172,7 @@ def count(filter_step):
     [
         (adaptive.unscented_step_reusing_points, 1150),
         (adaptive.unscented_step, 1650),
-        (adaptive.extended_step, 560),
+        (adaptive.extended_step, 500),
     ],
 )
 def test_the_seven_state_adaptive_filter_stays_small(filter_step, most):

@@ -113,8 +113,7 @@ def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:
 
 def is_current(current_A: Any, limit_A: float) -> Any:
     """Whether it is a finite number within the limit."""
-    finite_limit_A = min(limit_A, 1e9)
-    return (current_A >= -finite_limit_A) & (current_A <= finite_limit_A)
+    return abs(current_A) <= min(limit_A, 1e9)
 
 
 def is_temperature(temperature_degC: Any) -> Any:

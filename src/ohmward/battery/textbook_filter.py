@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,12 +21,11 @@ from ohmward.battery.noise import Noise
 from ohmward.battery.reading import first_input, is_current, is_voltage
 from ohmward.battery.thevenin import Input, Thevenin, charge, ohmic_resistance, pair_decays, pair_resistances
 from ohmward.errors import InputError
-from ohmward.filters import extended, kalman, unscented
-from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.filters.gating import choose
+from ohmward.filters import extended, kalman, partly_linear
+from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
 from ohmward.trace import clip, maximum, where
 
-METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
+METHODS = ("ekf", "ukf")
 
 #: How far an RC voltage may be from its model after a step, as a share of R_j times 1 C.
 PAIR_SHARE = 0.005
@@ -83,12 +81,10 @@ class TextbookFilter:
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         y = np.array([where(measured, sample.voltage_V, 0.0)])
         drop_V = ohmic_resistance(prior.mean[0], self.input(current_A), self.model) * current_A
-        R = np.array([[self.noise.voltage_std_V**2 + max(self.noise.model_std_V) ** 2]])
-        corrected, innovation, _ = METHODS[self.method].correct(prior, y, lambda x: self.voltage(x, drop_V), R)
-        posterior = choose(measured, corrected, prior)
+        posterior, innovation, _ = self.correct(prior, y, drop_V, measured)
 
         soc = posterior.mean[0]
-        unknown = math.nan * soc
+        unknown = math.nan
         estimate = Estimate(
             clip(soc, 0.0, 1.0),
             np.sqrt(maximum(posterior.cov[0, 0], 0.0)),
@@ -106,15 +102,23 @@ class TextbookFilter:
         """The belief after `dt_s` of a constant current."""
         decays, pairs = pair_decays(self.model, dt_s), self.pairs(belief.mean[0])
         driven = [(1 - a) * r * current_A for a, r in zip(decays, pairs, strict=True)]
-        moved = charge(current_A, dt_s, self.model) / self.model.capacity_As
+        moved = charge(current_A, dt_s, self.model) * (1 / self.model.capacity_As)
         wandered = [(PAIR_SHARE * r * self.model.capacity_Ah) ** 2 for r in pairs]
         soc_variance = (self.noise.current_std_A / self.model.capacity_As) ** 2 * dt_s
         Q = np.diag(np.array([soc_variance, *wandered]))
         return kalman.predict(belief, np.diag(np.array([1.0, *decays])), Q, np.array([moved, *driven]))
 
-    def voltage(self, x: np.ndarray, drop_V: Any) -> np.ndarray:
-        """Terminal voltage [V] in state x, (1,)."""
-        return np.array([self.model.ocv.mean_V(x[0], self.model.reference_degC) + sum(x[1:]) + drop_V])
+    def correct(self, prior: Belief, y: np.ndarray, drop_V: Any, measured: Any) -> Correction:
+        """The belief after the voltage y = OCV(soc) + v_1 + ... + v_n + drop; unchanged if not `measured`."""
+
+        def curve(x: np.ndarray) -> np.ndarray:
+            return np.array([self.model.ocv.mean_V(x[0], self.model.reference_degC) + drop_V])
+
+        H = np.array([[0.0, *(1.0 for _ in prior.mean[1:])]])
+        R = np.array([[self.noise.voltage_std_V**2 + max(self.noise.model_std_V) ** 2]])
+        if self.method == "ukf":
+            return partly_linear.correct(prior, y, curve, H, R, used=measured)
+        return extended.correct(prior, y, lambda x: curve(x) + H @ x, R, measured)
 
     def pairs(self, soc: Any) -> list[Any]:
         """R_1 ... R_n [ohm] at this SoC."""

@@ -4,7 +4,7 @@ Pure functions on NumPy arrays. Every one also runs on object arrays of traced s
 and compiled. `kalman`, `extended` and `unscented` each have `predict` and `update`; `adaptive` learns the noise.
 """
 
-from ohmward.filters import adaptive, consistency, extended, gating, kalman, unscented
+from ohmward.filters import adaptive, consistency, extended, gating, kalman, partly_linear, unscented
 from ohmward.filters.belief import (
     Belief,
     Correction,
@@ -32,6 +32,7 @@ __all__ = [
     "log_likelihood",
     "nis",
     "pack",
+    "partly_linear",
     "unpack",
     "unscented",
     "update_sequentially",

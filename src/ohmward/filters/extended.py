@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ohmward.errors import InputError
@@ -55,11 +57,11 @@ def update(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, iterations
     return posterior, innovation
 
 
-def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray) -> Correction:
-    """`update` without iterations, with the gain too."""
+def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, used: Any = True) -> Correction:
+    """`update` without iterations, with the gain too; nothing changes where the condition `used` is false."""
     y_hat, H = linearize(h, belief.mean)
     require_shape("h(x)", y_hat, np.shape(y))
-    return kalman.correct(belief, y, H, R, y_hat)
+    return kalman.correct(belief, y, H, R, y_hat, used)
 
 
 def _relinearised(prior: Belief, point: np.ndarray, y: np.ndarray, h: Function, R: np.ndarray) -> Belief:

@@ -49,15 +49,20 @@ def update(
     return posterior, innovation
 
 
-def correct(belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None) -> Correction:
-    """`update`, with the gain too."""
+def correct(
+    belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None, used: Any = True
+) -> Correction:
+    """`update`, with the gain too; a condition `used` that is false leaves the belief as it is, with a gain of zero.
+
+    Choosing the reciprocal of S is one choice, choosing between the belief before and after n (n + 3) / 2.
+    """
     n, m = len(belief.mean), len(np.atleast_1d(y))
     require_shape("y", y, (m,))
     require_shape("H", H, (m, n))
     require_shape("R", R, (m, m))
     C = belief.cov @ H.T
     S = mirror_lower(H @ C + R)
-    K = gain(C, S)
+    K = gain(C, S, used)
     nu = y - (H @ belief.mean if y_hat is None else y_hat)
     posterior = Belief(belief.mean + K @ nu, joseph(belief.cov, K, H, R))
     return Correction(posterior, Innovation(nu, S), K)
@@ -84,12 +89,24 @@ def correct_state(belief: Belief, i: int, y: Any, variance: Any, used: Any = Tru
     return Belief(belief.mean + K * (y - belief.mean[i]), mirror_lower(cov))
 
 
-def gain(C: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """K = C S^-1 (n, m) from the covariance C (n, m) of state and output and S (m, m) of the innovation."""
-    return solve_spd(S, C.T).T
+def gain(C: np.ndarray, S: np.ndarray, used: Any = True) -> np.ndarray:
+    """K = C S^-1 (n, m) from the covariance C (n, m) of state and output and S (m, m) of the innovation; 0 if not used.
+
+    C must be finite where the measurement is not used.
+    """
+    if used is True:
+        return solve_spd(S, C.T).T
+    if len(S) == 1:
+        return C * where(used, 1.0 / maximum(S[0, 0], TINY), 0.0)
+    return where(used, solve_spd(S, C.T).T, 0.0)
 
 
 def joseph(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(I - K H) P (I - K H)' + K R K' (n, n): a sum of squares, so rounding cannot make it indefinite."""
-    A = np.eye(len(P)) - K @ H
-    return mirror_lower(A @ P @ A.T + K @ R @ K.T)
+    """(I - K H) P (I - K H)' + K R K' (n, n), for any gain K; H: (m, n).
+
+    With M = P - K H P it is M - (M H' - K R) K', n^2 m products instead of n^3. As in the product of three, what
+    rounding does to M is multiplied by I - K H again: for an R far below H P H' the difference M has lost its digits,
+    and this has not.
+    """
+    M = P - K @ (H @ P)
+    return mirror_lower(M - (M @ H.T - K @ R) @ K.T)

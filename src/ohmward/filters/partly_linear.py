@@ -1,0 +1,65 @@
+"""The unscented update of an output that is linear but for the first k states: y = g(x_1 ... x_k) + H x + v.
+
+The Cholesky factor is triangular, so the sigma points along all other states share the first k with the mean: g needs
+2 k + 1 points, not 2 n + 1. With L the factor of the first k states and the differences of the pairs as odd (m, k),
+
+    H_eff = H + odd (2 sqrt(c) L)^-1,   R_eff = R + what the points have of g beside that slope,
+
+and the update is that of the Kalman filter with these two (statistical linearisation, Gelb 1974, 6.2): belief,
+innovation and gain of `unscented.correct` on the same output, to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief, Correction, Function
+from ohmward.filters.linear_algebra import cholesky, solve_upper
+from ohmward.filters.shapes import require_shape
+from ohmward.filters.unscented import DEFAULT, Scaling, weights
+
+
+def correct(
+    belief: Belief,
+    y: np.ndarray,
+    g: Function,
+    H: np.ndarray,
+    R: np.ndarray,
+    k: int = 1,
+    used: Any = True,
+    scaling: Scaling = DEFAULT,
+) -> Correction:
+    """Belief after y = g(x_1 ... x_k) + H x + v, v ~ N(0, R), with the innovation and the gain.
+
+    Args:
+        belief: before the measurement.
+        y: (m,) measured output.
+        g: (m,) of the first k states (k,).
+        H: (m, n) of all states.
+        R: (m, m) covariance of the measurement noise; zero is allowed.
+        k: how many states g looks at.
+        used: a condition; where it is false the belief stays as it is, with a gain of zero.
+        scaling: of the sigma points of all n states.
+
+    Raises:
+        InputError: y, g(x), H or R do not fit each other, or the scaling has a negative central weight.
+    """
+    n = len(belief.mean)
+    w = weights(n, scaling)
+    centre = belief.mean[:k]
+    offsets, _ = cholesky(belief.cov[:k, :k], scale=math.sqrt(w.spread))
+    middle = g(centre)
+    require_shape("g(x)", middle, np.shape(y))
+    plus = np.array([g(centre + d) for d in offsets.T])
+    minus = np.array([g(centre - d) for d in offsets.T])
+
+    curved = plus + minus - 2 * middle
+    bend = w.side * curved.sum(axis=0)  # mean of g is middle + bend
+    slope = solve_upper(2 * offsets.T, plus - minus).T
+    beside = np.vstack([math.sqrt(w.pair) * (curved - 2 * bend), math.sqrt(w.cov_0 + (n - k) / w.spread) * bend])
+    H_eff = np.hstack([H[:, :k] + slope, H[:, k:]])
+    return kalman.correct(belief, y, H_eff, R + beside.T @ beside, middle + bend + H @ belief.mean, used)
