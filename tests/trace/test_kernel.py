@@ -10,6 +10,9 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, isfinite, lanes, scan, where
+from ohmward.trace import kernel as kernel_module
+from ohmward.trace.llvm import machine_code
+from ohmward.trace.llvm import run as llvm_run
 
 
 class Tank(NamedTuple):
@@ -314,7 +317,46 @@ def test_kernels_travel_between_processes():
 
 
 def test_a_few_long_lanes_are_worth_machine_code_too():
-    pytest.importorskip("llvmlite")
     kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
-    assert kernel._takes_machine_code(np.zeros((10_000, 2)), 400_000)
-    assert not kernel._takes_machine_code(np.zeros((9_999, 2)), 400_000)
+    assert kernel._worth(np.zeros((10_000, 2)), 400_000)
+    assert not kernel._worth(np.zeros((9_999, 2)), 400_000)
+
+
+def without(monkeypatch, reason):
+    """LLVM as it is where llvmlite is missing or the processor unknown."""
+
+    def refused(*_args):
+        raise machine_code.NoMachineCodeError(reason)
+
+    monkeypatch.setattr(machine_code, "llvm", refused)
+    monkeypatch.setattr(llvm_run, "compile_scan", refused)
+    kernel_module._say_once.cache_clear()
+
+
+@pytest.mark.parametrize("reason", ["llvmlite is not installed; pip install", "cannot compile for this processor"])
+def test_without_machine_code_long_logs_run_in_python_which_is_said_once(monkeypatch, reason):
+    without(monkeypatch, reason)
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
+    long = np.ones(10_000)
+    with pytest.warns(RuntimeWarning, match=reason):
+        state, _ = kernel.scan(0.0, long)
+    assert state == 10_000
+    assert kernel.scan(0.0, long)[0] == 10_000  # a second warning would be an error here
+    assert kernel.scan_lanes(0.0, np.ones((10_000, 2)))[0].tolist() == [10_000, 10_000]
+    assert reason in kernel.explain()
+
+
+def test_short_logs_and_live_samples_need_no_machine_code_and_say_nothing(monkeypatch):
+    without(monkeypatch, "llvmlite is not installed")
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
+    assert kernel.scan(0.0, np.ones(9))[0] == 9
+    assert kernel.live(1.0).step(2.0) == 1.0
+
+
+def test_machine_code_that_is_asked_for_is_not_replaced(monkeypatch):
+    without(monkeypatch, "llvmlite is not installed")
+    kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="machine")
+    with pytest.raises(machine_code.NoMachineCodeError, match="llvmlite"):
+        kernel.scan(0.0, np.ones(9))
+    with pytest.raises(machine_code.NoMachineCodeError, match="llvmlite"):
+        kernel.live(0.0)

@@ -77,22 +77,9 @@ def test_progress_ends_at_the_total():
 def test_auto_takes_machine_code_for_long_logs_only(monkeypatch):
     monkeypatch.setattr(kernel, "WORTH_STEPS", 100)
     automatic = Kernel(step, START, SAMPLE, lowering="auto")
-    assert automatic._takes_machine_code(samples(100), kernel.WORTH_STEPS)
-    assert not automatic._takes_machine_code(samples(99), kernel.WORTH_STEPS)
+    assert automatic._worth(samples(100), kernel.WORTH_STEPS)
+    assert not automatic._worth(samples(99), kernel.WORTH_STEPS)
     assert_alike(automatic.scan(START, log := samples(100)), IN_PYTHON.scan(START, log))
-
-
-def test_without_llvmlite_auto_goes_on_and_machine_says_why(monkeypatch):
-    def missing():
-        raise machine_code.NoMachineCodeError("llvmlite is not installed")
-
-    monkeypatch.setattr(machine_code, "llvm", missing)
-    monkeypatch.setattr(kernel, "WORTH_STEPS", 10)
-    log = samples(20)
-    assert_alike(Kernel(step, START, SAMPLE, lowering="auto").scan(START, log), IN_PYTHON.scan(START, log))
-    with pytest.raises(machine_code.NoMachineCodeError, match="not installed"):
-        IN_MACHINE_CODE.scan(START, log)
-    assert "no machine code, llvmlite is not installed" in IN_PYTHON.explain()
 
 
 def test_the_environment_chooses_and_a_wrong_word_is_refused(monkeypatch):

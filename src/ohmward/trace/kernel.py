@@ -1,8 +1,9 @@
 """A function compiled: one call, live samples, one log, many logs, with the best lowering that is installed."""
 
 import os
+import warnings
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -59,11 +60,16 @@ class Kernel:
         Returns:  the state after the last sample, and the outputs with a leading time axis.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
-        if self._takes_machine_code(samples, WORTH_STEPS):
+
+        def in_machine_code() -> tuple[Any, Any]:
             from ohmward.trace.llvm.logs import run_log
 
             return run_log(self.machine, self._step_structures, state, samples, progress)
-        return scan.run(self._scan, *self._step_structures, state, samples, progress)
+
+        def in_python() -> tuple[Any, Any]:
+            return scan.run(self._scan, *self._step_structures, state, samples, progress)
+
+        return self._run(in_machine_code, in_python, self._worth(samples, WORTH_STEPS))
 
     def scan_lanes(
         self, state: Any, samples: Any, progress: Callable[[int, int], None] | None = None
@@ -77,22 +83,27 @@ class Kernel:
         Returns:  as `scan`, with a trailing lane axis on every leaf.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
-        if self._takes_machine_code(samples, WORTH_LANE_STEPS):
+
+        def in_machine_code() -> tuple[Any, Any]:
             from ohmward.trace.llvm.logs import run_lanes
 
             return run_lanes(self.machine, self._step_structures, state, samples, progress)
-        return lanes.run(self._lanes, *self._step_structures, state, samples, progress)
+
+        def in_numpy() -> tuple[Any, Any]:
+            return lanes.run(self._lanes, *self._step_structures, state, samples, progress)
+
+        return self._run(in_machine_code, in_numpy, self._worth(samples, WORTH_LANE_STEPS))
 
     def live(self, state: Any) -> Live:
         """The step as an object that remembers: `live(state).step(sample) -> output`.
 
         In machine code where it is installed, which is compiled now, or found in the cache.
         """
-        if self.lowering == "machine":
-            _load_llvm()
-        if self.lowering == "python" or _no_machine_code():
-            return PythonLive(self, state)
-        return MachineLive(self.machine, self._step_structures[0], state)
+        return self._run(
+            lambda: MachineLive(self.machine, self._step_structures[0], state),
+            lambda: PythonLive(self, state),
+            worth=not _no_machine_code(),
+        )
 
     def source(self, lowering: str = "python") -> str:
         """The generated program: "python" (one step), "numpy" (the loop of many lanes) or "llvm" (that of one log)."""
@@ -125,17 +136,27 @@ class Kernel:
 
         return MachineStep(self.program, size(self._step_structures[0]))
 
-    def _takes_machine_code(self, samples: Any, worth: int) -> bool:
-        """Whether these samples go through machine code; NoMachineCodeError where it is asked for and there is none."""
-        if self.lowering == "auto":
-            structure = self._step_structures[1]
-            pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
-            steps = max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
-            length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
-            return (steps >= worth or length >= WORTH_STEPS) and not _no_machine_code()
-        if self.lowering == "machine":
-            _load_llvm()
-        return self.lowering == "machine"
+    def _run(self, in_machine_code: Callable[[], Any], otherwise: Callable[[], Any], worth: bool) -> Any:
+        """The first where it is asked for, or left open and worth it; where it cannot be had, that is said once."""
+        from ohmward.trace.llvm.machine_code import NoMachineCodeError
+
+        if self.lowering == "python" or (self.lowering == "auto" and not worth):
+            return otherwise()
+        try:
+            return in_machine_code()
+        except NoMachineCodeError as error:
+            if self.lowering == "machine":
+                raise
+            _say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
+            return otherwise()
+
+    def _worth(self, samples: Any, steps_worth: int) -> bool:
+        """Whether these samples are so many that machine code pays for its compilation."""
+        structure = self._step_structures[1]
+        pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
+        steps = max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
+        length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
+        return steps >= steps_worth or length >= WORTH_STEPS
 
     def _machine_code_in_words(self) -> str:
         reason = _no_machine_code()
@@ -177,17 +198,17 @@ def _rebuild(function: Callable, examples: tuple, constants: tuple, lowering: st
     return Kernel(function, *examples, constants=constants, lowering=lowering)
 
 
-def _load_llvm() -> None:
-    """OhmwardError where there is no machine code."""
-    from ohmward.trace.llvm.machine_code import llvm
-
-    llvm()
-
-
 def _no_machine_code() -> str:
     """Why there is no machine code; empty if there is."""
+    from ohmward.trace.llvm.machine_code import llvm
+
     try:
-        _load_llvm()
+        llvm()
     except OhmwardError as error:
         return str(error)
     return ""
+
+
+@cache
+def _say_once(what: str) -> None:
+    warnings.warn(what, RuntimeWarning, stacklevel=2)

@@ -77,13 +77,16 @@ def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
     """The function `name` of a module, and the engine that keeps it alive.
 
     Raises:
-        NoMachineCodeError: see `llvm`.
+        NoMachineCodeError: see `llvm`; or LLVM refuses this program.
     """
     binding = llvm()
-    code = cached(source, lambda: compile_object(source))
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine())
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
-    engine.finalize_object()
+    try:
+        code = cached(source, lambda: compile_object(source))
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine())
+        engine.add_object_file(binding.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+    except RuntimeError as error:
+        raise NoMachineCodeError(f"LLVM cannot compile this program for this processor ({error})") from error
     return _SIGNATURE(engine.get_function_address(name)), engine
 
 
