@@ -5,7 +5,6 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, kernel, tanh, where
-from ohmward.trace.llvm import machine_code
 
 pytest.importorskip("llvmlite")
 RNG = np.random.default_rng(2)
