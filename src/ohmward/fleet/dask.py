@@ -23,7 +23,8 @@ def on_dask(
     """Rows of each batch as it is finished; no more batches are under way than keep the workers busy.
 
     Dask gives the batch of a worker that died to another one. A batch that fails there too is done once more log by
-    log, and those that fail alone have the reason in `error`.
+    log. Dask blames all that a dying worker had before it, so the logs that fail then are done once more at the end,
+    each with the cluster to itself; those that fail alone have the reason in `error`.
 
     Raises:
         InputError: no scheduler at this address, no workers, or workers without this version of ohmward.
@@ -31,28 +32,30 @@ def on_dask(
     """
     distributed = _distributed()
     with _connect(address, patience_s) as client:
-        left = iter(batches)
+        left, suspects = iter(batches), []
         paths_of = {_submit(client, job, batch): batch for batch in islice(left, 2 * sum(client.nthreads().values()))}
         finished = distributed.as_completed(list(paths_of))
         for future in finished:
-            rows, again = _rows(future, paths_of.pop(future), address)
+            paths, error = paths_of.pop(future), _error(future, address)
+            again = [[path] for path in paths] if error and len(paths) > 1 else []
+            suspects += paths if error and not again else []
             more = {_submit(client, job, batch): batch for batch in again or islice(left, 1)}
             paths_of |= more
             finished.update(list(more))
-            if rows:
-                yield rows
+            if not error:
+                yield future.result()
+        for path in suspects:
+            future = _submit(client, job, [path])
+            error = _error(future, address)
+            yield [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()
 
 
-def _rows(future: Future, paths: list[str], address: str) -> tuple[list[dict[str, Any]], list[list[str]]]:
-    """The rows of a batch, and the batches to do instead where it failed."""
+def _error(future: Future, address: str) -> BaseException | None:
+    """What went wrong in a batch; waits for its end."""
+    error = future.exception()
     if future.status in ("cancelled", "lost"):
         raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: what is done is kept")
-    error = future.exception()
-    if error is None:
-        return future.result(), []
-    if len(paths) > 1:
-        return [], [[path] for path in paths]
-    return [failed(paths[0], f"{paths[0]}: {type(error).__name__}: {error}")], []
+    return error
 
 
 def _submit(client: Client, job: Job, batch: list[str]) -> Future:
