@@ -71,7 +71,7 @@ def _end_slope(d0: float, d1: float) -> float:
 def _ends(values: tuple[float, ...]) -> tuple[float, ...]:
     """Values (n + 2,) at the ends of the segments of straight lines, the extensions included."""
     v = _checked(values)
-    return (2 * v[0] - v[1], *values, 2 * v[-1] - v[-2])
+    return (float(2 * v[0] - v[1]), *values, float(2 * v[-1] - v[-2]))
 
 
 @lru_cache(maxsize=256)
