@@ -1,5 +1,8 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from ohmward.errors import InputError
 from ohmward.logs.clean import drop_text, drop_untimed, find_gaps, gap_notes, merge_rates, missing_notes, to_si
@@ -109,6 +112,14 @@ def test_single_missing_values_stay_missing_and_are_counted():
 )
 def test_gaps_are_lonely_long_intervals(time_s, gaps):
     np.testing.assert_array_equal(find_gaps(np.asarray(time_s)), gaps)
+
+
+@given(arrays(float, st.integers(2, 40), elements=st.sampled_from([1.0, 9.0, 10.0, 11.0, 100.0, 101.0, 1500.0])))
+def test_gaps_are_what_they_are_defined_as(intervals):
+    around = [0.0, *intervals, 0.0]
+    limits = [10.0 * max(around[k], around[k + 2], np.median(intervals)) for k in range(intervals.size)]
+    time_s = np.concatenate([[0.0], np.cumsum(intervals)])
+    np.testing.assert_array_equal(find_gaps(time_s), np.flatnonzero(intervals > limits))
 
 
 def test_gaps_are_noted_with_count_and_longest():

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from ohmward.report.decimate import column_edges, envelope, m4, samples, scatter
-from ohmward.report.figure import Series
+from ohmward.report import decimate
+from ohmward.report.decimate import FINEST, column_edges, envelope, finest, m4, samples, scatter
+from ohmward.report.figure import Band, Series
+from ohmward.report.payload import COLUMNS as DRAWN
 
 COLUMNS = 7
 finite = st.floats(-1e6, 1e6)
@@ -68,6 +70,37 @@ def test_one_spike_among_ten_million_samples_survives():
     kept = m4(np.arange(y.size, dtype=float), y, 1000)
     assert 7_654_321 in kept
     assert kept.size <= 5000
+
+
+@given(signals())
+def test_what_a_figure_keeps_of_a_line_draws_what_the_line_draws(signal):
+    x, y = signal
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(decimate, "FINEST", 2 * COLUMNS)
+        x_kept, y_kept = finest(x, y)
+    assert (x_kept[0], x_kept[-1]) == (x[0], x[-1])
+    wanted, found = m4(x, y, COLUMNS), m4(x_kept, y_kept, COLUMNS)
+    if found.size < x_kept.size:
+        np.testing.assert_array_equal(x_kept[found], x[wanted])
+        np.testing.assert_array_equal(y_kept[found], y[wanted])
+    else:  # so few that all are drawn, those of the line among them
+        assert set(zip(x[wanted], np.nan_to_num(y[wanted], nan=1e9), strict=True)) <= set(
+            zip(x_kept, np.nan_to_num(y_kept, nan=1e9), strict=True)
+        )
+
+
+def test_a_long_line_and_a_long_band_are_drawn_as_if_they_were_kept_whole(monkeypatch):
+    rng = np.random.default_rng(0)
+    x, y = np.cumsum(rng.exponential(size=200_000)), rng.standard_normal(200_000)
+    y[rng.random(y.size) < 0.3] = np.nan
+    y[:7] = y[-7:] = y[90_000:99_000] = np.nan
+    line, band = Series(x, y, "l"), Band(x, y - 1.0, y + 1.0, "b")
+    assert line.x.size <= 5 * FINEST + 2 and band.x.size <= 2 * FINEST
+    wanted, found = m4(x, y, DRAWN), m4(line.x, line.y, DRAWN)
+    np.testing.assert_array_equal(line.x[found], x[wanted])
+    np.testing.assert_array_equal(line.y[found], y[wanted])
+    whole = envelope(x, y - 1.0, y + 1.0, DRAWN)
+    np.testing.assert_array_equal(envelope(band.x, band.low, band.high, DRAWN), whole)
 
 
 @given(signals(), st.data())

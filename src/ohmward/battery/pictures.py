@@ -245,7 +245,7 @@ def _band(
 ) -> Band:
     """The 95 % band, cut where the quantity ends."""
     low, high = mean - BAND_95 * std, mean + BAND_95 * std
-    return Band(x, np.clip(low, *limits), np.clip(high, *limits), label, role)
+    return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
 
 
 def _ocv_std_V(fit: CircuitFit, soc: np.ndarray) -> np.ndarray:

@@ -31,7 +31,8 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
         infinite = np.isinf(values)
         if infinite.any():
             notes.append(Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning"))
-        columns[name] = _in_si(np.where(infinite, np.nan, values), unit or UNITS[_DEFAULT_UNIT[quantity]])
+            values = np.where(infinite, np.nan, values)
+        columns[name] = _in_si(values, unit or UNITS[_DEFAULT_UNIT[quantity]])
         notes.append(_unit_note(quantity, name, unit))
         if quantity != "temperature" and not np.isfinite(columns[name]).any():
             raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {quantity}")
@@ -55,7 +56,7 @@ def drop_untimed(table: Table, time: str) -> Table:
 
 def drop_text(table: Table) -> Table:
     """The numeric columns that have a value at all, as float64."""
-    numeric = {name: values.astype(float) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
+    numeric = {name: numbers(table, name) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
     kept = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
     text, empty = table.columns.keys() - numeric.keys(), numeric.keys() - kept.keys()
     notes = [Note(f"{what} columns left out: {listed(sorted(names))}") for what, names in _named(text, empty) if names]
@@ -81,8 +82,9 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
         if lacking.any():
             columns[name], note = _bridged(time_s, columns[name], lacking, name)
             notes.append(note)
-    if not measured.all():
-        notes.append(Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped"))
+    if measured.all():
+        return table._replace(columns=columns, notes=(*table.notes, *notes))
+    notes.append(Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped"))
     return table._replace(columns=columns, notes=(*table.notes, *notes)).pick(measured)
 
 
@@ -107,10 +109,9 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     intervals = np.diff(time_s)
     if intervals.size < 2:
         return np.empty(0, dtype=int)
-    before, after = np.roll(intervals, 1), np.roll(intervals, -1)
-    before[0], after[-1] = 0.0, 0.0
-    usual = np.maximum(np.maximum(before, after), np.median(intervals))
-    return np.flatnonzero(intervals > _GAP_FACTOR * usual)
+    long = np.flatnonzero(intervals > _GAP_FACTOR * np.median(intervals))
+    around = np.concatenate([[0.0], intervals, [0.0]])
+    return long[intervals[long] > _GAP_FACTOR * np.maximum(around[long], around[long + 2])]
 
 
 def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
@@ -124,7 +125,8 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
 
 
 def _in_si(values: np.ndarray, unit: Unit) -> np.ndarray:
-    return values * unit.scale + unit.offset
+    scaled = values if unit.scale == 1.0 else values * unit.scale
+    return scaled if unit.offset == 0.0 else scaled + unit.offset
 
 
 def _unit_note(quantity: str, name: str, unit: Unit | None) -> Note:

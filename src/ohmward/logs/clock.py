@@ -54,23 +54,27 @@ def read_clock(table: Table, column: Column) -> Clock:
 
 def _from_nanoseconds(values: np.ndarray) -> Clock:
     known = ~np.isnat(values)
-    nanoseconds = values.astype("datetime64[ns]").astype(np.int64)
-    start = int(nanoseconds[known][0]) if known.any() else 0
+    nanoseconds = values.astype("datetime64[ns]", copy=False).view(np.int64)
+    start = int(nanoseconds[np.argmax(known)]) if known.any() else 0
     return Clock(np.where(known, (nanoseconds - start) * 1e-9, np.nan), start * 1e-9)
 
 
 def _from_numbers(column: Column, values: np.ndarray) -> Clock:
     known = np.isfinite(values)
-    first = values[known][0] if known.any() else 0
+    first = values[np.argmax(known)] if known.any() else 0
     unit = column.unit or next((UNITS[u] for u in ("s", "ms", "us", "ns") if _is_unix(first * UNITS[u].scale)), None)
     notes: tuple[Note, ...] = ()
     if unit is None:
         unit, notes = UNITS["s"], (Note(f"column {column.name!r} names no unit: taken as seconds"),)
     if not _is_unix(first * unit.scale):
-        return Clock(values * unit.scale, None, notes)
+        return Clock(_scaled(values, unit.scale), None, notes)
     if column.unit is None:
         notes = (Note(f"column {column.name!r} taken as Unix time in {unit.symbol}"),)
-    return Clock((values - first) * unit.scale, float(first * unit.scale), notes)
+    return Clock(_scaled(values - first, unit.scale), float(first * unit.scale), notes)
+
+
+def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
+    return values.astype(float, copy=False) if scale == 1.0 else values * scale
 
 
 def _is_unix(seconds: float) -> bool:

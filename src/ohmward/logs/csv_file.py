@@ -1,4 +1,4 @@
-"""Text tables (CSV and its kin), read with the standard library in blocks of rows."""
+"""Text tables (CSV and its kin), read with the standard library in blocks of rows, or by Arrow where they are plain."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.csv_layout import Layout, find_layout, open_text
+from ohmward.logs import csv_arrow
+from ohmward.logs.csv_layout import Layout, bytes_read, find_layout, open_text
 from ohmward.logs.log import Note
-from ohmward.logs.table import Table, TableFile, number
+from ohmward.logs.table import Progress, Table, TableFile, number, row_numbers
 
 _BLOCK_ROWS = 50_000
 
@@ -32,9 +33,9 @@ def open_csv(path: Path) -> TableFile:
     with _unpacking(path):
         layout = find_layout(path)
 
-    def load(names: Collection[str]) -> Table:
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
         with _unpacking(path):
-            return _load(path, layout, [name for name in layout.names if name in names])
+            return _load(path, layout, [name for name in layout.names if name in names], progress)
 
     return TableFile(path.name, tuple(name for name in layout.names if name), load)
 
@@ -48,11 +49,13 @@ def _unpacking(path: Path) -> Iterator[None]:
         raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack what is left of it") from error
 
 
-def _load(path: Path, layout: Layout, names: list[str]) -> Table:
+def _load(path: Path, layout: Layout, names: list[str], progress: Progress | None) -> Table:
+    if (plain := csv_arrow.read_numbers(path, layout, names, progress)) is not None:
+        return Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     lines: list[np.ndarray] = []
     notes: list[Note] = []
-    for rows, line in _blocks(path, layout, notes):
+    for rows, line in _blocks(path, layout, notes, progress):
         lines.append(line)
         for name in names:
             cells = list(map(itemgetter(layout.names.index(name)), rows))
@@ -63,21 +66,25 @@ def _load(path: Path, layout: Layout, names: list[str]) -> Table:
     return Table(path.name, joined, np.concatenate(lines), "line", tuple(notes))
 
 
-def _blocks(path: Path, layout: Layout, notes: list[Note]) -> Iterator[tuple[list[list[str]], np.ndarray]]:
+def _blocks(
+    path: Path, layout: Layout, notes: list[Note], progress: Progress | None
+) -> Iterator[tuple[list[list[str]], np.ndarray]]:
     """Rows of equal length and their line numbers; says in `notes` when the last line is cut off."""
-    width = len(layout.names)
+    width, size = len(layout.names), path.stat().st_size
     with open_text(path) as stream:
         for _ in range(layout.skip_lines):
             stream.readline()
         reader = csv.reader(stream, delimiter=layout.delimiter, skipinitialspace=True)
         while rows := list(islice(reader, _BLOCK_ROWS)):
             last_line = layout.skip_lines + reader.line_num
-            line = np.arange(last_line - len(rows) + 1, last_line + 1)
+            line = row_numbers(last_line - len(rows) + 1, len(rows))
             if set(map(len, rows)) != {width} or "\0" in rows[-1][-1]:
                 at_end = len(rows) < _BLOCK_ROWS
                 rows, line = _repair(path, rows, line, width, at_end, notes)
             if rows:
                 yield rows, line
+            if progress:
+                progress(bytes_read(stream), size)
 
 
 def _repair(path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]):

@@ -50,6 +50,11 @@ def open_text(path: Path) -> TextIO:
     return io.TextIOWrapper(opener(path, "rb"), encoding, errors="replace", newline="")
 
 
+def bytes_read(stream: TextIO) -> int:
+    """How far a stream of `open_text` is in its file, packed or not."""
+    return getattr(stream.buffer, "fileobj", stream.buffer).tell()
+
+
 def find_layout(path: Path) -> Layout:
     """Read the head of a text table.
 

@@ -33,9 +33,9 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
         InputError: the file holds several recordings, or its time runs backwards.
     """
     time_s = table.columns[time]
-    late = time_s < np.maximum.accumulate(time_s)
-    if not late.any():
+    if not (time_s[1:] < time_s[:-1]).any():
         return table
+    late = time_s < np.maximum.accumulate(time_s)
     restarts = find_restarts(time_s)
     if not sort_time and restarts.size and _starts_again(time_s, restarts):
         raise InputError(explain_recordings(table, time, restarts))
@@ -48,9 +48,10 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
 def merge_equal_times(table: Table, time: str) -> Table:
     """One row for each time; of rows with the same time, the last value of each column that is not NaN counts."""
     time_s = table.columns[time]
-    first = np.flatnonzero(np.diff(time_s, prepend=-np.inf) > 0)
-    if first.size == time_s.size:
+    later = time_s[1:] > time_s[:-1]
+    if later.all():
         return table
+    first = np.flatnonzero(np.concatenate([[True], later]))
     columns = {name: _last_known(values, first) for name, values in table.columns.items()}
     repeated = counted(time_s.size - first.size, "row")
     note = Note(f"{repeated} with the time of the row before: the last value of each column kept")

@@ -1,40 +1,66 @@
-"""Parquet files, of which only the needed columns are read; the one place that imports pyarrow."""
+"""Parquet files, of which only the needed columns are read, block by block."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.logs.table import Table, TableFile
+from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+
+#: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
+_BLOCK_ROWS = 1 << 18
 
 
 def open_parquet(path: Path) -> TableFile:
     """The columns of a Parquet file.
 
     Raises:
-        InputError: not a Parquet file, damaged, or (on loading) without rows.
+        InputError: not a Parquet file, damaged, a column name twice, or (on loading) without rows.
         OhmwardError: pyarrow is not installed.
     """
     pyarrow, parquet = _pyarrow()
     try:
-        names = tuple(parquet.read_schema(path).names)
+        stored = tuple(parquet.read_schema(path).names)
     except pyarrow.ArrowException as error:
         raise InputError(f"{path.name}: not a readable Parquet file ({error}); write it again") from error
+    if twice := sorted({name for name in stored if stored.count(name) > 1}):
+        raise InputError(f"{path.name}: more than one column is named {twice[0]!r}; rename them so that each is unique")
 
-    def load(wanted: Collection[str]) -> Table:
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
         try:
-            table = parquet.read_table(path, columns=[name for name in names if name in wanted])
+            with parquet.ParquetFile(path, pre_buffer=False) as file:  # which would hold the whole file
+                rows = file.metadata.num_rows
+                columns = _columns(file, [name for name in stored if name in names], progress)
+            pyarrow.default_memory_pool().release_unused()  # Arrow would keep what it decoded into
         except (pyarrow.ArrowException, OSError) as error:
             raise InputError(f"{path.name}: the Parquet file is damaged ({error}); write it again") from error
-        if not table.num_rows:
+        if not rows:
             raise InputError(f"{path.name}: the file has columns but no rows; a log needs samples")
-        columns = {name: _values(table[name]) for name in table.column_names}
-        return Table(path.name, columns, np.arange(1, table.num_rows + 1), "row")
+        return Table(path.name, columns, row_numbers(1, rows), "row")
 
-    return TableFile(path.name, names, load)
+    return TableFile(path.name, stored, load)
+
+
+def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str, np.ndarray]:
+    """The columns (T,) of a file, block by block into arrays of their whole length; none where there are no rows."""
+    rows, columns, first = file.metadata.num_rows, dict[str, np.ndarray](), 0
+    for batch in file.iter_batches(_BLOCK_ROWS, columns=names):
+        last = first + batch.num_rows
+        for name in names:
+            values = _values(batch[name])
+            if name not in columns:
+                columns[name] = np.empty(rows, values.dtype)
+            elif columns[name].dtype != values.dtype:  # whole numbers, until the first block that lacks one
+                columns[name] = columns[name].astype(np.result_type(columns[name], values))
+            columns[name][first:last] = values
+        first = last
+        if progress:
+            progress(first, rows)
+    return columns
 
 
 def write_parquet(path: Path, columns: Mapping[str, np.ndarray]) -> None:
@@ -44,7 +70,9 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray]) -> None:
         OhmwardError: pyarrow is not installed.
     """
     pyarrow, parquet = _pyarrow()
-    parquet.write_table(pyarrow.table(dict(columns)), path, compression="zstd")
+    # a dictionary of measured numbers is as large as the numbers, and slow to write and to read
+    repeating = [name for name, values in columns.items() if np.asarray(values).dtype.kind != "f"]
+    parquet.write_table(pyarrow.table(dict(columns)), path, compression="zstd", use_dictionary=repeating or False)
 
 
 def _pyarrow():
@@ -56,18 +84,20 @@ def _pyarrow():
     return pyarrow, parquet
 
 
-def _values(column) -> np.ndarray:
-    """Numbers as they are (NaN for null), dates as datetime64, everything else as text."""
+def _values(column: Any) -> np.ndarray:
+    """Numbers as float64 or int64 (NaN for null), dates as datetime64, everything else as text."""
     kind = str(column.type)
     if kind.startswith(("timestamp", "date")):
-        return column.to_numpy().astype("datetime64[ns]")
+        return _numpy(column).astype("datetime64[ns]")
     if kind.startswith(("int", "uint", "float", "double", "halffloat")):
-        values = column.to_numpy()
-        return values.astype(np.int64) if values.dtype.kind == "u" else values
-    if kind.startswith(("duration", "decimal", "bool")):
-        return _as_seconds(column) if kind.startswith("duration") else column.cast("float64").to_numpy()
+        values = _numpy(column)
+        return values.astype(np.int64 if values.dtype.kind in "iu" else np.float64, copy=False)
+    if kind.startswith("duration"):
+        return _numpy(column).astype("timedelta64[ns]") / np.timedelta64(1, "s")
+    if kind.startswith(("decimal", "bool")):
+        return _numpy(column.cast("float64"))
     return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
 
 
-def _as_seconds(column) -> np.ndarray:
-    return column.to_numpy().astype("timedelta64[ns]") / np.timedelta64(1, "s")
+def _numpy(column: Any) -> np.ndarray:
+    return column.to_numpy(zero_copy_only=False)

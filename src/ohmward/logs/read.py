@@ -21,7 +21,7 @@ from ohmward.logs.order import find_restarts, merge_equal_times, sort_rows
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
 from ohmward.logs.sign import SignEvidence, sign_evidence
-from ohmward.logs.table import Table, TableFile
+from ohmward.logs.table import Progress, Table, TableFile
 
 CurrentSign = Literal["auto", "charge", "discharge"]
 
@@ -35,6 +35,7 @@ def read_log(
     where: Mapping[str, float | str] | None = None,
     extra: Collection[str] | None = None,
     sort_time: bool = False,
+    progress: Progress | None = None,
 ) -> Log:
     """The log in a CSV, Parquet or BDF file.
 
@@ -45,6 +46,7 @@ def read_log(
     where: column -> value, to choose one of several recordings: {"script": 1}; "recording" counts clock restarts.
     extra: further columns to keep; None keeps every numeric one.
     sort_time: sort rows that are out of order, whatever the reason.
+    progress: called now and then with what is read and what there is to read.
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
@@ -54,8 +56,9 @@ def read_log(
     file = open_table(path)
     bdf.check_names(path, file.names)
     chosen = find_columns(file.source, file.names, columns, units)
-    table = file.load(_wanted(file, chosen, extra, where or {}))
-    table, clock = _one_recording(table, chosen, dict(where or {}), sort_time)
+    wanted = _wanted(file, chosen, extra, where or {})
+    # no name for the table as it was read: a column that is replaced by one in SI units need not stay
+    table, clock = _one_recording(file.load(wanted, progress), chosen, dict(where or {}), sort_time)
     table = merge_equal_times(drop_text(table), chosen["time"].name)
     table = merge_rates(table, chosen)
     log = _as_log(path, table, chosen, clock, {*(where or {})} if extra is None else set(file.names) - set(extra))

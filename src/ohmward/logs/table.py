@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
-_MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
+#: Called now and then with what is done and what there is to do: rows, or bytes of a text file.
+Progress = Callable[[int, int], None]
+
+#: What a cell without a number says, in small letters.
+MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
 
 
 class Table(NamedTuple):
@@ -36,17 +40,31 @@ class Table(NamedTuple):
         return self._replace(columns=columns, line=self.line[rows])
 
 
+class Load(Protocol):
+    """Reads the named columns of a file into a Table."""
+
+    def __call__(self, names: Collection[str], progress: Progress | None = None) -> Table:
+        """The columns; those that the file does not have are left out."""
+        ...
+
+
 class TableFile(NamedTuple):
     """A file whose column names are known and whose columns are read on demand.
 
     source: the file's name, for messages.
     names: the columns in the file's order.
-    load: reads the named columns into a Table.
+    load: reads columns.
     """
 
     source: str
     names: tuple[str, ...]
-    load: Callable[[Collection[str]], Table]
+    load: Load
+
+
+def row_numbers(first: int, count: int) -> np.ndarray:
+    """(count,) first, first + 1, ...; of half the size where they are not large."""
+    last = first + count - 1
+    return np.arange(first, last + 1, dtype=np.int32 if last <= np.iinfo(np.int32).max else np.int64)
 
 
 def number(cell: str) -> float:
@@ -55,7 +73,7 @@ def number(cell: str) -> float:
     Raises:
         ValueError: the cell is text.
     """
-    return math.nan if cell.strip().lower() in _MISSING else float(cell)
+    return math.nan if cell.strip().lower() in MISSING else float(cell)
 
 
 def numbers(table: Table, name: str) -> np.ndarray:
@@ -66,7 +84,7 @@ def numbers(table: Table, name: str) -> np.ndarray:
     """
     values = table.columns[name]
     if values.dtype.kind in "fiu":
-        return values.astype(float)
+        return values.astype(float, copy=False)
     for row, cell in enumerate(values):
         try:
             number(str(cell))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.atomic import replacing
 from ohmward.errors import InputError
-from ohmward.logs import bdf
+from ohmward.logs import bdf, csv_arrow
 from ohmward.logs.log import Log
 from ohmward.logs.parquet_file import write_parquet
 
@@ -67,13 +67,17 @@ def _fields(log: Log) -> dict[str, np.ndarray | None]:
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
-    rows = len(next(iter(columns.values()), ()))
+    arrays = [np.asarray(values) for values in columns.values()]
+    rows = len(arrays[0]) if arrays else 0
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         for start in range(0, rows, _BLOCK_ROWS):
-            block = [_cells(np.asarray(values)[start : start + _BLOCK_ROWS]) for values in columns.values()]
-            writer.writerows(zip(*block, strict=True))
+            block = [values[start : start + _BLOCK_ROWS] for values in arrays]
+            if (text := csv_arrow.rows_as_text(block)) is not None:
+                stream.write(text)
+            else:
+                writer.writerows(zip(*map(_cells, block), strict=True))
 
 
 def _cells(values: np.ndarray) -> list:

@@ -17,6 +17,7 @@ from typing import Final, Literal, NamedTuple, get_args
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.report.decimate import FINEST, envelope, finest
 from ohmward.report.palette import MEANING, ROLES, Meaning, Role
 
 TIME: Final = "time"
@@ -31,6 +32,7 @@ class Series:
     """Samples (x_i, y_i) with a label.
 
     x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
+       Of a long line only those samples stay that `decimate.finest` picks: a figure holds what can be seen of a log.
     style: "line", "points", "step" (each value holds until the next sample) or "dashed".
     role: what the colour says, see `palette.MEANING`; "auto" takes the next free hue.
     axis: the y axis that it belongs to, "left" or "right".
@@ -53,6 +55,8 @@ class Series:
             order = np.argsort(x, kind="stable")
             x, y = x[order], y[order]
         _check_ascending(self.label, x)
+        if self.style != "points":
+            x, y = finest(x, y)
         object.__setattr__(self, "x", x)
         object.__setattr__(self, "y", y)
 
@@ -61,7 +65,8 @@ class Series:
 class Band:
     """A shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
 
-    x: (n,) ascending; low, high: (n,), NaN in either is a gap.  role: as in `Series`, but not "auto".
+    x: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
+    role: as in `Series`, but not "auto".
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
@@ -80,10 +85,11 @@ class Band:
             raise InputError(
                 f"band {self.label!r}: low must not exceed high, got {low[i]:g} > {high[i]:g} at index {i}"
             )
-        gap = np.isnan(low + high)
-        object.__setattr__(self, "x", x)
-        object.__setattr__(self, "low", np.where(gap, np.nan, low))
-        object.__setattr__(self, "high", np.where(gap, np.nan, high))
+        gap = np.isnan(low) | np.isnan(high)
+        if gap.any():
+            low, high = np.where(gap, np.nan, low), np.where(gap, np.nan, high)
+        for name, values in zip(("x", "low", "high"), envelope(x, low, high, FINEST), strict=True):
+            object.__setattr__(self, name, values)
 
 
 class Marker(NamedTuple):
@@ -145,13 +151,13 @@ def _columns(label: str, **columns: np.ndarray) -> list[np.ndarray]:
     shapes = {name: a.shape for name, a in arrays.items()}
     if any(a.ndim != 1 for a in arrays.values()) or len(set(shapes.values())) != 1:
         raise InputError(f"series {label!r}: {', '.join(arrays)} must be 1-D and equally long, got {shapes}")
-    return [np.where(np.isfinite(a), a, np.nan) if name != "x" else a for name, a in arrays.items()]
+    return [np.where(np.isinf(a), np.nan, a) if name != "x" and np.isinf(a).any() else a for name, a in arrays.items()]
 
 
 def _check_ascending(label: str, x: np.ndarray) -> None:
     if not np.isfinite(x).all():
         raise InputError(f"series {label!r}: x must be finite, drop the samples without an x")
-    back = np.flatnonzero(np.diff(x) < 0)
+    back = np.flatnonzero(x[1:] < x[:-1])
     if back.size:
         i = int(back[0])
         raise InputError(

@@ -1,0 +1,95 @@
+"""Parquet in blocks: the same columns whatever their length."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import parquet_file, write_table
+from ohmward.logs.parquet_file import open_parquet
+
+pyarrow = pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+def load(path, *names, progress=None):
+    file = open_parquet(path)
+    return file.load(names or file.names, progress)
+
+
+def test_blocks_make_the_whole(tmp_path, monkeypatch):
+    path, rng = tmp_path / "t.parquet", np.random.default_rng(0)
+    columns = {
+        "x": pyarrow.array(rng.standard_normal(1000), mask=rng.random(1000) < 0.1),
+        "single": pyarrow.array(rng.standard_normal(1000).astype(np.float32)),
+        "ns": pyarrow.array(17 * 10**17 + np.arange(1000)),
+        "day": pyarrow.array(np.arange(1000).astype("M8[D]")),
+        "word": pyarrow.array([f"w{k}" for k in range(1000)]),
+        "took": pyarrow.array(np.arange(1000).astype("m8[ms]")),
+    }
+    parquet.write_table(pyarrow.table(columns), path, row_group_size=300)
+    whole = load(path)
+    monkeypatch.setattr(parquet_file, "_BLOCK_ROWS", 70)
+    told = []
+    blocks = load(path, progress=lambda done, total: told.append((done, total)))
+    for name, values in whole.columns.items():
+        assert blocks.columns[name].dtype == values.dtype
+        np.testing.assert_array_equal(blocks.columns[name], values)
+    np.testing.assert_array_equal(blocks.columns["x"], columns["x"].to_numpy(zero_copy_only=False))
+    np.testing.assert_array_equal(blocks.columns["ns"], columns["ns"].to_numpy())
+    np.testing.assert_array_equal(blocks.columns["took"], np.arange(1000) / 1000)
+    np.testing.assert_array_equal(blocks.line, np.arange(1, 1001))
+    assert told[0] == (70, 1000) and told[-1] == (1000, 1000)
+
+
+def test_whole_numbers_of_which_a_late_one_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet_file, "_BLOCK_ROWS", 2)
+    path = tmp_path / "t.parquet"
+    parquet.write_table(pyarrow.table({"n": [1, 2, 3, None, 5, 6]}), path)
+    np.testing.assert_array_equal(load(path).columns["n"], [1, 2, 3, np.nan, 5, 6])
+
+
+def test_only_the_columns_asked_for_are_read(tmp_path):
+    path = tmp_path / "t.parquet"
+    write_table({"a": np.ones(3), "pack.b": np.ones(3), "pack": np.ones(3)}, path)
+    assert list(load(path, "pack", "other").columns) == ["pack"]
+    assert list(load(path, "pack.b").columns) == ["pack.b"]
+
+
+def test_a_name_twice_is_refused(tmp_path):
+    path = tmp_path / "t.parquet"
+    parquet.write_table(pyarrow.table([pyarrow.array([1.0])] * 2, names=["a", "a"]), path)
+    with pytest.raises(InputError, match=r"t\.parquet: more than one column is named 'a'; rename them"):
+        open_parquet(path)
+
+
+def test_a_file_without_rows_is_refused(tmp_path):
+    path = tmp_path / "t.parquet"
+    write_table({"a": np.empty(0)}, path)
+    with pytest.raises(InputError, match=r"t\.parquet: the file has columns but no rows; a log needs samples"):
+        load(path)
+
+
+@pytest.mark.parametrize("keep", [100, -1])
+def test_a_file_that_was_cut_off_is_refused(tmp_path, keep):
+    path = tmp_path / "t.parquet"
+    write_table({"a": np.arange(1000.0)}, path)
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(InputError, match=r"t\.parquet: not a readable Parquet file .*write it again"):
+        load(path)
+
+
+def test_a_file_with_a_damaged_page_is_refused(tmp_path):
+    path = tmp_path / "t.parquet"
+    write_table({"a": np.arange(10_000.0)}, path)
+    content = bytearray(path.read_bytes())
+    content[40:400] = bytes(360)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"t\.parquet: the Parquet file is damaged .*write it again"):
+        load(path)
+
+
+def test_numbers_of_measurements_are_written_without_a_dictionary(tmp_path):
+    path = tmp_path / "t.parquet"
+    write_table({"x": np.arange(1000.0), "flags": np.zeros(1000, dtype=int), "word": np.array(["a"] * 1000)}, path)
+    group = parquet.ParquetFile(path).metadata.row_group(0)
+    assert [group.column(k).has_dictionary_page for k in range(3)] == [False, True, True]
