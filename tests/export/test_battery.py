@@ -1,5 +1,6 @@
 """Exported filters, compiled and run as their user would: the vectors pass, the compiler has nothing to say."""
 
+import dataclasses
 import shutil
 import subprocess
 
@@ -10,6 +11,8 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.estimate import Sample
 from ohmward.battery.estimators import available, make_estimator
+from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.rc import RcModel
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
@@ -17,6 +20,22 @@ from ohmward.export.comments import field_comments
 from ohmward.trace import Kernel
 
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)
+WITH_RC = dataclasses.replace(
+    BATTERY, rc=RcModel(9000.0, 900.0, 0.010, 0.010, 0.006, OcvCurve((12.0, 13.6)), BATTERY.capacity_Ah)
+)
+CALLER = """\
+#include "soc.h"
+
+int main()
+{
+    soc_state state;
+    const soc_sample sample = {0.0f, -1.0f, 13.2f, 25.0f};
+    soc_output output;
+    soc_start(&state, &sample, 0.5f, 0.3f);
+    soc_step(&state, &sample, &output);
+    return output.soc > 0.0f && output.soc < 1.0f ? 0 : 1;
+}
+"""
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 
 
@@ -27,9 +46,9 @@ def made(folder, *arguments):
 
 
 @needs_gcc
-@pytest.mark.parametrize("name", ["ekf", "textbook-ukf", "coulomb"])
+@pytest.mark.parametrize("name", ["ekf", "textbook-ukf", "coulomb", "textbook-joint"])
 def test_the_vectors_pass_to_the_last_bit_and_the_compiler_is_silent(name, tmp_path):
-    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
+    write_library(library(battery_export(WITH_RC, name, "soc")), tmp_path)
     result = made(tmp_path, "test")
     assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
     assert "64 of 64 vectors right to the last bit" in result.stdout
@@ -100,6 +119,23 @@ def test_no_symbol_is_without_its_prefix(tmp_path):
     source = library(battery_export(BATTERY, "textbook-ukf", "pack"))["pack.c"]
     functions = [line for line in source.splitlines() if line.startswith(("static", "void"))]
     assert functions and all("pack_" in line for line in functions)
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
+def test_a_caller_in_cpp_needs_no_more_than_the_header(tmp_path):
+    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc")), tmp_path)
+    assert made(tmp_path, "lib").returncode == 0
+    (tmp_path / "main.cpp").write_text(CALLER)
+    strict = ["-std=c++17", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+    command = ["g++", *strict, "-o", tmp_path / "main", tmp_path / "main.cpp", tmp_path / "libsoc.a", "-lm"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert subprocess.run([tmp_path / "main"], check=False).returncode == 0
+
+
+def test_the_joint_filter_needs_an_rc_model():
+    with pytest.raises(InputError, match=r"no \[rc\] model, which textbook-joint needs"):
+        battery_export(BATTERY, "textbook-joint")
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_written():

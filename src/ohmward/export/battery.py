@@ -4,22 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import IntFlag
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.estimators import ESTIMATORS, make_estimator
+from ohmward.battery.rc.adaptive_soc import even
+from ohmward.battery.rc.textbook_joint import TextbookJoint, TextbookJointEstimate
 from ohmward.battery.reading import ROOM_DEGC
 from ohmward.checks import require_positive
+from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.trace import trace
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery
 
+#: The filter of the RC model's parameters, which is no estimator of state of charge.
+JOINT = "textbook-joint"
+
+#: How far the open-circuit voltage may be from the first voltage in its test [V].
+BULK_STD_V = 0.05
+
 _STEPS = 64
 _EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+
+
+class NoFlag(IntFlag):
+    """Of an output without flags."""
 
 
 def battery_export(
@@ -30,7 +44,7 @@ def battery_export(
     soc_std: float = 0.3,
     sample_time_s: float | None = None,
 ) -> Export:
-    """The estimator `filter_name` of a battery, ready to be written.
+    """The estimator `filter_name` of a battery, or the filter JOINT of its RC model, ready to be written.
 
     name: prefix of the symbols and files.
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
@@ -39,6 +53,8 @@ def battery_export(
     Raises:
         InputError: no such estimator, or the battery file lacks its model.
     """
+    if filter_name == JOINT:
+        return _joint_export(battery, name, sample_time_s)
     estimator: Any = make_estimator(filter_name, battery)
     rest = Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
@@ -52,6 +68,28 @@ def battery_export(
         types=(type(state), Sample, Estimate),
         flags=Flag,
         arguments=(soc, soc_std) if traceable else (),
+        samples=vector_samples(battery),
+    )
+
+
+def _joint_export(battery: Battery, name: str, sample_time_s: float | None) -> Export:
+    """The published filter of states and parameters of the RC model; it starts at rest at the first voltage."""
+    if battery.rc is None:
+        raise InputError(
+            f"{battery.name}: the battery file has no [rc] model, which {JOINT} needs; "
+            "identify one with `ohmward identify ... --model rc`"
+        )
+    highest_V = battery.rc.ocv.voltage_V[-1]
+    joint = TextbookJoint(even(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
+    state = joint.init(Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
+    return Export(
+        name=name,
+        title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
+        step=trace(_at_fixed_rate(joint.step, sample_time_s), state, _EXAMPLE),
+        start=trace(joint.start, _EXAMPLE, BULK_STD_V),
+        types=(type(state), Sample, TextbookJointEstimate),
+        flags=NoFlag,
+        arguments=(BULK_STD_V,),
         samples=vector_samples(battery),
     )
 

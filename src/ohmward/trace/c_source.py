@@ -24,6 +24,10 @@ from ohmward.trace.structure import Branch, Leaf, Structure, leaves
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
+#: For callers in C++.
+_C_LINKAGE = ("#ifdef __cplusplus", 'extern "C" {', "#endif")
+_END_OF_C_LINKAGE = ("#ifdef __cplusplus", "}", "#endif")
+
 
 class CSource(NamedTuple):
     """A library of a step and its start.
@@ -149,14 +153,14 @@ def _header(
     constants: Mapping[str, int],
 ) -> str:
     guard = f"{name.upper()}_H"
-    lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", ""]
+    lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", "", *_C_LINKAGE, ""]
     lines += [f"#define {name.upper()}_{word} {value}" for word, value in constants.items()]
     lines += [""] if constants else []
     for struct, parts in structs.items():
         lines += ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
     for function in functions:
         lines += [f"/* {function.comment} */", f"{function.prototype};", ""]
-    return "\n".join([*lines, "#endif", ""])
+    return "\n".join([*lines, *_END_OF_C_LINKAGE, "", "#endif", ""])
 
 
 def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str]) -> Iterator[str]:
