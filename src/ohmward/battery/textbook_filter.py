@@ -42,6 +42,19 @@ class TextbookState(NamedTuple):
     current_A: Any
 
 
+class Reading(NamedTuple):
+    """What a sample says.
+
+    voltage_V: measured; 0 where it is not.
+    drop_V: across the ohmic resistance.
+    measured: whether there is a voltage.
+    """
+
+    voltage_V: Any
+    drop_V: Any
+    measured: Any
+
+
 @dataclass(frozen=True)
 class TextbookFilter:
     """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are not looked at.
@@ -74,29 +87,35 @@ class TextbookFilter:
 
     def step(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Estimate]:
         """The state after a sample, and what is known then."""
+        before, reading = self.predicted(state, sample)
+        prior = unpack(before.belief)
+        posterior, innovation, _ = self.correct(prior, np.array([reading.voltage_V]), reading.drop_V, reading.measured)
+        known = posterior.mean[0], posterior.cov[0, 0], innovation.value[0], innovation.cov[0, 0]
+        return before._replace(belief=pack(posterior)), self.estimate(*known, reading)
+
+    def predicted(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Reading]:
+        """The state before the voltage of a sample is used, and what the sample says."""
         dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
         current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
         prior = self.predict(unpack(state.belief), 0.5 * (current_A + state.current_A), dt_s)
-
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
-        y = np.array([where(measured, sample.voltage_V, 0.0)])
         drop_V = ohmic_resistance(prior.mean[0], self.input(current_A), self.model) * current_A
-        posterior, innovation, _ = self.correct(prior, y, drop_V, measured)
+        return TextbookState(pack(prior), current_A), Reading(where(measured, sample.voltage_V, 0.0), drop_V, measured)
 
-        soc = posterior.mean[0]
+    def estimate(self, soc: Any, variance: Any, innovation_V: Any, innovation_V2: Any, reading: Reading) -> Estimate:
+        """What is known after a sample: SoC and its variance, the innovation and its variance [V^2]."""
         unknown = math.nan
-        estimate = Estimate(
+        return Estimate(
             clip(soc, 0.0, 1.0),
-            np.sqrt(maximum(posterior.cov[0, 0], 0.0)),
-            y[0] - innovation.value[0],
-            np.sqrt(innovation.cov[0, 0]),
-            where(measured, innovation.value[0], math.nan),
+            np.sqrt(maximum(variance, 0.0)),
+            reading.voltage_V - innovation_V,
+            np.sqrt(innovation_V2),
+            where(reading.measured, innovation_V, math.nan),
             unknown,
             unknown,
             unknown,
-            where(measured, 0.0, float(Flag.NO_VOLTAGE)),
+            where(reading.measured, 0.0, float(Flag.NO_VOLTAGE)),
         )
-        return TextbookState(pack(posterior), current_A), estimate
 
     def predict(self, belief: Belief, current_A: Any, dt_s: Any) -> Belief:
         """The belief after `dt_s` of a constant current."""
@@ -109,16 +128,24 @@ class TextbookFilter:
         return kalman.predict(belief, np.diag(np.array([1.0, *decays])), Q, np.array([moved, *driven]))
 
     def correct(self, prior: Belief, y: np.ndarray, drop_V: Any, measured: Any) -> Correction:
-        """The belief after the voltage y = OCV(soc) + v_1 + ... + v_n + drop; unchanged if not `measured`."""
+        """The belief after the voltage y = OCV(soc) + drop + v_1 + ... + v_n; unchanged if not `measured`."""
 
         def curve(x: np.ndarray) -> np.ndarray:
-            return np.array([self.model.ocv.mean_V(x[0], self.model.reference_degC) + drop_V])
+            return np.array([self.curve_V(x[0], drop_V)])
 
-        H = np.array([[0.0, *(1.0 for _ in prior.mean[1:])]])
-        R = np.array([[self.noise.voltage_std_V**2 + max(self.noise.model_std_V) ** 2]])
+        H, R = np.array([[0.0, *(1.0 for _ in prior.mean[1:])]]), np.array([[self.voltage_variance]])
         if self.method == "ukf":
             return partly_linear.correct(prior, y, curve, H, R, used=measured)
         return extended.correct(prior, y, lambda x: curve(x) + H @ x, R, measured)
+
+    def curve_V(self, soc: Any, drop_V: Any) -> Any:
+        """What the terminal voltage [V] is but for the RC voltages."""
+        return self.model.ocv.mean_V(soc, self.model.reference_degC) + drop_V
+
+    @property
+    def voltage_variance(self) -> float:
+        """Of sensor and curve together [V^2]."""
+        return self.noise.voltage_std_V**2 + max(self.noise.model_std_V) ** 2
 
     def pairs(self, soc: Any) -> list[Any]:
         """R_1 ... R_n [ohm] at this SoC."""

@@ -69,6 +69,23 @@ class TextbookJointEstimate(NamedTuple):
     innovation_V: Any
 
 
+class Reading(NamedTuple):
+    """What a sample says.
+
+    dt_s: step [s], >= 0.
+    current_A: of this instant; that of the sample before where it is not measured.
+    mean_A: mean current over the step.
+    voltage_V: measured; 0 where it is not.
+    measured: whether there is a voltage.
+    """
+
+    dt_s: Any
+    current_A: Any
+    mean_A: Any
+    voltage_V: Any
+    measured: Any
+
+
 @dataclass(frozen=True)
 class TextbookJoint:
     """Settings; `init`, `start` and `step` are pure functions of them.
@@ -116,29 +133,44 @@ class TextbookJoint:
 
     def step(self, state: TextbookJointState, sample: Sample) -> tuple[TextbookJointState, TextbookJointEstimate]:
         """The state after a sample, and what is known then."""
-        dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
-        current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
-        mean_A = 0.5 * (current_A + state.current_A)
-        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
-        y = np.array([where(measured, sample.voltage_V, 0.0)])
-
+        reading = self.read(state, sample)
         before, noise = unpack(state.belief), state.noise
         P_yy = before.cov[-1:, -1:]
         prior, correction = unscented.correct_reusing_points(
             before,
-            lambda x: self.next_state(x, mean_A, dt_s),
+            lambda x: self.next_state(x, reading.mean_A, reading.dt_s),
             lambda x: x[-1:],
-            y,
+            np.array([reading.voltage_V]),
             mirror_lower(np.diag(np.square(np.array(self.walk))) + noise.innovation * np.outer(state.gain, state.gain)),
             noise.residual + P_yy + self.voltage_std_V**2,
             self.scaling,
         )
-        nu = correction.innovation.value
-        K = where(measured, correction.gain, 0.0)
-        posterior = self.possible(apply_gain(prior, correction.innovation, K))
-        moments = adaptive.remember(noise, nu, y - posterior.mean[-1:], self.window)
-        after = TextbookJointState(pack(posterior), choose(measured, moments, noise), K[:, 0], current_A)
-        return after, self.estimate(posterior.mean, where(measured, nu[0], math.nan))
+        K = where(reading.measured, correction.gain, 0.0)
+        corrected = apply_gain(prior, correction.innovation, K)
+        after = TextbookJointState(pack(corrected), noise, K[:, 0], reading.current_A)
+        return self.concluded(after, correction.innovation.value[0], reading)
+
+    def read(self, state: TextbookJointState, sample: Sample) -> Reading:
+        """What a sample says."""
+        current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
+        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
+        return Reading(
+            where(sample.dt_s > 0, sample.dt_s, 0.0),
+            current_A,
+            0.5 * (current_A + state.current_A),
+            where(measured, sample.voltage_V, 0.0),
+            measured,
+        )
+
+    def concluded(
+        self, state: TextbookJointState, innovation_V: Any, reading: Reading
+    ) -> tuple[TextbookJointState, TextbookJointEstimate]:
+        """The state with possible parameters and its moments of the noise renewed, and what is known then."""
+        mean = self.possible(state.belief.mean)
+        nu, residual = np.array([innovation_V]), np.array([reading.voltage_V - mean[-1]])
+        noise = choose(reading.measured, adaptive.remember(state.noise, nu, residual, self.window), state.noise)
+        after = state._replace(belief=state.belief._replace(mean=mean), noise=noise)
+        return after, self.estimate(mean, where(reading.measured, innovation_V, math.nan))
 
     def next_state(self, x: np.ndarray, current_A: Any, dt_s: Any) -> np.ndarray:
         """State (7,) after an Euler step; [T] (3.6) with R_b = R_s and its indices set right."""
@@ -155,10 +187,9 @@ class TextbookJoint:
         ]
         return np.array([*x[:PARAMETERS], *moved])
 
-    def possible(self, belief: Belief) -> Belief:
-        """The belief with its parameters positive."""
-        mean = np.array([*(maximum(z, LEAST) for z in belief.mean[:PARAMETERS]), *belief.mean[PARAMETERS:]])
-        return belief._replace(mean=mean)
+    def possible(self, mean: np.ndarray) -> np.ndarray:
+        """The mean (7,) with its parameters positive."""
+        return np.array([*(maximum(z, LEAST) for z in mean[:PARAMETERS]), *mean[PARAMETERS:]])
 
     def estimate(self, x: np.ndarray, innovation_V: Any) -> TextbookJointEstimate:
         """What state x says in units."""
