@@ -14,6 +14,7 @@ import os
 import warnings
 from collections.abc import Callable
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,13 @@ from ohmward.errors import OhmwardError
 
 #: Passes: 2 is LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
+#: Constants stand near the code, so instructions name them themselves; the linker keeps both together.
+_CODE_MODEL = "small"
 _DIGEST = 32
 
 #: Entries of the cache, some 40 kB each; beyond them those go that were written longest ago.
 MOST_ENTRIES = 1000
+_NUMBERS = count()
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
 
 
@@ -59,7 +63,7 @@ def machine() -> Any:
     target = binding.Target.from_default_triple()
     features = binding.get_host_cpu_features().flatten()
     return target.create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=features, opt=_LEVEL, reloc="pic", codemodel="jitdefault", jit=True
+        cpu=binding.get_host_cpu_name(), features=features, opt=_LEVEL, reloc="pic", codemodel=_CODE_MODEL, jit=True
     )
 
 
@@ -74,7 +78,7 @@ def vector_bits() -> int:
 
 
 def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
-    """The function `name` of a module, and the engine that keeps it alive.
+    """The function `name` of a module, and what keeps it alive.
 
     Raises:
         NoMachineCodeError: see `llvm`; or LLVM refuses this program.
@@ -82,12 +86,21 @@ def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
     binding = llvm()
     try:
         code = cached(source, lambda: compile_object(source))
-        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine())
-        engine.add_object_file(binding.ObjectFileRef.from_data(code))
-        engine.finalize_object()
+        linked = (
+            binding.JITLibraryBuilder()
+            .add_object_img(code)
+            .export_symbol(name)
+            .link(_linker(), f"ohmward{next(_NUMBERS)}")
+        )
     except RuntimeError as error:
         raise NoMachineCodeError(f"LLVM cannot compile this program for this processor ({error})") from error
-    return _SIGNATURE(engine.get_function_address(name)), engine
+    return _SIGNATURE(linked[name]), linked
+
+
+@cache
+def _linker() -> Any:
+    """Puts object files into memory, each in one piece, as the small code model wants it."""
+    return llvm().create_lljit_compiler(machine(), use_jit_link=True)
 
 
 def compile_object(source: str) -> bytes:
@@ -130,7 +143,7 @@ def _key(source: str) -> str:
     import llvmlite.binding as binding
 
     parts = (source, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), llvmlite.__version__)
-    return hashlib.sha256("\0".join(map(str, (*parts, _LEVEL))).encode()).hexdigest()
+    return hashlib.sha256("\0".join(map(str, (*parts, _LEVEL, _CODE_MODEL))).encode()).hexdigest()
 
 
 def _read(path: Path) -> bytes | None:
