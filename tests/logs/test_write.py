@@ -142,7 +142,7 @@ def test_an_error_while_syncing_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_an_interruption_leaves_nothing(tmp_path, monkeypatch):
-    def interrupted(path, columns):
+    def interrupted(path, columns, progress):
         path.write_text("half")
         raise KeyboardInterrupt
 

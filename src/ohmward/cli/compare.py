@@ -10,6 +10,7 @@ from ohmward.cli import wording
 from ohmward.cli.estimating import Task, add_task_options, estimate, make_task
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import add_command, add_output_options
+from ohmward.cli.progress import progress
 from ohmward.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,8 +36,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Run every estimator over the same log from the same start."""
-    task = make_task(args)
-    answers = {name: estimate(task, name, args) for name in _names(task, args.filters)}
+    with progress() as report:
+        task = make_task(args, report)
+        answers = {name: estimate(task, name, args, report) for name in _names(task, args.filters)}
     figures = summary(task, answers)
 
     def page():

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, NamedTuple
 
 from ohmward.cli.parser import add_log_options, number, positive, share
-from ohmward.cli.progress import progress
+from ohmward.cli.progress import Report, counting
 from ohmward.cli.reading import read
 from ohmward.errors import InputError
 
@@ -70,13 +70,13 @@ def add_task_options(parser: argparse.ArgumentParser) -> None:
     add_log_options(parser)
 
 
-def make_task(args: argparse.Namespace) -> Task:
+def make_task(args: argparse.Namespace, report: Report | None = None) -> Task:
     """Read what the options of `add_task_options` name."""
     from ohmward.battery.battery_file import load_battery
     from ohmward.cli.truth import read_truth
 
     battery = load_battery(args.battery)
-    log = within_range(read(args.log, args, extra=None if args.truth else ()), battery)
+    log = within_range(read(args.log, args, None if args.truth else (), report), battery)
     start = args.initial_soc if args.truth_start is None else args.truth_start
     return Task(battery, log, read_truth(log, args.truth, battery.capacity_Ah, start) if args.truth else None)
 
@@ -106,7 +106,7 @@ def within_range(log: Log, battery: Battery) -> Log:
     return log.with_notes(Note(text, "warning"))
 
 
-def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:
+def estimate(task: Task, name: str, args: argparse.Namespace, report: Report | None = None) -> Run:
     """Run the estimator called `name` over the log."""
     from ohmward.battery.estimators import Settings, make_estimator
     from ohmward.battery.soc_estimator import SocEstimator
@@ -114,9 +114,7 @@ def estimate(task: Task, name: str, args: argparse.Namespace) -> Run:
     rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
     settings = Settings(idle_current_A=None if rest == UNKNOWN else rest)
     estimator = make_estimator(name, task.battery, settings)
-    with progress() as report:
-        told = (lambda done, total: report(name, done / total)) if report else None
-        return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, told)
+    return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, counting(report, name))
 
 
 def rest_current(text: str) -> float | str:

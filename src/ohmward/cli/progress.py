@@ -10,6 +10,14 @@ from contextlib import contextmanager
 Report = Callable[[str, float], None]
 
 
+def counting(report: Report | None, what: str) -> Callable[[int, int], None] | None:
+    """A callback that takes how much is done and how much there is to do, now nothing; None where nobody watches."""
+    if report is None:
+        return None
+    report(what, 0.0)
+    return lambda done, total: report(what, done / total)
+
+
 @contextmanager
 def progress() -> Iterator[Report | None]:
     """A callback that draws a bar with rich; None where nobody watches or rich is not installed."""

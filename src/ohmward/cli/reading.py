@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ohmward.cli.progress import Report, counting
+
 if TYPE_CHECKING:
     from ohmward.logs import Log
 
@@ -16,7 +18,9 @@ if TYPE_CHECKING:
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 
 
-def read(text: str, args: argparse.Namespace, extra: Collection[str] | None = None) -> Log:
+def read(
+    text: str, args: argparse.Namespace, extra: Collection[str] | None = None, report: Report | None = None
+) -> Log:
     """The log that an argument names, read as the options of `add_log_options` say.
 
     text: a file, or a file and the rows wanted from it, `ocv.parquet:script=1,temp_C=25`, then part of the log's name.
@@ -36,6 +40,7 @@ def read(text: str, args: argparse.Namespace, extra: Collection[str] | None = No
         where=dict(args.where) | where,
         extra=extra,
         sort_time=args.sort_time,
+        progress=counting(report, f"reading {path.name}"),
     )
     chosen = ",".join(f"{name}={value}" for name, value in where.items())
     return replace(log, name=f"{log.name}:{chosen}") if chosen else log

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ohmward.cli import wording
 from ohmward.cli.estimating import Task, add_task_options, estimate, make_task
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import add_command, add_output_options
+from ohmward.cli.progress import Report, counting, progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,17 +43,18 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate, compare with the truth, write the estimates."""
     check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.battery])
-    task = make_task(args)
-    answer = estimate(task, args.filter, args)
-    if args.output:
-        _write(task, answer, args.output)
+    with progress() as report:
+        task = make_task(args, report)
+        answer = estimate(task, args.filter, args, report)
+        if args.output:
+            _write(task, answer, args.output, report)
+    figures = summary(task, args.filter, answer)
 
     def page():
         from ohmward.cli.pages.soc import make_page
 
-        return make_page(task, args.filter, answer)
+        return make_page(task, args.filter, answer, figures)
 
-    figures = summary(task, args.filter, answer)
     return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)
 
 
@@ -133,11 +136,11 @@ def errors(figures: dict[str, Any]) -> str:
     return wording.table(["against the truth", "whole log", "after 1 h"], rows)
 
 
-def _write(task: Task, answer: Run, path: str) -> None:
+def _write(task: Task, answer: Run, path: str, report: Report | None) -> None:
     """The estimates beside what was measured, as a file that `ohmward` can read as a log."""
     from ohmward.logs import write_table
 
-    write_table(estimate_table(task, answer), path)
+    write_table(estimate_table(task, answer), path, counting(report, f"writing {Path(path).name}"))
 
 
 def estimate_table(task: Task, answer: Run) -> dict[str, np.ndarray]:

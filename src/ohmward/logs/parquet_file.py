@@ -13,6 +13,8 @@ from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
 _BLOCK_ROWS = 1 << 18
+#: Rows that a file keeps together.
+_GROUP_ROWS = 1 << 20
 
 
 def open_parquet(path: Path) -> TableFile:
@@ -63,8 +65,10 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
     return columns
 
 
-def write_parquet(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:
     """Write columns (T,) as Parquet with zstd; NaN stays NaN.
+
+    progress: called now and then with the rows that are written and all rows.
 
     Raises:
         OhmwardError: pyarrow is not installed.
@@ -72,7 +76,13 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray]) -> None:
     pyarrow, parquet = _pyarrow()
     # a dictionary of measured numbers is as large as the numbers, and slow to write and to read
     repeating = [name for name, values in columns.items() if np.asarray(values).dtype.kind != "f"]
-    parquet.write_table(pyarrow.table(dict(columns)), path, compression="zstd", use_dictionary=repeating or False)
+    table = pyarrow.table(dict(columns))
+    with parquet.ParquetWriter(path, table.schema, compression="zstd", use_dictionary=repeating or False) as writer:
+        for first in range(0, table.num_rows, _GROUP_ROWS):
+            group = table.slice(first, _GROUP_ROWS)
+            writer.write_table(group)
+            if progress:
+                progress(first + group.num_rows, table.num_rows)
 
 
 def _pyarrow():

@@ -14,6 +14,7 @@ from ohmward.errors import InputError
 from ohmward.logs import bdf, csv_arrow
 from ohmward.logs.log import Log
 from ohmward.logs.parquet_file import write_parquet
+from ohmward.logs.table import Progress
 
 _BLOCK_ROWS = 100_000
 
@@ -37,8 +38,10 @@ def write_log(log: Log, path: str | PathLike[str]) -> None:
     write_table({**own, **log.extra}, path)
 
 
-def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str]) -> None:
+def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], progress: Progress | None = None) -> None:
     """Write named columns (T,) as .csv or .parquet; numbers keep every digit, NaN is an empty cell in CSV.
+
+    progress: called now and then with the rows that are written and all rows.
 
     Raises:
         InputError: an unknown suffix, or columns of different lengths.
@@ -52,7 +55,7 @@ def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str]) ->
     if path.suffix.lower() not in writers:
         raise InputError(f"{path.name}: unknown suffix {path.suffix!r}; name the file .csv or .parquet")
     with replacing(path) as temporary:
-        writers[path.suffix.lower()](temporary, columns)
+        writers[path.suffix.lower()](temporary, columns, progress)
 
 
 def _fields(log: Log) -> dict[str, np.ndarray | None]:
@@ -66,7 +69,7 @@ def _fields(log: Log) -> dict[str, np.ndarray | None]:
     }
 
 
-def _write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:
     arrays = [np.asarray(values) for values in columns.values()]
     rows = len(arrays[0]) if arrays else 0
     with path.open("w", newline="", encoding="utf-8") as stream:
@@ -78,6 +81,8 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
                 stream.write(text)
             else:
                 writer.writerows(zip(*map(_cells, block), strict=True))
+            if progress:
+                progress(start + len(block[0]), rows)
 
 
 def _cells(values: np.ndarray) -> list:

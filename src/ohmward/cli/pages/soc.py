@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ohmward.battery import pictures
 from ohmward.battery.soc_estimator import Run
 from ohmward.cli.estimating import Task
 from ohmward.cli.pages.common import FOOTER, with_assumptions
-from ohmward.cli.soc import result, summary
+from ohmward.cli.soc import result
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.report import Figure, Page
 
 
-def make_page(task: Task, name: str, answer: Run) -> Page:
-    """Key figures, plots above each other on one clock, assumptions."""
-    figures = summary(task, name, answer)
+def make_page(task: Task, name: str, answer: Run, figures: dict[str, Any]) -> Page:
+    """Key figures, plots above each other on one clock, assumptions.
+
+    figures: the summary of the run.
+    """
     what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
     page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures))
     page = page.plot(*_plots(task, answer))
