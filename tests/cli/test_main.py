@@ -3,6 +3,7 @@ import re
 import signal
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -12,6 +13,7 @@ from ohmward.battery.estimators import DEFAULT, ESTIMATORS
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
 from ohmward.cli import demo, doctor, identify, main, soc
 from ohmward.cli.parser import count, pair, share
+from ohmward.errors import OhmwardError
 
 COMMANDS = ("doctor", "identify", "soc", "compare", "demo")
 
@@ -128,6 +130,18 @@ def test_unexpected_errors_are_not_swallowed(here, monkeypatch):
     monkeypatch.setattr("ohmward.logs.read_log", broken)
     with pytest.raises(ZeroDivisionError):
         main.main(["doctor", "day.csv"])
+
+
+def test_warnings_are_one_line(here, monkeypatch, capsys):
+    def warn(*_, **__):
+        warnings.warn("the disk is warm", RuntimeWarning, stacklevel=1)
+        raise OhmwardError("and full")
+
+    monkeypatch.setattr("ohmward.logs.read_log", warn)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        main.main(["doctor", "day.csv"])
+    assert capsys.readouterr().err == "ohmward: note: the disk is warm\nohmward: error: and full\n"
 
 
 def test_notes_go_to_standard_error_with_json(here, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 from ohmward import __version__
@@ -51,6 +52,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, sys.argv without it; returns the exit status."""
     # read once, by NumPy; small matrices: more threads only fight each other, and `identify` takes ten times as long
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        return _status(argv)
+
+
+def _show_warning(message: Warning | str, *_where: object) -> None:
+    """One line, as errors are: whoever types a command has no use for the place in the source."""
+    print(f"ohmward: note: {message}", file=sys.stderr)
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    """The exit status, once all is said."""
     try:
         arguments = build_parser().parse_args(argv)
         outcome = run(arguments)
