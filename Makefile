@@ -13,7 +13,8 @@ help:
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
 	@echo "make speed     time per step -> benchmarks/speed.md"
-	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md"
+	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
+	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
@@ -54,7 +55,7 @@ slip-control: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/slip_control.py
 
 firmware: $(VENV)/test.stamp
-	$(BIN)/python firmware/measure.py
+	$(BIN)/python firmware/measure.py $(LIBRARY) $(LOG) $(OPTIONS)
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html

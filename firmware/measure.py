@@ -1,210 +1,298 @@
 """Exported filters on a Cortex-M4F under QEMU: bits, instructions, flash, RAM, stack. `make firmware` runs it.
 
-Every filter is exported, compiled for two machines, and replays its vectors there; every output must have the very bits
-of the reference. Instructions are counted by the emulator (`-icount shift=6`: 64 ns each, against a SysTick of known
-frequency), so they are exact and repeat; cycles on hardware depend on its flash. Writes benchmarks/firmware.md.
+Every filter is exported, compiled for two machines, and replays its vectors and a simulated log there; every output
+must have the very bits of the reference, which is NumPy in single precision for the vectors and the twin for the log.
+Instructions are counted by the emulator (`-icount shift=6`: 64 ns each, against a SysTick of known frequency), so they
+are exact and repeat; for cycles see cycles.py. Writes benchmarks/firmware.md.
+
+    measure.py                           all filters, and the page
+    measure.py DIR LOG [OPTIONS]         a recorded log of any length through an exported library; options are those of
+                                         `ohmward twin`
 """
 
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from cycles import CLOCK_MHZ, WAIT_STATES, Cycles, cycles
+from emulator import INSTALL, MACHINES, TOOLS, Answer, Machine, Sizes, compile_library, do, link, run, sizes
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.export import Export, battery_export, library, write_library
+from ohmward.battery.soc_estimator import samples_of
+from ohmward.cli import twin as twin_command
+from ohmward.cli.main import build_parser
+from ohmward.errors import OhmwardError
+from ohmward.export import Export, Twin, battery_export, controller_export, library, observer_export, write_library
+from ohmward.logs import DriveLog
+from ohmward.simulate import closed_loop, make_robot_day
+from ohmward.traction import RLMA, ROBOTINO, hard_terrain
+from ohmward.traction.dynamics import scene
+from ohmward.traction.observers import SpeedObserver
+from ohmward.traction.observers.track import samples_of as drive_samples_of
 
-HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "benchmarks" / "firmware.md"
-TOOLS = ("arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm")
-MACHINE_CODE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
-WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-pedantic", "-Werror"]
-ARITHMETIC = ["-ffp-contract=off", "-fno-math-errno", "-ffunction-sections", "-fdata-sections"]
-INSTRUCTION_NS = 64.0
+PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
+OPTIONS = ("-O2", "-Os")
+#: What an STM32F411xE has [bytes].
+FLASH, RAM = 512 * 1024, 128 * 1024
+#: Share of the values of a simulated log that are lost, and of those that are wild.
+LOST, WILD = 0.005, 0.001
 
-
-class Machine(NamedTuple):
-    """An emulated board: its name in QEMU, where its flash begins, the time of a SysTick [ns]."""
-
-    name: str
-    flash: str
-    tick_ns: float
-
-
-MACHINES = (Machine("mps2-an386", "0x00000000", 40.0), Machine("netduinoplus2", "0x08000000", 1e3 / 168))
-
-
-#: Filters, and the time between their samples where it is always the same.
+#: Filters of a battery, and the time between their samples where it is always the same.
 FILTERS = (
+    ("coulomb", None),
+    ("ocv", None),
     ("textbook-ekf", None),
     ("textbook-ekf", 1.0),
     ("textbook-ukf", None),
     ("textbook-ukf", 1.0),
-    ("coulomb", None),
     ("ekf", None),
     ("ekf", 1.0),
+    ("aekf", None),
     ("ukf", None),
+    ("aukf", None),
 )
+#: Observers, each with its robot and the scenario whose log it replays.
+OBSERVERS = (
+    (RLMA, "ekf", "example"),
+    (RLMA, "aekf", "example"),
+    (RLMA, "ukf", "example"),
+    (RLMA, "aukf", "example"),
+    (ROBOTINO, "ekf", "robotino"),
+    (ROBOTINO, "aukf", "robotino"),
+)
+CONTROLLERS = ("slip-controller", "speed-controller")
+
+
+class Case(NamedTuple):
+    """What is measured: its name on the page, the export, and the samples of a log, where there is one."""
+
+    title: str
+    export: Export
+    samples: Any = None
 
 
 class Measured(NamedTuple):
-    """What a filter took: bytes, and instructions of a step (the fewest, the mean, the most)."""
+    """What a library took: bytes, instructions, cycles; and how many outputs had other bits."""
 
     title: str
     option: str
     machine: str
-    flash: int
-    tables: int
+    sizes: Sizes
     state: int
-    stack: int
-    least: float
-    mean: float
-    most: float
-    vectors: int
+    structs: int
+    answer: Answer
+    cycles: Cycles
     wrong: int
 
+    @property
+    def flash(self) -> int:
+        """Bytes of code and tables."""
+        return self.sizes.code + self.sizes.tables
 
-def main() -> int:
-    """Measure all, write the page; 1 where a bit is wrong."""
+    @property
+    def ram(self) -> int:
+        """Bytes of state, sample, output, static variables and stack."""
+        return self.structs + self.sizes.static + self.answer.stack
+
+    @property
+    def most(self) -> float:
+        """Instructions of the longest step."""
+        return max(self.answer.vectors.most, self.answer.log.most)
+
+    @property
+    def mean(self) -> float:
+        """Instructions of a mean step of the log; of the vectors where there is none."""
+        return self.answer.log.mean if self.answer.log.steps else self.answer.vectors.mean
+
+
+def main(words: list[str]) -> int:
+    """Measure all and write the page, or replay one log; 1 where a bit is wrong or a tool is missing."""
     if missing := [tool for tool in TOOLS if not shutil.which(tool)]:
-        print(
-            f"{', '.join(missing)} missing: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
-        )
-        return 0
-    battery = generic_battery("nmc", 2.0)
+        print(f"{', '.join(missing)} missing: {INSTALL}", file=sys.stderr)
+        return 1
+    if words:
+        return replay(words)
     rows = []
-    for name, sample_time_s in FILTERS:
-        export = battery_export(battery, name, "filter", sample_time_s=sample_time_s)
-        title = f"{name}, every {sample_time_s:g} s" if sample_time_s else name
-        for option in ("-O2", "-Os"):
-            for machine in MACHINES:
-                rows.append(measure(export, title, option, machine))
-                print(_line(rows[-1]), flush=True)
+    for case in cases():
+        for row in measure(case):
+            print(line(row), flush=True)
+            rows.append(row)
     if wrong := [row for row in rows if row.wrong]:
         print(f"{len(wrong)} of {len(rows)} have other bits than the reference", file=sys.stderr)
         return 1
-    PAGE.write_text(page(rows, battery), encoding="utf-8")
+    PAGE.write_text(page(rows), encoding="utf-8")
     return 0
 
 
-def measure(export: Export, title: str, option: str, machine: Machine) -> Measured:
-    """Build, run and read one."""
+def replay(words: list[str]) -> int:
+    """A recorded log through a library on every machine; words: DIR LOG and options of `ohmward twin`."""
+    try:
+        args = build_parser().parse_args(["twin", *words])
+        twin = Twin(args.library, args.name)
+        log = twin_command.prepare(twin, args)
+    except OhmwardError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(shutil.copytree(args.library, Path(temporary) / "library"))
+        return max(_replayed(folder, twin, log, option, machine) for option in OPTIONS for machine in MACHINES)
+
+
+def _replayed(folder: Path, twin: Twin, log: twin_command.Replay, option: str, machine: Machine) -> int:
+    """Replay and say what was found; 1 where a bit is wrong."""
+    compile_library(folder, twin.name, option)
+    image = link(folder, twin.name, tuple(log.arguments.values()), option, machine)
+    answer, wrong = compare(twin, image, machine, log.samples, log.arguments)
+    print(
+        f"{log.log.name} through {twin.name!r}, {option} on {machine.name}: {answer.log.steps:,} samples, "
+        f"{answer.log.mean:.0f} instructions a step, {answer.log.least:.0f} to {answer.log.most:.0f}, "
+        f"stack {answer.stack} bytes, {wrong} outputs with other bits than here",
+        flush=True,
+    )
+    return 1 if wrong else 0
+
+
+def cases() -> Iterator[Case]:
+    """Everything that can be exported."""
+    battery, hour = battery_and_hour()
+    for name, sample_time_s in FILTERS:
+        title = f"{name}, every {sample_time_s:g} s" if sample_time_s else name
+        yield Case(title, battery_export(battery, name, "filter", sample_time_s=sample_time_s), hour)
+    ground = hard_terrain("dry asphalt")
+    for robot, name, scenario in OBSERVERS:
+        samples = faulty(drive_samples_of(drive(scenario), SpeedObserver(scene(robot, ground))))
+        yield Case(f"{robot.name} speed, {name}", observer_export(robot, ground, name, "filter"), samples)
+    for name in CONTROLLERS:
+        yield Case(f"{RLMA.name} {name}", controller_export(RLMA, name, "filter"))
+
+
+def battery_and_hour() -> tuple[Battery, Any]:
+    """A battery, and the samples of an hour of a robot's day on it."""
+    day = make_robot_day("lfp").mission
+    return generic_battery("lfp", 12.0, 4), faulty(samples_of(day.between(day.time_s[0], day.time_s[0] + 3600.0)))
+
+
+@cache
+def drive(scenario: str) -> DriveLog:
+    """The log of a scenario that comes with ohmward."""
+    return closed_loop.drive_log(closed_loop.run(closed_loop.find_scenario(scenario)))
+
+
+def faulty(samples: Any) -> Any:
+    """The samples of a log (T, ...) with values that are lost and values that are wild, the first sample whole."""
+    rng = np.random.default_rng(0)
+
+    def spoilt(values: np.ndarray) -> np.ndarray:
+        chance = rng.random(values.shape)
+        chance[:1] = 1.0
+        wild = rng.choice([np.inf, -np.inf, 1e9, -1e9], values.shape)
+        return np.where(chance < LOST, np.nan, np.where(chance < LOST + WILD, wild, values))
+
+    return type(samples)(*(spoilt(np.asarray(values, float)) if np.ndim(values) else values for values in samples))
+
+
+def measure(case: Case, options: Sequence[str] = OPTIONS, machines: Sequence[Machine] = MACHINES) -> Iterator[Measured]:
+    """Build, run, compare and read one library with every option on every machine."""
+    export = case.export
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         write_library(library(export), folder)
-        image = build(export, option, machine, folder)
-        found = run(image, machine)
-        text, tables = sizes(folder / "filter.o")
-        ns = {k: found[k] * machine.tick_ns / INSTRUCTION_NS for k in ("least", "most", "total")}
-    return Measured(
-        title, option, machine.name, text, tables, _state_bytes(export), found["stack"], ns["least"],
-        ns["total"] / found["vectors"], ns["most"], found["vectors"], found["wrong"],
-    )  # fmt: skip
+        twin = Twin(folder)
+        arguments = dict(zip(twin.arguments, export.arguments, strict=True))
+        state, *others = (twin.dtype(word).itemsize for word in ("state", "sample", "output"))
+        for option in options:
+            needed = sizes(compile_library(folder, export.name, option))
+            spent = None
+            for machine in machines:
+                image = link(folder, export.name, export.arguments, option, machine)
+                answer, wrong = compare(twin, image, machine, case.samples, arguments)
+                spent = spent or cycles(image, export.name, machine)
+                structs, wrong = state + sum(others), wrong + answer.wrong
+                yield Measured(case.title, option, machine.name, needed, state, structs, answer, spent, wrong)
 
 
-def build(export: Export, option: str, machine: Machine, folder: Path) -> Path:
-    """The image of the filter with its replay."""
-    script = (HERE / "cortex-m4f.ld.in").read_text().replace("@FLASH@", machine.flash)
-    (folder / "machine.ld").write_text(script)
-    arguments = "".join(f", {a:#.6g}f" for a in export.arguments)
-    common = ["arm-none-eabi-gcc", *MACHINE_CODE, *WARNINGS, *ARITHMETIC, option, f"-I{folder}"]
-    _do([*common, "-c", "-o", folder / "filter.o", folder / "filter.c"])
-    sources = [HERE / "startup.c", HERE / "replay.c", folder / "filter.o"]
-    link = [
-        f"-T{folder / 'machine.ld'}",
-        "-nostartfiles",
-        "-Wl,--gc-sections",
-        "--specs=nosys.specs",
-        "-lm",
-        "-Wl,--no-warn-rwx-segments",
-    ]
-    _do([*common, f"-DSTART_ARGUMENTS={arguments}", "-Wno-pedantic", "-o", folder / "image.elf", *sources, *link])
-    return folder / "image.elf"
+def compare(twin: Twin, image: Path, machine: Machine, samples: Any, arguments: dict[str, float]) -> tuple[Answer, int]:
+    """What the image says, and how many of its outputs have other bits than those of this machine; names the first."""
+    if samples is None:
+        return run(image, machine)[0], 0
+    twin.start(twin_command.first_of(samples), **arguments)
+    expected = twin.run(samples)
+    answer, raw = run(image, machine, twin.records(samples))
+    found = np.frombuffer(raw, twin.dtype("output"))
+    if len(found) != len(expected[0]):
+        raise RuntimeError(f"{machine.name}: {len(found)} outputs came back for {len(expected[0])} samples")
+    right = np.ones(len(found), bool)
+    for word, values in zip(twin.Output._fields, expected, strict=True):
+        same = same_bits(np.ascontiguousarray(found[word]), values).reshape(len(found), -1).all(axis=1)
+        if right.all() and not same.all():
+            t = int(np.argmin(same))
+            print(f"sample {t}: {word} is {found[word][t]!r}, here {values[t]!r}", file=sys.stderr)
+        right &= same
+    return answer, int(np.count_nonzero(~right))
 
 
-def run(image: Path, machine: Machine) -> dict[str, int]:
-    """What the image says of itself."""
-    options: list[str | Path] = ["-nographic", "-semihosting-config", "enable=on,target=native", "-icount", "shift=6"]
-    options += ["-kernel", image]
-    result = subprocess.run(
-        ["qemu-system-arm", "-machine", machine.name, *options],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    words = [line.split() for line in (result.stdout + result.stderr).splitlines()]
-    found = {w[0]: int(w[1]) for w in words if len(w) == 2 and w[1].isdigit()}
-    if "wrong" not in found:
-        raise RuntimeError(f"{machine.name}: no answer: {result.stdout}{result.stderr}")
-    return found
+def same_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Where two arrays have the same bits, or no number both."""
+    if a.dtype == np.bool_:
+        return a == b
+    return (a.view(np.uint32) == b.view(np.uint32)) | (np.isnan(a) & np.isnan(b))
 
 
-def sizes(object_file: Path) -> tuple[int, int]:
-    """Bytes of code, and of tables and other constants."""
-    lines = _do(["arm-none-eabi-size", "-A", object_file]).splitlines()
-    parts = [line.split() for line in lines if line.startswith((".text", ".rodata"))]
-    code = sum(int(p[1]) for p in parts if p[0].startswith(".text"))
-    return code, sum(int(p[1]) for p in parts if p[0].startswith(".rodata"))
-
-
-def _state_bytes(export: Export) -> int:
-    from ohmward.export.c_library import size
-
-    return size(export).state
-
-
-def _do(command: list) -> str:
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    if result.returncode:
-        raise RuntimeError(f"{' '.join(map(str, command))}\n{result.stdout}{result.stderr}")
-    return result.stdout
-
-
-def _line(row: Measured) -> str:
+def line(row: Measured) -> str:
+    """For people who wait."""
     return (
-        f"{row.title:24s} {row.option} {row.machine:14s} code {row.flash:6d} tables {row.tables:5d} "
-        f"state {row.state:4d} stack {row.stack:4d} instructions {row.mean:7.0f} ({row.least:.0f} to {row.most:.0f}) "
-        f"wrong {row.wrong}"
+        f"{row.title:28s} {row.option} {row.machine:14s} flash {row.flash:6d} state {row.state:5d} "
+        f"stack {row.answer.stack:5d} instructions {row.mean:6.0f}, at most {row.most:6.0f}, "
+        f"{row.cycles.fewest:6.0f} to {row.cycles.most:6.0f} cycles, "
+        f"{row.answer.vectors.steps} vectors and {row.answer.log.steps} samples, wrong {row.wrong}"
     )
 
 
-def page(rows: list[Measured], battery: Battery) -> str:
+def page(rows: list[Measured]) -> str:
     """The table in Markdown."""
-    compiler = _do(["arm-none-eabi-gcc", "--version"]).splitlines()[0]
-    emulator = _do(["qemu-system-arm", "--version"]).splitlines()[0]
-    first = MACHINES[0].name
-    lines = [
-        "# Filters on a Cortex-M4F",
-        "",
-        f"Written by `make firmware`: {compiler}; {emulator}. Battery: {battery.name}, 2 RC pairs.",
-        f"Every filter replayed its vectors on {' and '.join(m.name for m in MACHINES)};",
-        "every output had the bits of the reference.",
-        "Instructions are those of one step, mean and range over the vectors, which contain faults of every sensor.",
-        "Hardware takes one to two cycles for most of them, and more where its flash is slow.",
-        "",
-        "| filter | | code [bytes] | tables [bytes] | state [bytes] | stack [bytes] | instructions | range |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for r in rows:
-        if r.machine == first:
-            cells = (
-                r.title,
-                r.option,
-                r.flash,
-                r.tables,
-                r.state,
-                r.stack,
-                f"{r.mean:.0f}",
-                f"{r.least:.0f}-{r.most:.0f}",
-            )
-            lines.append(f"| {' | '.join(map(str, cells))} |")
-    return "\n".join([*lines, ""])
+    compiler = do(["arm-none-eabi-gcc", "--version"]).splitlines()[0]
+    emulator = do(["qemu-system-arm", "--version"]).splitlines()[0]
+    columns = (
+        "", "", "code [bytes]", "tables [bytes]", "flash", "state [bytes]", "stack [bytes]", "RAM", "instructions",
+        "at most", "time [us]", "samples",
+    )  # fmt: skip
+    text = f"""\
+# Filters on a Cortex-M4F
+
+Written by `make firmware`: {compiler}; {emulator}.
+Every library replayed its vectors on {" and ".join(m.name for m in MACHINES)}, and all but the controllers a simulated
+log with lost and wild values: the filters of a battery (generic lfp, 12 Ah, 4 cells, 2 RC pairs) an hour of a robot's
+day, the observers a drive in closed loop. Every output had the bits of the reference.
+
+- flash: code and tables, and their share of the 512 KB of an STM32F411xE
+- RAM: the state; with one sample, one output, static variables and the deepest stack its share of 128 KB
+- instructions: of a mean step of the log (of the vectors where there is none), and of the longest of all
+- time: of a mean step at {CLOCK_MHZ:g} MHz. Least: the executed instructions by the cycles of their kinds, flash as
+  fast as the core. Most: every 16 bytes of code and every constant in it wait {WAIT_STATES} more cycles. An STM32F411
+  fetches ahead and lies between; `firmware/cycles.py` says how it is counted
+"""
+    lines = [columns, ["---"] * len(columns), *(cells(row) for row in rows if row.machine == MACHINES[0].name)]
+    return "\n".join([text, *(f"| {' | '.join(words)} |" for words in lines), ""])
+
+
+def cells(row: Measured) -> list[str]:
+    """A row of the page."""
+    cycle_share = row.mean / row.cycles.instructions
+    fewest, most = (cycle_share * count / CLOCK_MHZ for count in (row.cycles.fewest, row.cycles.most))
+    shares = [f"{100 * part / whole:.2g} %" for part, whole in ((row.flash, FLASH), (row.ram, RAM))]
+    steps = row.answer.vectors.steps + row.answer.log.steps
+    numbers = [row.sizes.code, row.sizes.tables, shares[0], row.state, row.answer.stack, shares[1]]
+    numbers += [f"{row.mean:.0f}", f"{row.most:.0f}", f"{fewest:.3g} to {most:.3g}", steps]
+    return [row.title, row.option, *map(str, numbers)]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

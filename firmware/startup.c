@@ -41,9 +41,9 @@ void say(const char *text)
     semihosting(0x04, text);
 }
 
-void say_number(const char *name, uint32_t number)
+void say_number(const char *name, uint64_t number)
 {
-    char digits[12];
+    char digits[24];
     char *at = digits + sizeof digits - 1;
     *at = '\0';
     do {
@@ -54,6 +54,28 @@ void say_number(const char *name, uint32_t number)
     say(" ");
     say(at);
     say("\n");
+}
+
+int file_open(const char *name, int how)
+{
+    uint32_t length = 0;
+    while (name[length]) {
+        ++length;
+    }
+    const uint32_t block[3] = {(uint32_t)name, (uint32_t)how, length};
+    return semihosting(0x01, block);
+}
+
+uint32_t file_read(int file, void *to, uint32_t bytes)
+{
+    const uint32_t block[3] = {(uint32_t)file, (uint32_t)to, bytes};
+    return bytes - (uint32_t)semihosting(0x06, block); /* it says how many are missing */
+}
+
+uint32_t file_write(int file, const void *from, uint32_t bytes)
+{
+    const uint32_t block[3] = {(uint32_t)file, (uint32_t)from, bytes};
+    return bytes - (uint32_t)semihosting(0x05, block);
 }
 
 void leave(int status)
@@ -85,11 +107,18 @@ void stack_paint(void)
     }
 }
 
-uint32_t stack_left(void)
+uint32_t stack_here(void)
+{
+    uint32_t here;
+    __asm volatile("mov %0, sp" : "=r"(here));
+    return here;
+}
+
+uint32_t stack_deepest(void)
 {
     const uint32_t *at = &_ebss;
     while (*at == 0xA5A5A5A5u) {
         ++at;
     }
-    return (uint32_t)((const char *)at - (const char *)&_ebss);
+    return (uint32_t)at;
 }

@@ -1,39 +1,176 @@
-"""A filter on the emulated microcontroller; skipped where the cross compiler or the emulator is missing."""
+"""Libraries on the emulated microcontroller; skipped where the cross compiler or the emulator is missing."""
 
-import importlib.util
+import importlib
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.export import battery_export
+from ohmward.battery.estimate import Sample
+from ohmward.cli.main import main as ohmward
+from ohmward.export import battery_export, controller_export, observer_export
+from ohmward.logs import Log, write_log
+from ohmward.traction import RLMA, hard_terrain
 
-PATH = Path(__file__).parents[2] / "firmware" / "measure.py"
-SPEC = importlib.util.spec_from_file_location("measure", PATH)
-assert SPEC is not None and SPEC.loader is not None
-measure = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(measure)
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+sys.path.insert(0, str(FIRMWARE))
+pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+measure, cycles, emulator = (importlib.import_module(name) for name in ("measure", "cycles", "emulator"))
 
-MISSING = [tool for tool in measure.TOOLS if not shutil.which(tool)]
-needs_tools = pytest.mark.skipif(bool(MISSING), reason=f"no microcontroller to emulate here: {', '.join(MISSING)}")
+MISSING = [tool for tool in (*emulator.TOOLS, "gcc") if not shutil.which(tool)]
+needs_tools = pytest.mark.skipif(
+    bool(MISSING), reason=f"no microcontroller to emulate here, {', '.join(MISSING)} missing: {emulator.INSTALL}"
+)
+BATTERY = generic_battery("nmc", 2.0)
+TEXTBOOK = battery_export(BATTERY, "textbook-ekf", "filter", sample_time_s=1.0)
+
+
+def a_log(steps):
+    """Samples (steps,) of a drive, not a whole number of blocks, with values lost and wild."""
+    rng = np.random.default_rng(2)
+    current = rng.normal(-1.0, 1.0, steps)
+    return measure.faulty(Sample(np.ones(steps), current, 3.6 + 0.02 * current, np.full(steps, 25.0)))
+
+
+def first(case, machine=measure.MACHINES[0], option="-O2"):
+    return next(measure.measure(case, [option], [machine]))
 
 
 @needs_tools
 @pytest.mark.parametrize("machine", measure.MACHINES, ids=lambda m: m.name)
 def test_every_bit_is_right_and_nothing_is_hidden(machine):
-    export = battery_export(generic_battery("nmc", 2.0), "textbook-ekf", "filter", sample_time_s=1.0)
-    found = measure.measure(export, "textbook-ekf", "-Os", machine)
-    assert found.wrong == 0 and found.vectors == 64
-    assert found.state == 40 and 1000 < found.flash < 2048
-    assert 100 < found.least <= found.mean <= found.most < 450
-    assert 0 < found.stack < 256
+    found = first(measure.Case("textbook", TEXTBOOK, a_log(75)), machine, "-Os")
+    assert found.wrong == 0 and found.answer.vectors.steps == 64 and found.answer.log.steps == 75
+    assert found.state == 40 and 500 < found.sizes.code < 2048 and found.sizes.static == 0
+    assert 100 < found.answer.vectors.least <= found.answer.vectors.mean <= found.most < 450
+    assert 100 < found.answer.log.least <= found.mean <= found.most
+    assert found.ram == 40 + 16 + 36 + found.answer.stack and 0 < found.answer.stack < 256
 
 
 @needs_tools
-def test_a_wrong_bit_is_seen(tmp_path, monkeypatch):
-    export = battery_export(generic_battery("nmc", 2.0), "coulomb", "filter")
-    whole = measure.library(export)
-    broken = whole["filter.c"].replace("output->soc = ", "output->soc = 0.5f * ")
-    monkeypatch.setattr(measure, "library", lambda _: whole | {"filter.c": broken})
-    assert measure.measure(export, "coulomb", "-O2", measure.MACHINES[0]).wrong > 0
+@pytest.mark.parametrize(
+    "export",
+    [controller_export(RLMA, "slip-controller", "filter"), observer_export(RLMA, hard_terrain("dry asphalt"), "ekf")],
+    ids=["controller", "observer"],
+)
+def test_the_traction_half_runs_there_too(export):
+    found = first(measure.Case("traction", export))
+    assert found.wrong == 0 and found.answer.vectors.steps == 64 and found.answer.log.steps == 0
+
+
+@needs_tools
+def test_a_wrong_bit_of_the_log_is_seen_and_named(monkeypatch, capsys):
+    def miscompile(folder, name, option):
+        source = folder / f"{name}.c"
+        source.write_text(source.read_text().replace("output->soc_std = ", "output->soc_std = 1.0000001f * "))
+        return emulator.compile_library(folder, name, option)
+
+    monkeypatch.setattr(measure, "compile_library", miscompile)
+    found = first(measure.Case("coulomb", battery_export(BATTERY, "coulomb", "filter"), a_log(40)))
+    assert found.answer.wrong > 0 and found.wrong == found.answer.wrong + 40
+    assert "sample 0: soc_std is " in capsys.readouterr().err
+
+
+@needs_tools
+def test_the_painted_stack_is_what_the_compiler_says(tmp_path):
+    measure.write_library(measure.library(TEXTBOOK), tmp_path)
+    emulator.compile_library(tmp_path, "filter", "-O2")
+    image = emulator.link(tmp_path, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
+    answer, _ = emulator.run(image, measure.MACHINES[0])
+    command = ["arm-none-eabi-gcc", *emulator.MACHINE_CODE, *emulator.ARITHMETIC, "-std=c99", "-O2", "-fstack-usage"]
+    subprocess.run([*command, "-c", "-o", tmp_path / "x.o", tmp_path / "filter.c"], check=True)
+    usage = {line.split("\t")[0].split(":")[-1]: line.split("\t")[1] for line in (tmp_path / "x.su").open()}
+    assert answer.stack == int(usage["filter_step"])
+
+
+@needs_tools
+def test_executed_instructions_are_those_of_the_clock(tmp_path):
+    measure.write_library(measure.library(TEXTBOOK), tmp_path)
+    emulator.compile_library(tmp_path, "filter", "-O2")
+    image = emulator.link(tmp_path, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
+    answer, _ = emulator.run(image, measure.MACHINES[0])
+    found = cycles.cycles(image, "filter", measure.MACHINES[0])
+    assert answer.vectors.least - 20 <= found.instructions <= answer.vectors.most
+    assert found.instructions < found.fewest < found.most < 4 * found.fewest
+
+
+@needs_tools
+def test_a_recorded_log_through_an_exported_library(tmp_path, monkeypatch, capsys):
+    samples = a_log(50)
+    write_log(Log("day", np.arange(50.0), samples.current_A, samples.voltage_V, None), tmp_path / "day.csv")
+    monkeypatch.chdir(tmp_path)
+    assert ohmward(["generic", "--chemistry", "nmc", "--capacity-ah", "2", "-o", "cell.toml"]) == 0
+    assert ohmward(["export", "cell.toml", "--filter", "coulomb", "--name", "cell", "-o", "made"]) == 0
+    assert measure.main(["made", "day.csv", "--current-sign", "charge"]) == 0
+    text = capsys.readouterr().out
+    assert text.count("50 samples") == 4 and text.count("0 outputs with other bits") == 4
+    assert measure.main(["nothing", "day.csv"]) == 2
+    assert "no exported library" in capsys.readouterr().err
+    assert {p.name for p in tmp_path.iterdir()} == {"day.csv", "cell.toml", "made"}
+
+
+def test_without_its_tools_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    assert measure.main([]) == 1
+    assert "apt-get install" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "operands", "count"),
+    [
+        ("add", "r0, r1", 1),
+        ("vadd", "s0, s1, s2", 1),
+        ("vmla", "s0, s1, s2", 3),
+        ("vdivne", "s0, s1, s2", 14),
+        ("vldr", "s0, [sp, #4]", 2),
+        ("ldrb", "r0, [r1]", 2),
+        ("push", "{r4, r5, lr}", 4),
+        ("vpush", "{d8-d15}", 17),
+        ("ldmia", "r0!, {r1-r3, r5}", 5),
+    ],
+)
+def test_cycles_of_kinds_are_those_of_the_manual(word, operands, count):
+    assert cycles._cycles_of(word, operands) == count
+
+
+def test_a_single_that_the_next_one_needs_a_jump_and_the_flash_cost_more():
+    text = "\n".join([
+        "     10:\tee30 0a01 \tvadd.f32\ts0, s0, s2",
+        "     14:\tee30 1a00 \tvadd.f32\ts2, s0, s0",
+        "     18:\tee30 2a04 \tvadd.f32\ts4, s6, s8",
+        "     1c:\ted9f 0a01 \tvldr\ts0, [pc, #4]",
+        "     20:\te7f6      \tb.n\t10 <x>",
+    ])  # fmt: skip
+    code = dict(cycles._instructions(text))
+    assert [code[a].size for a in (0x10, 0x20)] == [4, 2]
+    assert cycles._cost(code, 0x10, 0x14, 0x18) == (2, 0)  # waits for s0
+    assert cycles._cost(code, 0x14, 0x18, 0x1C) == (1, 0)
+    assert cycles._cost(code, 0x18, 0x1C, 0x20) == (2, 3)  # a constant from the flash
+    assert cycles._cost(code, 0x1C, 0x20, 0x10) == (3, 3)  # a jump, and a line of its own
+    assert cycles._cost(code, 0x20, 0x10, 0x14) == (1, 3)
+
+
+def test_bits_are_the_same_or_no_number_both():
+    a = np.array([0.0, np.nan, 1.0, np.nan], np.float32)
+    b = np.array([-0.0, -np.nan, 1.0, 1.0], np.float32)
+    assert measure.same_bits(a, b).tolist() == [False, True, True, False]
+
+
+def test_a_faulty_log_begins_whole_and_loses_some():
+    spoilt = measure.faulty(Sample(np.ones(100_000), np.ones(100_000), 3.7, 25.0))
+    assert spoilt.dt_s[0] == spoilt.current_A[0] == 1.0 and spoilt.voltage_V == 3.7
+    assert np.isnan(spoilt.current_A).mean() == pytest.approx(measure.LOST, rel=0.2)
+
+
+def test_the_page_has_every_filter():
+    text = measure.PAGE.read_text(encoding="utf-8")
+    for name, sample_time_s in measure.FILTERS:
+        assert f"| {name}{f', every {sample_time_s:g} s' if sample_time_s else ''} | -O2 |" in text
+    for robot, name, _ in measure.OBSERVERS:
+        assert f"| {robot.name} speed, {name} | -Os |" in text
+    for name in measure.CONTROLLERS:
+        assert f"| RLMA {name} | -O2 |" in text
