@@ -13,9 +13,9 @@ import numpy as np
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.laws import WardIagnemma
-from ohmward.traction.observers import KNOWN_GROUND, Sample, SpeedObserver, States
+from ohmward.traction.observers import KNOWN_GROUND, Sample, SlipEstimator, SpeedObserver, States
 
-STEPS, REPEATS, ROUNDS = 5_000, 7, 200_000
+STEPS, REPEATS, ROUNDS, UPDATES = 5_000, 7, 200_000, 2_000
 FLOOR = scene(RLMA, Terrain("rubber", WardIagnemma(0.7, 20.0), RollingResistance(), "[T] 4.3"))
 OBSERVERS = {
     "four-state AUKF of [T], faults handled": SpeedObserver(FLOOR, KNOWN_GROUND, matching=True),
@@ -34,7 +34,7 @@ class StepTime(NamedTuple):
     rounds_1000: float
 
 
-def step_times() -> Iterator[StepTime]:
+def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
     """Of every observer."""
     for name, observer in OBSERVERS.items():
         samples = drive(observer)
@@ -43,9 +43,34 @@ def step_times() -> Iterator[StepTime]:
         kernel = Kernel(observer.step, state, first, lowering="python")
         kernel.scan(state, samples)
         log = partial(kernel.scan, state, samples)
-        pairs = [(seconds(log), seconds(rounds)) for _ in range(REPEATS)]
+        pairs = [(seconds(log), seconds(rounds)) for _ in range(repeats)]
         step, ratio = statistics.median(a for a, _ in pairs) / STEPS, statistics.median(a / b for a, b in pairs)
         yield StepTime(name, step, len(kernel.program.nodes), ratio * ROUNDS / STEPS / 1000)
+
+
+class LiveTime(NamedTuple):
+    """Seconds of one `SlipEstimator.update`."""
+
+    name: str
+    lowering: str
+    seconds: float
+
+
+def live_times() -> Iterator[LiveTime]:
+    """Of every observer, with NumPy alone and in machine code."""
+    for name, observer in OBSERVERS.items():
+        columns = drive(observer)
+        samples = [Sample(*(np.asarray(c)[k] for c in columns)) for k in range(UPDATES)]
+        for lowering in ("python", "machine"):
+            estimator = SlipEstimator(observer, lowering)
+            estimator.update(samples[0])
+            live = partial(_update, estimator, samples)
+            yield LiveTime(name, lowering, min(seconds(live) for _ in range(REPEATS)) / UPDATES)
+
+
+def _update(estimator: SlipEstimator, samples: list[Sample]) -> None:
+    for sample in samples:
+        estimator.update(sample)
 
 
 def drive(observer: SpeedObserver) -> Sample:
@@ -77,3 +102,5 @@ def seconds(run: Callable[[], object]) -> float:
 if __name__ == "__main__":
     for row in step_times():
         print(f"{row.name}: {1e6 * row.seconds:.1f} us, {row.operations} operations, {row.rounds_1000:.2f} k rounds")
+    for row in live_times():
+        print(f"{row.name}: update() in {row.lowering}, {1e6 * row.seconds:.1f} us")

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
-from ohmward.traction.observers import Estimate, Noise, Sample, SlipEstimator, SpeedObserver, observe
+from ohmward.traction.observers import KNOWN_GROUND, Estimate, Noise, Sample, SlipEstimator, SpeedObserver, observe
 from ohmward.traction.observers.track import first_of, motion_of, samples_of
 from ohmward.traction.robot import wheel_speeds
 from traction.observers.examples import FLOOR
@@ -38,14 +38,109 @@ def test_a_drive_at_constant_speed():
     assert track.seconds > 0
 
 
-def test_live_samples_and_a_log_give_the_same():
-    log = drive()
-    whole = observe(OBSERVER, log).estimates
+def faulty_drive(steps=400):
+    """Wheels that spin, every sensor, steps of 5 to 15 ms; every value is missing now and then, one step is a gap."""
+    rng = np.random.default_rng(3)
+    time_s = np.cumsum(rng.uniform(0.005, 0.015, steps))
+    time_s[steps // 2 :] += 3.0
+    speed = np.full((steps, 4), math.nan)
+    speed[:, :2] = (3 + np.sin(3 * time_s))[:, None] + 0.05 * rng.standard_normal((steps, 2))
+    speed[100:130, 0] += 8.0
+    current = 0.4 + np.cos(3 * time_s)[:, None] + 0.1 * rng.standard_normal((steps, 2))
+    others = {
+        "yaw_rate_rad_s": 0.02 * rng.standard_normal(steps),
+        "pitch_rad": 0.03 + 0.01 * rng.standard_normal(steps),
+        "acceleration_m_s2": 0.3 + 0.1 * rng.standard_normal(steps),
+        "speed_m_s": 0.36 + 0.05 * rng.standard_normal(steps),
+    }
+    speed[:, :2][rng.random((steps, 2)) < 0.1] = math.nan
+    current[rng.random((steps, 2)) < 0.1] = math.nan
+    for values in others.values():
+        values[rng.random(steps) < 0.5] = math.nan
+    return DriveLog("faulty", time_s, speed, current, **others)
+
+
+EVERYTHING = Noise(gyro_std_rad_s=0.02, pitch_std_rad=0.01, accelerometer_std_m_s2=0.2, speed_std_m_s=0.05)
+OBSERVERS = {
+    "default": SpeedObserver(scene(RLMA, FLOOR)),
+    "ekf": OBSERVER,
+    "aukf of known ground": SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, matching=True),
+    "every sensor": SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=EVERYTHING),
+}
+each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.keys())
+
+
+def live_estimates(estimator, log):
+    estimates = map(estimator.update, rows(samples_of(log, estimator.observer)))
+    return Estimate(*map(np.array, zip(*estimates, strict=True)))
+
+
+@each
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_live_samples_and_a_log_give_the_same(observer, lowering):
+    log, live = faulty_drive(80), SlipEstimator(observer, lowering)
+    whole = SlipEstimator(observer, lowering).run(log)
+    live.state = observer.init(first_of(samples_of(log, observer)))
+    for found, expected in zip(live_estimates(live, log), whole.estimates, strict=True):
+        assert_array_equal(found, expected)
+    assert live.time_s == pytest.approx(log.time_s[-1] - log.time_s[0])
+
+
+@each
+def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observer):
+    log = faulty_drive()
+    in_python, in_machine_code = (SlipEstimator(observer, lowering) for lowering in ("python", "machine"))
+    expected, found = in_python.run(log), in_machine_code.run(log)
+    assert {"gap", "no_current", "no_encoder", "ground_changed"} <= expected.counts().keys()
+    assert found.counts() == expected.counts()
+    for name in Estimate._fields:
+        f, e = getattr(found.estimates, name), getattr(expected.estimates, name)
+        assert_allclose(f, e, rtol=1e-9, atol=1e-9, err_msg=name)
+    for name, value in in_python.snapshot()["state"].items():
+        assert in_machine_code.snapshot()["state"][name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    rest = faulty_drive(60)
+    for f, e in zip(live_estimates(in_machine_code, rest), live_estimates(in_python, rest), strict=True):
+        assert_allclose(f, e, rtol=1e-9, atol=1e-9)
+
+
+def test_live_samples_run_in_machine_code_where_it_is_installed():
     live = SlipEstimator(OBSERVER)
-    single = [live.update(sample) for sample in rows(samples_of(log, OBSERVER))]
-    assert_array_equal([e.speed_m_s for e in single], whole.speed_m_s)
-    assert_array_equal([e.slip_speed_std_m_s for e in single], whole.slip_speed_std_m_s)
-    assert live.time_s == pytest.approx(log.time_s[-1])
+    live.update(rows(samples_of(drive(), OBSERVER))[0])
+    assert type(live._live).__name__ == "MachineLive"
+
+
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
+    live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER))[0]
+    live.update(sample)
+    before = live.snapshot()
+    with pytest.raises(InputError, match=r"wheel_speed_rad_s must have the shape \(4,\) .* got \(3,\)"):
+        live.update(sample._replace(wheel_speed_rad_s=np.zeros(3)))
+    assert live.snapshot() == before
+    live.update(sample)
+
+
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_live_restart_goes_on_to_the_bit(lowering):
+    samples = rows(samples_of(faulty_drive(60), OBSERVER))
+    before = SlipEstimator(OBSERVER, lowering)
+    for sample in samples[:30]:
+        before.update(sample)
+    after = SlipEstimator(OBSERVER, lowering)
+    after.restore(json.loads(json.dumps(before.snapshot(), allow_nan=False)))
+    for sample in samples[30:]:
+        for found, expected in zip(after.update(sample), before.update(sample), strict=True):
+            assert_array_equal(found, expected)
+    assert after.snapshot() == before.snapshot()
+
+
+def test_an_unknown_radius_widens_the_sigmas_of_speed_and_slip():
+    sure, unsure = (SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, noise=Noise(radius_std=s)) for s in (1e-12, 0.02))
+    assert not unsure.states.radius
+    narrow, wide = (observe(observer, drive()).estimates for observer in (sure, unsure))
+    more = 0.02 * RLMA.wheel.radius_m * np.abs(narrow.wheel_speed_rad_s)
+    assert_allclose(wide.slip_speed_std_m_s, np.hypot(narrow.slip_speed_std_m_s, more), rtol=1e-12)
+    assert_allclose(wide.speed_std_m_s, np.hypot(narrow.speed_std_m_s, more.max(axis=1)), rtol=1e-12)
 
 
 def test_a_log_in_two_parts_is_the_log():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.flags import count_flags
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel, snapshot
+from ohmward.trace import Kernel, maximum, snapshot
+from ohmward.trace.live import Live
+from ohmward.trace.structure import check
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
 from ohmward.traction.observers.slow_channel import held
 from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
@@ -58,31 +61,53 @@ class SlipEstimator:
 
     Args:
         observer: settings; `observer_for` finds some for a robot and a log.
+        lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
     """
 
-    def __init__(self, observer: SpeedObserver):
+    def __init__(self, observer: SpeedObserver, lowering: str | None = None):
         self.observer = observer
-        self.state: ObserverState | None = None
+        self.lowering = lowering
         self.time_s = math.nan
+        self._state: ObserverState | None = None
+        self._live: Live | None = None
         self._kernel: Kernel | None = None
 
+    @property
+    def state(self) -> ObserverState | None:
+        """The observer's state after the last sample; None before the first. What is assigned goes on from there."""
+        return self._state if self._live is None else self._live.state
+
+    @state.setter
+    def state(self, state: ObserverState | None) -> None:
+        self._state, self._live = state, None
+
     def update(self, sample: Sample) -> Estimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`."""
-        if self.state is None:
-            self._start(sample)
+        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
+
+        Raises:
+            InputError: the sample has other wheels or motors than the observer's robot.
+        """
+        if self._live is None:
+            if self._state is None:
+                self.state = self.observer.init(sample)
+            self._live = self.kernel.live(self._state)
+        try:
+            estimate = self._live.step(sample)
+        except (TypeError, ValueError):
+            check(self.kernel.program.argument_structure, (self.state, sample))
+            raise
         self.time_s = _later(self.time_s, sample.dt_s)
-        self.state, estimate = self.kernel(self.state, sample)
-        return consider_radius(estimate, self.observer)
+        return estimate
 
     def run(self, log: DriveLog, progress: Progress | None = None) -> Track:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
         began = time.perf_counter()
         samples = samples_of(log, self.observer, self.time_s)
         if self.state is None:
-            self._start(first_of(samples))
+            self.state = self.observer.init(first_of(samples))
         self.state, estimates = self.kernel.scan(self.state, samples, progress)
         self.time_s = float(log.time_s[-1])
-        return Track(log.time_s, consider_radius(estimates, self.observer), time.perf_counter() - began)
+        return Track(log.time_s, estimates, time.perf_counter() - began)
 
     def snapshot(self) -> dict[str, Any]:
         """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
@@ -105,11 +130,9 @@ class SlipEstimator:
     def kernel(self) -> Kernel:
         """The compiled step."""
         if self._kernel is None:
-            self._kernel = Kernel(self.observer.step, self.state, self.observer.no_sample())
+            step = partial(considered_step, self.observer)
+            self._kernel = Kernel(step, self._state, self.observer.no_sample(), lowering=self.lowering)
         return self._kernel
-
-    def _start(self, first: Sample) -> None:
-        self.state = self.observer.init(first)
 
 
 def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> Sample:
@@ -131,14 +154,20 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
     return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, current_A, **given)
 
 
+def considered_step(observer: SpeedObserver, state: ObserverState, sample: Sample) -> tuple[ObserverState, Estimate]:
+    """A step of the observer, and its estimate with what the radius is not known by."""
+    after, estimate = observer.step(state, sample)
+    return after, consider_radius(estimate, observer)
+
+
 def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
     """The estimate with what the radius is not known by in the sigmas of speed and slip, where it is no state."""
     if observer.states.radius:
         return estimate
-    std_m_s = observer.noise.radius_std * observer.scene.robot.wheel.radius_m * np.abs(estimate.wheel_speed_rad_s)
+    std_m_s = observer.noise.radius_std * observer.scene.robot.wheel.radius_m * abs(estimate.wheel_speed_rad_s)
     return estimate._replace(
-        speed_std_m_s=np.hypot(estimate.speed_std_m_s, std_m_s.max(axis=-1)),
-        slip_speed_std_m_s=np.hypot(estimate.slip_speed_std_m_s, std_m_s),
+        speed_std_m_s=np.sqrt(estimate.speed_std_m_s**2 + reduce(maximum, std_m_s) ** 2),
+        slip_speed_std_m_s=np.sqrt(estimate.slip_speed_std_m_s**2 + std_m_s**2),
     )
 
 
