@@ -1,0 +1,65 @@
+"""The script of continuous integration with stand-ins for commands: what it installs, and what it does without."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / ".ci" / "run"
+TOOLS = ("gcc", "cmake", "cppcheck", "arm-none-eabi-gcc", "qemu-system-arm")
+MISSING = [tool for tool in ("bash", "dirname") if not shutil.which(tool)]
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"no shell here: {', '.join(MISSING)} missing")
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run the script where these are the only commands; their calls in order, and the result."""
+    for tool in ("bash", "dirname"):
+        (tmp_path / tool).symlink_to(shutil.which(tool))
+
+    def script(commands):
+        log = tmp_path / "log"
+        for name, body in commands.items():
+            (tmp_path / name).write_text(f'#!{tmp_path}/bash\necho "{name} $*" >> {log}\n{body}\n')
+            (tmp_path / name).chmod(0o755)
+        result = subprocess.run(
+            ["bash", SCRIPT], env={"PATH": str(tmp_path)}, capture_output=True, text=True, check=False
+        )
+        return [line for line in log.read_text().splitlines() if not line.startswith("id ")], result
+
+    return script
+
+
+ROOT, USER, GOOD, BAD = "echo 0", "echo 1000", "exit 0", "exit 1"
+
+
+def test_root_installs_what_is_missing_then_tests(run):
+    calls, result = run({"id": ROOT, "apt-get": GOOD, "make": GOOD})
+    assert result.returncode == 0 and result.stderr == ""
+    assert [c.split()[0] for c in calls] == ["apt-get", "apt-get", "make"] and calls[-1] == "make test"
+    for package in ("gcc-arm-none-eabi", "libnewlib-arm-none-eabi", "qemu-system-arm", "--no-install-recommends"):
+        assert package in calls[1]
+
+
+def test_what_is_there_is_not_installed(run):
+    calls, result = run({"id": ROOT, "apt-get": GOOD, "make": GOOD} | dict.fromkeys(TOOLS, GOOD))
+    assert calls == ["make test"] and result.returncode == 0
+
+
+def test_a_failure_is_tried_once_more_said_and_survived(run):
+    calls, result = run({"id": ROOT, "apt-get": BAD, "make": GOOD})
+    assert [c.split()[-1] for c in calls] == ["update", "update", "test"] and result.returncode == 0
+    assert "INSTALLATION FAILED TWICE" in result.stderr
+
+
+@pytest.mark.parametrize("commands", [{"id": USER, "apt-get": GOOD, "make": GOOD}, {"id": ROOT, "make": GOOD}])
+def test_without_root_or_apt_it_says_what_would_be_needed(run, commands):
+    calls, result = run(commands)
+    assert calls == ["make test"] and result.returncode == 0
+    assert "NOT INSTALLED" in result.stderr and "gcc-arm-none-eabi" in result.stderr
+
+
+def test_a_failing_test_fails_it(run):
+    calls, result = run({"id": USER, "make": BAD})
+    assert calls == ["make test"] and result.returncode != 0
