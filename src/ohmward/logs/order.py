@@ -36,6 +36,11 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
     if not (time_s[1:] < time_s[:-1]).any():
         return table
     late = time_s < np.maximum.accumulate(time_s)
+    if not sort_time and _newest_first(time_s):
+        raise InputError(
+            f"{table.source}: the time falls from {table.place} to {table.place}: the newest row stands first; "
+            "sort the rows with --sort-time (sort_time=True)"
+        )
     restarts = find_restarts(time_s)
     if not sort_time and restarts.size and _starts_again(time_s, restarts):
         raise InputError(explain_recordings(table, time, restarts))
@@ -62,6 +67,10 @@ def _typical(steps: np.ndarray) -> float:
     """Median interval between rows [s]."""
     rising = steps[steps > 0]
     return float(np.median(rising)) if rising.size else 0.0
+
+
+def _newest_first(time_s: np.ndarray) -> bool:
+    return bool(np.count_nonzero(time_s[1:] < time_s[:-1]) > np.count_nonzero(time_s[1:] > time_s[:-1]))
 
 
 def _starts_again(time_s: np.ndarray, restarts: np.ndarray) -> bool:
