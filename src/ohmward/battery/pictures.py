@@ -275,8 +275,9 @@ def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:
 
 def _usual(values: np.ndarray) -> float:
     """A limit that all but the largest 2 % of the sizes stay below; the first seconds must not flatten the rest."""
-    size = np.abs(values[np.isfinite(values)])
-    return max(1.3 * float(np.quantile(size, 0.98)), 1e-6) if size.size else 1.0
+    size = values[np.isfinite(values)]
+    np.abs(size, out=size)
+    return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

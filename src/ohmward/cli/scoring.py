@@ -20,7 +20,7 @@ def soc_scores(log: Log, estimates: Estimate, truth: np.ndarray | None) -> dict[
     truth: (T,) reference, nan where there is none.
     """
     late = log.time_s >= log.time_s[0] + SETTLE_S
-    parts = {"": np.ones_like(late), _SUFFIX: late}
+    parts = {"": slice(None), _SUFFIX: late}
     figures: dict[str, float | None] = {}
     for suffix, part in parts.items():
         found = None if truth is None else score(estimates.soc[part], truth[part], estimates.soc_std[part])
