@@ -1,28 +1,20 @@
 """Exported filters, compiled and run as their user would: the vectors pass, the compiler has nothing to say."""
 
-import dataclasses
 import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import generic_battery
+from export.batteries import BATTERY, WITH_RC
 from ohmward.battery.estimate import Sample
 from ohmward.battery.estimators import available, make_estimator
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc import RcModel
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
 from ohmward.export.comments import field_comments
 from ohmward.trace import Kernel
 
-BATTERY: Battery = generic_battery("lfp", 12.0, 4)
-WITH_RC = dataclasses.replace(
-    BATTERY, rc=RcModel(9000.0, 900.0, 0.010, 0.010, 0.006, OcvCurve((12.0, 13.6)), BATTERY.capacity_Ah)
-)
 CALLER = """\
 #include "soc.h"
 

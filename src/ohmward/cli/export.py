@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _EXAMPLES = """\
   ohmward export battery.toml -o firmware/soc
   ohmward export battery.toml --filter textbook-ekf --name cell --sample-time 1 --flash-kb 8 -o firmware/cell
+  ohmward export battery.toml --filter textbook-joint --style loops --name joint -o firmware/joint
   ohmward export robot.toml --filter ekf --name speed -o firmware/speed
   ohmward export rlma --filter slip-controller --name wheel -o firmware/wheel
 """
@@ -56,6 +57,12 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         metavar="S",
         help="samples always come so many seconds apart: smaller and faster, dt_s is not looked at",
     )
+    group.add_argument(
+        "--style",
+        choices=("lines", "loops"),
+        default="lines",
+        help="lines: no loops, the fastest; loops: a few filters, the smallest (default %(default)s)",
+    )
     group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
     group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
@@ -76,6 +83,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "filter": args.filter,
         "name": args.name,
         "sample_time_s": args.sample_time,
+        "style": args.style,
         "operations": needed.operations,
         "flash_bytes_estimated": needed.flash,
         "state_bytes": needed.state,
@@ -85,7 +93,7 @@ def run(args: argparse.Namespace) -> Outcome:
     }
     rows = {
         "operations": f"{needed.operations:,}",
-        "flash": f"about {needed.flash / 1024:.1f} KB on a Cortex-M",
+        "flash": f"about {needed.flash / 1024:.1f} KB on a Cortex-M with -Os",
         "state": f"{needed.state} bytes",
         "files": ", ".join(figures["files"]),
     }
@@ -110,13 +118,17 @@ def _battery_export(args: argparse.Namespace) -> Export:
     from ohmward.export.battery import battery_export
 
     start = args.initial_soc, args.initial_soc_std
-    return battery_export(load_battery(args.file), args.filter, args.name, *start, args.sample_time)
+    return battery_export(load_battery(args.file), args.filter, args.name, *start, args.sample_time, args.style)
 
 
 def _robot_export(args: argparse.Namespace) -> Export:
     from ohmward.cli.driving import make_robot, make_terrain
+    from ohmward.errors import InputError
+    from ohmward.export.battery import WITH_LOOPS
     from ohmward.export.traction import CONTROLLERS, controller_export, observer_export
 
+    if args.style != "lines":
+        raise InputError(f"{args.filter} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
     robot = make_robot(args.file)
     if args.filter in CONTROLLERS:
         return controller_export(robot, args.filter, args.name)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import IntFlag
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ohmward.battery.reading import ROOM_DEGC
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
+from ohmward.export.loops import joint_loops, textbook_loops
 from ohmward.trace import trace
 
 if TYPE_CHECKING:
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 
 #: The filter of the RC model's parameters, which is no estimator of state of charge.
 JOINT = "textbook-joint"
+
+#: The filters whose step can be written as loops.
+WITH_LOOPS = ("textbook-ekf", "textbook-ukf", JOINT)
+
+Style = Literal["lines", "loops"]
 
 #: How far the open-circuit voltage may be from the first voltage in its test [V].
 BULK_STD_V = 0.05
@@ -43,6 +50,7 @@ def battery_export(
     soc: float = 0.5,
     soc_std: float = 0.3,
     sample_time_s: float | None = None,
+    style: Style = "lines",
 ) -> Export:
     """The estimator `filter_name` of a battery, or the filter JOINT of its RC model, ready to be written.
 
@@ -50,29 +58,41 @@ def battery_export(
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
     sample_time_s: of samples that always come so far apart; `dt_s` is then not looked at, and the code is smaller.
 
+    style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
+
     Raises:
-        InputError: no such estimator, or the battery file lacks its model.
+        InputError: no such estimator or style of it, or the battery file lacks its model.
     """
+    require_style(style, filter_name)
     if filter_name == JOINT:
-        return _joint_export(battery, name, sample_time_s)
+        return _joint_export(battery, name, sample_time_s, style)
     estimator: Any = make_estimator(filter_name, battery)
     rest = Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
-    traceable = hasattr(estimator, "start")
+    traceable, at_rate = hasattr(estimator, "start"), partial(_at_fixed_rate, sample_time_s=sample_time_s)
     start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
     return Export(
         name=name,
         title=f"State of charge of {battery.name}: {ESTIMATORS[filter_name].title}",
-        step=trace(_at_fixed_rate(estimator.step, sample_time_s), state, _EXAMPLE),
+        step=trace(at_rate(estimator.step), state, _EXAMPLE),
         start=start,
         types=(type(state), Sample, Estimate),
         flags=Flag,
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
+        loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
     )
 
 
-def _joint_export(battery: Battery, name: str, sample_time_s: float | None) -> Export:
+def require_style(style: str, filter_name: str) -> None:
+    """Refuse a style that there is not, or not of this filter."""
+    if style not in get_args(Style):
+        raise InputError(f"style must be one of {', '.join(get_args(Style))}, got {style!r}")
+    if style == "loops" and filter_name not in WITH_LOOPS:
+        raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
+
+
+def _joint_export(battery: Battery, name: str, sample_time_s: float | None, style: Style) -> Export:
     """The published filter of states and parameters of the RC model; it starts at rest at the first voltage."""
     if battery.rc is None:
         raise InputError(
@@ -82,20 +102,22 @@ def _joint_export(battery: Battery, name: str, sample_time_s: float | None) -> E
     highest_V = battery.rc.ocv.voltage_V[-1]
     joint = TextbookJoint(even(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
     state = joint.init(Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
+    at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
     return Export(
         name=name,
         title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
-        step=trace(_at_fixed_rate(joint.step, sample_time_s), state, _EXAMPLE),
+        step=trace(at_rate(joint.step), state, _EXAMPLE),
         start=trace(joint.start, _EXAMPLE, BULK_STD_V),
         types=(type(state), Sample, TextbookJointEstimate),
         flags=NoFlag,
         arguments=(BULK_STD_V,),
         samples=vector_samples(battery),
+        loops=joint_loops(joint, state, name, at_rate) if style == "loops" else None,
     )
 
 
 def _at_fixed_rate(step: Callable, sample_time_s: float | None) -> Callable:
-    """The step with a time step that is a constant of the program."""
+    """The function of state and sample with a time step that is a constant of the program."""
     if sample_time_s is None:
         return step
     require_positive("sample_time_s", sample_time_s)

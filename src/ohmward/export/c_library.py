@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from enum import IntFlag
-from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,13 +13,19 @@ from ohmward import __version__
 from ohmward.atomic import replacing
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import field_comments
+from ohmward.export.template import filled, template, templates
 from ohmward.export.vectors import vectors_header
-from ohmward.trace.c_source import Member, c_source, members
+from ohmward.trace.c_source import Loops, Member, c_source, members
+from ohmward.trace.constant_arrays import constant_arrays
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.program import Program
 
-#: Bytes of Thumb-2 code for each operation of a straight line, and of one entry of a table.
-_BYTES_OF_OPERATION, _BYTES_OF_ENTRY = 7, 4
+#: Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written; and of
+#: one entry of a table. Fitted to all filters; `tests/export/test_size.py` holds them to what the compiler makes.
+_BYTES_OF_OPERATION, _BYTES_OF_CHOICE, _BYTES_OF_NUMBER, _BYTES_OF_ENTRY = 5.5, 18.0, 2.0, 4
+_TIME_OF_LINES = "A step has no loops and no branches that depend on data: it always takes the same time."
+_TIME_OF_LOOPS = "A step has loops of fixed length and no branches that matter: it always takes the same time."
+_CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
 class Export(NamedTuple):
@@ -34,6 +38,7 @@ class Export(NamedTuple):
     flags:   what the bits of the output's flags mean.
     arguments: values of the further arguments of the start, for the test.
     samples: (T, m) of the test vectors.
+    loops:   the step as loops; None where it is a straight line.
     """
 
     name: str
@@ -44,10 +49,15 @@ class Export(NamedTuple):
     flags: type[IntFlag]
     arguments: tuple[float, ...]
     samples: np.ndarray
+    loops: Loops | None = None
 
 
 class Size(NamedTuple):
-    """What a library takes on a microcontroller [bytes]; flash is an estimate for Thumb-2, the state is exact."""
+    """What a library takes on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os.
+
+    operations: of its straight lines.
+    flash: code and tables.
+    """
 
     operations: int
     flash: int
@@ -56,12 +66,20 @@ class Size(NamedTuple):
 
 def size(export: Export) -> Size:
     """What the library will take."""
-    programs = [expand(p, F32) for p in (export.step, export.start)]
-    tables = {a for p in programs for n in p.nodes if n.operation.name == "gather" for a in n.args[1:]}
-    operations = sum(len(p.nodes) for p in programs)
-    entries = sum(len(t) for t in tables)
+    loops = export.loops
+    steps = [function.program for function in loops.functions] if loops else [export.step]
+    programs = [expand(p, F32) for p in (export.start, *steps)]
+    code = sum(map(_code_bytes, programs)) + (loops.code_bytes if loops else 0)
+    entries = sum(map(len, constant_arrays(programs)))
     state = sum(_bytes(m) for m in members(export.step.argument_structure.children[0]))
-    return Size(operations, _BYTES_OF_OPERATION * operations + _BYTES_OF_ENTRY * entries, state)
+    return Size(sum(len(p.nodes) for p in programs), round(code) + _BYTES_OF_ENTRY * entries, state)
+
+
+def _code_bytes(program: Program) -> float:
+    choices = sum(node.operation.name in _CHOICES for node in program.nodes)
+    numbers = len(program.inputs) + len(program.outputs)
+    others = len(program.nodes) - choices
+    return _BYTES_OF_OPERATION * others + _BYTES_OF_CHOICE * choices + _BYTES_OF_NUMBER * numbers
 
 
 def check_fits(export: Export, flash_bytes: float | None, ram_bytes: float | None) -> None:
@@ -75,7 +93,7 @@ def check_fits(export: Export, flash_bytes: float | None, ram_bytes: float | Non
         if limit is not None and bytes_ > limit:
             raise InputError(
                 f"{export.title} needs about {bytes_} bytes of {what}, more than the {limit:g} there are; choose "
-                "--filter textbook-ekf or a model with fewer RC pairs, or a larger target"
+                "--filter textbook-ekf, --style loops, --sample-time, a model with fewer RC pairs or a larger target"
             )
 
 
@@ -83,7 +101,7 @@ def library(export: Export) -> dict[str, str]:
     """The text of every file, by its name."""
     comments, needed = _comments(export), size(export)
     flags = {str(flag.name): flag.value for flag in export.flags}
-    source = c_source(export.step, export.name, export.start, comments, flags)
+    source = c_source(export.step, export.name, export.start, comments, flags, export.loops)
     files = {f"{export.name}.h": source.header, f"{export.name}.c": source.source}
     files[f"{export.name}_vectors.h"] = vectors_header(
         export.name, export.step, export.start, export.arguments, export.samples
@@ -95,14 +113,14 @@ def library(export: Export) -> dict[str, str]:
         "TITLE": export.title,
         "STATE_BYTES": str(needed.state),
         "FLASH_BYTES": f"{round(needed.flash, -2)}",
+        "TIME": _TIME_OF_LOOPS if export.loops else _TIME_OF_LINES,
         "ARGUMENTS": "".join(f", {a:g}f" if "." in f"{a:g}" else f", {a:g}.0f" for a in export.arguments),
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
         "SAMPLE": _table(export.step, 1, "sample", comments),
         "OUTPUT": _table(export.step, 2, "output", comments),
     }
-    for template in sorted(t.name for t in _templates().iterdir() if t.name.endswith(".in")):
-        name = template.removesuffix(".in").replace("NAME", export.name)
-        files[name] = _filled((_templates() / template).read_text(encoding="utf-8"), words)
+    for file in templates():
+        files[file.removesuffix(".in").replace("NAME", export.name)] = filled(template(file), words)
     return files
 
 
@@ -122,15 +140,6 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
         with replacing(paths[-1]) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
     return paths
-
-
-def _templates() -> Any:
-    return resources.files("ohmward.export") / "templates"
-
-
-def _filled(text: str, words: Mapping[str, str]) -> str:
-    """The text with @WORD@ replaced."""
-    return re.sub(r"@(\w+)@", lambda match: words[match[1]], text)
 
 
 def _comments(export: Export) -> dict[str, str]:

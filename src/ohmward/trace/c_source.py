@@ -24,6 +24,9 @@ from ohmward.trace.structure import Branch, Leaf, Structure, leaves
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
+#: From so many zeros on, memset is shorter.
+_WORTH_MEMSET = 8
+
 #: For callers in C++.
 _C_LINKAGE = ("#ifdef __cplusplus", 'extern "C" {', "#endif")
 _END_OF_C_LINKAGE = ("#ifdef __cplusplus", "}", "#endif")
@@ -64,6 +67,7 @@ def c_source(
     start: Program | None = None,
     comments: Mapping[str, str] | None = None,
     constants: Mapping[str, int] | None = None,
+    loops: Loops | None = None,
 ) -> CSource:
     """The library of a step(state, sample) -> (state, output) and, where there is one, its start(sample, ...) -> state.
 
@@ -71,6 +75,7 @@ def c_source(
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
     comments: what a member means and its unit, by its path: "sample.current_A".
     constants: whole numbers that the header defines as NAME_WORD.
+    loops:    the body of the step, where it is not to be a straight line.
 
     Raises:
         InputError: the name is no prefix, or a function has another form.
@@ -79,49 +84,72 @@ def c_source(
         raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
     parts = dict(zip(("state", "sample", "output"), _parts(step), strict=True))
     structs = {word: members(structure) for word, structure in parts.items()}
-    functions = [_start(start, parts, name, structs)] if start else []
-    functions.append(_step(step, name, structs))
-    return CSource(_header(name, structs, functions, comments or {}, constants or {}), _source(name, functions))
+    started = [_start(start, parts, name, structs)] if start else []
+    functions = [*started, _step(step, name, structs)]
+    header = _header(name, structs, functions, comments or {}, constants or {})
+    return CSource(header, _source_of_loops(name, started, loops) if loops else _source(name, functions))
 
 
-class _Function(NamedTuple):
-    """A C function: what it does, its prototype, the program, and what its inputs and outputs are in C."""
+class Function(NamedTuple):
+    """A C function: what it does, its prototype, the program, and what its inputs and outputs are in C.
+
+    An output that is `return` is what the function returns. `fills` names the pointer to a struct that the outputs fill
+    whole: where most of it is zero, memset does that.
+    """
 
     comment: str
     prototype: str
     program: Program
     inputs: list[str]
     outputs: list[str]
+    fills: str = ""
 
 
-def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> _Function:
-    state, sample, output = (_places(word, structs[word]) for word in ("state", "sample", "output"))
-    return _Function(
+class Loops(NamedTuple):
+    """A step that is no straight line.
+
+    structs:   those that its functions need, by their name without the prefix.
+    functions: straight lines that it calls.
+    source:    C of the step itself.
+    code_bytes: what that takes in Thumb-2 code.
+    """
+
+    structs: Mapping[str, Structure]
+    functions: list[Function]
+    source: str
+    code_bytes: int
+
+
+def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> Function:
+    state, sample, output = (places(word, structs[word]) for word in ("state", "sample", "output"))
+    return Function(
         "One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere.",
         f"void {name}_step({name}_state *state, const {name}_sample *sample, {name}_output *output)",
-        expand(program, F32),
+        program,
         state + sample,
         state + output,
     )
 
 
-def _start(program: Program, parts: Mapping[str, Structure], name: str, structs: dict[str, list[Member]]) -> _Function:
+def _start(program: Program, parts: Mapping[str, Structure], name: str, structs: dict[str, list[Member]]) -> Function:
     first, *further = program.argument_structure.children
     fits = first == parts["sample"] and program.result_structure == parts["state"]
     if not fits or not all(isinstance(child, Leaf) and not child.shape for child in further):
         raise InputError(f"C needs a start(sample, number, ...) -> state; {program.name} has another form")
     words = list(program.argument_structure.fields[1:])
     arguments = "".join(f", float {word}" for word in words)
-    return _Function(
+    return Function(
         "The state before the first sample, which is looked at; then give that sample to the step.",
         f"void {name}_start({name}_state *state, const {name}_sample *sample{arguments})",
-        expand(program, F32),
-        _places("sample", structs["sample"]) + words,
-        _places("state", structs["state"]),
+        program,
+        places("sample", structs["sample"]) + words,
+        places("state", structs["state"]),
+        "state",
     )
 
 
-def _places(word: str, struct: list[Member]) -> list[str]:
+def places(word: str, struct: list[Member]) -> list[str]:
+    """How the scalars of a struct are written, whose pointer is called `word`."""
     return [f"{word}->{place}" for part in struct for place in part.places]
 
 
@@ -148,7 +176,7 @@ def _parts(program: Program) -> tuple[Structure, Structure, Structure]:
 def _header(
     name: str,
     structs: dict[str, list[Member]],
-    functions: list[_Function],
+    functions: list[Function],
     comments: Mapping[str, str],
     constants: Mapping[str, int],
 ) -> str:
@@ -157,10 +185,14 @@ def _header(
     lines += [f"#define {name.upper()}_{word} {value}" for word, value in constants.items()]
     lines += [""] if constants else []
     for struct, parts in structs.items():
-        lines += ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
+        lines += _typedef(name, struct, parts, comments)
     for function in functions:
         lines += [f"/* {function.comment} */", f"{function.prototype};", ""]
     return "\n".join([*lines, *_END_OF_C_LINKAGE, "", "#endif", ""])
+
+
+def _typedef(name: str, struct: str, parts: list[Member], comments: Mapping[str, str]) -> list[str]:
+    return ["typedef struct {", *_declarations(struct, parts, comments), f"}} {name}_{struct};", ""]
 
 
 def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str]) -> Iterator[str]:
@@ -171,15 +203,23 @@ def _declarations(struct: str, parts: list[Member], comments: Mapping[str, str])
         yield "    char nothing; /* C99 has no empty struct */"
 
 
-def _source(name: str, functions: list[_Function]) -> str:
+def _source_of_loops(name: str, started: list[Function], loops: Loops) -> str:
+    typedefs = [
+        line for word, structure in loops.structs.items() for line in _typedef(name, word, members(structure), {})
+    ]
+    return f"{_source(name, [*started, *loops.functions], typedefs)}\n{loops.source}"
+
+
+def _source(name: str, functions: list[Function], typedefs: list[str] | None = None) -> str:
+    functions = [function._replace(program=expand(function.program, F32)) for function in functions]
     arrays = constant_arrays([function.program for function in functions])
     writer = _Writer(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)})
     bodies = [line for function in functions for line in ("", *_body(writer, function))]
     includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
-    return "\n".join([*includes, *writer.globals(), *bodies[1:], ""])
+    return "\n".join([*includes, *(typedefs or []), *writer.globals(), *bodies[1:], ""])
 
 
-def _body(writer: _Writer, function: _Function) -> Iterator[str]:
+def _body(writer: _Writer, function: Function) -> Iterator[str]:
     program = function.program
     read = {a.serial for node in program.nodes for a in node.args if isinstance(a, Expression)}
     read |= {y.serial for y in program.outputs if isinstance(y, Expression)}
@@ -189,7 +229,12 @@ def _body(writer: _Writer, function: _Function) -> Iterator[str]:
             writer.assign(symbol, place)
     for node in program.nodes:
         writer.assign(node, writer.formula(node))
-    results = [f"{place} = {writer.word(y)};" for place, y in zip(function.outputs, program.outputs, strict=True)]
+    pairs = list(zip(function.outputs, map(writer.word, program.outputs), strict=True))
+    zeros = [pair for pair in pairs if pair[1] in ("0e+00f", "false")]
+    if function.fills and len(zeros) >= _WORTH_MEMSET:
+        writer.lines.append(f"memset({function.fills}, 0, sizeof *{function.fills});")
+        pairs = [pair for pair in pairs if pair not in zeros]
+    results = [f"return {word};" if place == "return" else f"{place} = {word};" for place, word in pairs]
     lines = [*writer.lines, *results]
     arguments = re.findall(r"(\w+)[,)]", function.prototype)
     unused = [f"(void){a};" for a in arguments if not any(re.search(rf"\b{a}\b", line) for line in lines)]

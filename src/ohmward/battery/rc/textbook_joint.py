@@ -147,7 +147,7 @@ class TextbookJoint:
         )
         K = where(reading.measured, correction.gain, 0.0)
         corrected = apply_gain(prior, correction.innovation, K)
-        after = TextbookJointState(pack(corrected), noise, K[:, 0], reading.current_A)
+        after = state._replace(belief=pack(corrected), gain=K[:, 0])
         return self.concluded(after, correction.innovation.value[0], reading)
 
     def read(self, state: TextbookJointState, sample: Sample) -> Reading:
@@ -169,13 +169,14 @@ class TextbookJoint:
         mean = self.possible(state.belief.mean)
         nu, residual = np.array([innovation_V]), np.array([reading.voltage_V - mean[-1]])
         noise = choose(reading.measured, adaptive.remember(state.noise, nu, residual, self.window), state.noise)
-        after = state._replace(belief=state.belief._replace(mean=mean), noise=noise)
+        belief = state.belief._replace(mean=mean)
+        after = state._replace(belief=belief, noise=noise, current_A=reading.current_A)
         return after, self.estimate(mean, where(reading.measured, innovation_V, math.nan))
 
     def next_state(self, x: np.ndarray, current_A: Any, dt_s: Any) -> np.ndarray:
         """State (7,) after an Euler step; [T] (3.6) with R_b = R_s and its indices set right."""
         z_bulk, z_surface, z_r, z_terminal, bulk_V, surface_V, V = x
-        per_bulk, per_surface = 0.5 * dt_s / self.nominal.c_bulk_F, 0.5 * dt_s / self.nominal.c_surface_F
+        per_bulk, per_surface = dt_s * (0.5 / self.nominal.c_bulk_F), dt_s * (0.5 / self.nominal.c_surface_F)
         bulk, surface = per_bulk * z_bulk, per_surface * z_surface  # dt / (2 C), what a current moves in the step
         g = z_r * (1 / self.nominal.r_ohm)
         across_A = g * (surface_V - bulk_V)

@@ -1,0 +1,4 @@
+    /* The curve and its slope. */
+    float expected, slope;
+    @NAME@_curve(mean[0], &reading, &expected, &slope);
+    const float R = @VOLTAGE_VARIANCE@;

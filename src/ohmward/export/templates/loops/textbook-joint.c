@@ -1,0 +1,120 @@
+enum { N = @N@, KEPT = @KEPT@, MOVED = N - KEPT };
+
+static const float @NAME@_walk[N] = {@WALK@};
+
+/* Rows of the states: what sigma point k differs from the mean, then what the images of the pair differ, in `odd`; and
+   their sum about twice the mean, last the central point's, in `even`. States that are kept have no such sums. */
+typedef struct {
+    float odd[N][N], even[N][N + 1];
+} @NAME@_points;
+
+/* Columns that are sqrt(c) standard deviations long: the lower factor of c P, every pivot kept above a floor. */
+static void @NAME@_draw(const float *lower, @NAME@_points *points)
+{
+    float u[N][N], v[N][N]; /* P = U D U', V = U D */
+    for (int j = 0; j < N; ++j) {
+        float reciprocal = 0.0f, root = 0.0f;
+        const float *p = lower + j;
+        lower += j + 1;
+        for (int i = j; i < N; ++i) {
+            float left = *p;
+            for (int k = 0; k < j; ++k) {
+                left -= u[i][k] * v[j][k];
+            }
+            if (i == j) {
+                const float floor = @PIVOT_FLOOR@ * fabsf(*p) + @TINY@;
+                const float d = left < floor ? floor : left;
+                reciprocal = 1.0f / d;
+                root = @SCALE@ * sqrtf(d);
+            }
+            v[i][j] = left;
+            u[i][j] = left * reciprocal;
+            points->odd[j][i] = 0.0f;
+            points->odd[i][j] = i == j ? root : left * (root * reciprocal);
+            p += i + 1;
+        }
+    }
+}
+
+/* The points through the model; the mean becomes that of their images. */
+static void @NAME@_propagate(float *mean, const @NAME@_reading *reading, @NAME@_points *points)
+{
+    float y[3][MOVED];
+    @NAME@_move(mean, reading, y[2]);
+    for (int k = 0; k < N; ++k) {
+        for (int s = 0; s < 2; ++s) {
+            float point[N];
+            for (int i = 0; i < N; ++i) {
+                point[i] = s ? mean[i] - points->odd[i][k] : mean[i] + points->odd[i][k];
+            }
+            @NAME@_move(point, reading, y[s]);
+        }
+        for (int i = 0; i < MOVED; ++i) {
+            points->odd[KEPT + i][k] = y[0][i] - y[1][i];
+            points->even[KEPT + i][k] = y[0][i] + y[1][i];
+        }
+    }
+    for (int i = 0; i < MOVED; ++i) {
+        float *const even = points->even[KEPT + i], sum = 0.0f;
+        for (int k = 0; k < N; ++k) {
+            sum += even[k];
+        }
+        const float m = @MEAN_0@ * y[2][i] + @SIDE@ * sum;
+        for (int k = 0; k < N; ++k) {
+            even[k] -= 2.0f * m;
+        }
+        even[N] = @CENTRE@ * (y[2][i] - m);
+        mean[KEPT + i] = m;
+    }
+}
+
+static float @NAME@_dot(const float *a, const float *b, int count)
+{
+    float sum = 0.0f;
+    for (int k = 0; k < count; ++k) {
+        sum += a[k] * b[k];
+    }
+    return sum;
+}
+
+/* Covariance of the images of a moved state i and of state j; a kept one differs by twice its offset. */
+static float @NAME@_covariance(const @NAME@_points *points, int i, int j)
+{
+    const bool kept = j < KEPT;
+    const float sum = @NAME@_dot(points->odd[i], points->odd[j], N);
+    return @PAIR@ * (sum + (kept ? sum : @NAME@_dot(points->even[i], points->even[j], N + 1)));
+}
+
+void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output *output)
+{
+    float *const mean = state->belief_mean, *const gain = state->gain, *row = state->belief_lower + N * (N + 1) / 2;
+    float K[N]; /* first the covariance of states and output */
+    @NAME@_points points;
+    @NAME@_reading reading;
+    @NAME@_read(state, sample, &reading);
+    @NAME@_draw(state->belief_lower, &points);
+    @NAME@_propagate(mean, &reading, &points);
+
+    for (int j = 0; j < N; ++j) {
+        K[j] = @NAME@_covariance(&points, N - 1, j);
+    }
+    const float R = state->noise_residual[0] + row[-1] + @VOLTAGE_VARIANCE@;
+    const float S = K[N - 1] + R, innovation = reading.voltage_V - mean[N - 1];
+    const float reciprocal = 1.0f / (S <= @TINY@ ? @TINY@ : S);
+    for (int i = 0; i < N; ++i) {
+        K[i] = reading.measured ? K[i] * reciprocal : 0.0f;
+        mean[i] += K[i] * innovation;
+    }
+    for (int i = N - 1; i >= 0; --i) {
+        row -= i + 1;
+        for (int j = 0; j <= i; ++j) {
+            if (i >= KEPT) {
+                row[j] = @NAME@_covariance(&points, i, j);
+            }
+            const float Q = (i == j ? @NAME@_walk[i] : 0.0f) + state->noise_innovation[0] * (gain[i] * gain[j]);
+            row[j] = row[j] + Q - K[i] * S * K[j];
+        }
+        gain[i] = K[i];
+    }
+    @NAME@_conclude(state, &reading, innovation, output);
+}
