@@ -17,6 +17,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -98,6 +99,7 @@ def rows(most: int = SIZES[-1]) -> Iterator[Row]:
                 what = f"`ohmward soc`, {samples:,} samples"
                 yield Row(what, case.how, cost.seconds, "s", BAR_S if barred else None)
                 yield Row(what, case.how, cost.peak_GB, "GB", BAR_GB if barred else None)
+            yield Row(f"`ohmward soc`, {samples:,} samples", "a bar on the terminal", first_sign_s(Path(folder)), "s")
 
 
 def write_files(folder: Path, samples: int, suffixes: set[str]) -> None:
@@ -111,6 +113,25 @@ def run_case(folder: Path, case: Case) -> Cost:
     options = [word.replace("OUT", str(folder)) for word in case.options]
     words = ["soc", str(folder / f"log{case.suffix}"), "--battery", str(folder / "battery.toml"), *options]
     return min(cost_of([sys.executable, "-m", "ohmward.cli", *words]) for _ in range(2))
+
+
+def first_sign_s(folder: Path) -> float:
+    """From typing the command to the first sign of a bar on a terminal, the smaller of two."""
+    words = [sys.executable, "-m", "ohmward.cli", "soc", f"{folder}/log.parquet", "--battery", f"{folder}/battery.toml"]
+    return min(_first_sign_s(words) for _ in range(2))
+
+
+def _first_sign_s(words: list[str]) -> float:
+    ours, theirs = os.openpty()
+    began = time.perf_counter()
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    os.read(ours, 1)
+    seconds = time.perf_counter() - began
+    process.terminate()
+    process.wait()
+    os.close(ours)
+    os.close(theirs)
+    return seconds
 
 
 def cost_of(command: list[str]) -> Cost:
