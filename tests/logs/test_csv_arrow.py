@@ -49,7 +49,7 @@ def outcome(path):
     return {name: values.tolist() for name, values in table.columns.items()}, table.line.tolist(), table.notes
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(arrays(float, st.integers(1, 50), elements=st.floats()))
 def test_every_number_is_written_as_python_writes_it(values):
     with np.errstate(invalid="ignore"):

@@ -1,5 +1,8 @@
 """Parquet in blocks: the same columns whatever their length."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -93,3 +96,43 @@ def test_numbers_of_measurements_are_written_without_a_dictionary(tmp_path):
     write_table({"x": np.arange(1000.0), "flags": np.zeros(1000, dtype=int), "word": np.array(["a"] * 1000)}, path)
     group = parquet.ParquetFile(path).metadata.row_group(0)
     assert [group.column(k).has_dictionary_page for k in range(3)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    "kind", ["int8", "uint8", "int16", "uint32", "int64", "uint64", "halffloat", "float", "double"]
+)
+@pytest.mark.parametrize("missing", [0.0, 0.3, 1.0])
+def test_numbers_of_every_kind_and_length(tmp_path, monkeypatch, kind, missing):
+    rng = np.random.default_rng(1)
+    column = pyarrow.array(rng.integers(0, 100, 1000).astype(float), mask=rng.random(1000) < missing).cast(kind)
+    parquet.write_table(pyarrow.table({"x": column}), tmp_path / "t.parquet", row_group_size=97)
+    monkeypatch.setattr(parquet_file, "_BLOCK_ROWS", 31)
+    found = load(tmp_path / "t.parquet").columns["x"]
+    assert found.dtype == (float if missing or "in" not in kind else np.int64)
+    np.testing.assert_array_equal(found, column.cast("double").to_numpy(zero_copy_only=False))
+
+
+def test_reading_and_writing_do_not_wait_for_pandas(tmp_path):
+    write_table({"a": np.array([1.0, np.nan]), "n": np.arange(2)}, tmp_path / "t.parquet")
+    code = (
+        "import sys; from ohmward.logs import write_table; from ohmward.logs.read import open_table\n"
+        f"table = open_table({str(tmp_path / 't.parquet')!r}).load(['a', 'n'])\n"
+        f"write_table(table.columns, {str(tmp_path / 'u.parquet')!r}); print('pandas' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_arrays_of_every_layout_are_written(tmp_path):
+    columns = {
+        "strided": np.arange(20.0)[::2],
+        "swapped": np.arange(10.0).astype(">f8"),
+        "single": np.arange(10, dtype=np.float32),
+        "small": np.arange(10, dtype=np.uint8),
+        "word": np.array(list("abcdefghij")),
+        "flag": np.arange(10) % 2 == 0,
+        "list": list(range(10)),
+    }
+    write_table(columns, tmp_path / "t.parquet")
+    found = load(tmp_path / "t.parquet").columns
+    for name, values in columns.items():
+        np.testing.assert_array_equal(found[name], values)
