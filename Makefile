@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test check accuracy speed slip-control firmware docs format clean
+.PHONY: help demo test check accuracy bench slip-control firmware docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -12,7 +12,7 @@ help:
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
-	@echo "make speed     time per step -> benchmarks/speed.md"
+	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
@@ -26,7 +26,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test check accuracy speed slip-control firmware docs: export OMP_NUM_THREADS = 1
+demo test check accuracy bench slip-control firmware docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab,fast.stamp
 	$(BIN)/ohmward demo --out demo
@@ -48,8 +48,10 @@ accuracy: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python docs/fill_readme.py
 
-speed: $(VENV)/test.stamp
-	$(BIN)/python benchmarks/speed.py
+# The packages to compare with are large and pin versions of their own: they get an environment for themselves.
+bench:
+	@$(MAKE) --no-print-directory VENV=$(VENV)-bench $(VENV)-bench/bench.stamp
+	$(VENV)-bench/bin/python benchmarks/speed.py
 
 slip-control: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/slip_control.py
@@ -61,4 +63,4 @@ docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 clean:
-	rm -rf $(VENV) demo build dist docs/_build
+	rm -rf $(VENV) $(VENV)-bench demo build dist docs/_build

@@ -18,9 +18,10 @@ from ohmward.logs import Log, write_log
 
 LOGS, STEPS, FLEET = 2048, 36_000, 10_000
 BAR_S = 60.0
+PROCESSES = os.cpu_count() or 1
 
 
-def write_logs(folder: Path) -> list[str]:
+def write_logs(folder: Path, logs: int = LOGS) -> list[str]:
     """Ten hours at 1 Hz each; eight different ones, many times."""
     model, rng = generic_battery("nmc", 2.0).thevenin, np.random.default_rng(0)
     different = []
@@ -29,7 +30,7 @@ def write_logs(folder: Path) -> list[str]:
         truth = Log(f"robot {k}", np.arange(STEPS, dtype=float), current, np.full(STEPS, 3.7))
         voltage = simulate_voltage(model, truth, 0.9).voltage_V + 0.002 * rng.standard_normal(STEPS)
         different.append(Log(truth.name, truth.time_s, current, voltage))
-    paths = [folder / f"robot{k:04d}.parquet" for k in range(LOGS)]
+    paths = [folder / f"robot{k:04d}.parquet" for k in range(logs)]
     for k, path in enumerate(paths):
         if k < len(different):
             write_log(different[k], path)
@@ -38,16 +39,20 @@ def write_logs(folder: Path) -> list[str]:
     return list(map(str, paths))
 
 
-def main() -> None:
-    processes = os.cpu_count() or 1
+def seconds_for_each(logs: int = LOGS) -> float:
+    """Wall time that a log takes when so many run one after the other on all processors [s]."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        paths, job = write_logs(folder), Job(dump_battery(generic_battery("nmc", 2.0)))
+        paths, job = write_logs(folder, logs), Job(dump_battery(generic_battery("nmc", 2.0)))
         began = time.perf_counter()
-        run_fleet(paths, job, folder / "out", partial(in_processes, processes=processes))
-        seconds = (time.perf_counter() - began) / LOGS
+        run_fleet(paths, job, folder / "out", partial(in_processes, processes=PROCESSES))
+        return (time.perf_counter() - began) / logs
+
+
+def main() -> None:
+    seconds = seconds_for_each()
     print(
-        f"{processes} at once: {1e3 * seconds:.1f} ms a log; {FLEET:,} take {FLEET * seconds:.0f} s, bar {BAR_S:.0f} s"
+        f"{PROCESSES} at once: {1e3 * seconds:.1f} ms a log; {FLEET:,} take {FLEET * seconds:.0f} s, bar {BAR_S:.0f} s"
     )
 
 

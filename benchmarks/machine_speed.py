@@ -1,107 +1,248 @@
-"""Time per step in machine code, and how much of what the core can do that is; part of `make speed`."""
+"""What this processor can do, and our public filters on it; part of `make bench`."""
 
 from __future__ import annotations
 
 import os
+import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery import rc
+from ohmward.battery.chemistries import start_noise
 from ohmward.battery.estimate import Sample
+from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
 from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.textbook_filter import TextbookFilter
+from ohmward.battery.thevenin_filter import TheveninFilter
 from ohmward.trace import Kernel, trace
+from ohmward.trace.critical_path import least_step_s
 from ohmward.trace.llvm import machine_code
+from ohmward.trace.llvm.latency import latencies
 from ohmward.trace.llvm.peak import peak_flops
 from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
+from timing import Goal, Section, Times, duration, measure, share, spread
+from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive
 
 #: Operations that a floating-point unit does; comparisons, choices and table look-ups come on top.
 FLOPS = ("add", "subtract", "multiply", "divide", "sqrt", "negative", "absolute", "minimum", "maximum")
-Median = Callable[[Callable[[], object]], float]
-
-
-class Timed(NamedTuple):
-    """Seconds of one step of one log, and the share of the core's peak, nan where it means nothing."""
-
-    what: str
-    how: str
-    seconds: float
-    share: float = float("nan")
-    bar_s: float | None = None
-
-
-def one_log(estimators: dict[str, Any], samples: Sample, median: Median) -> Iterator[Timed]:
-    """Whole logs: the recurrence waits for itself, so the peak is out of reach."""
-    for name, estimator in estimators.items():
-        state = start(estimator, samples)
-        kernel = Kernel(estimator.step, state, EXAMPLE, lowering="machine")
-        kernel.scan(state, samples)
-        seconds = median(lambda k=kernel, s=state: k.scan(s, samples)) / len(samples[0])
-        yield Timed(name, "one log, machine code", seconds)
-
-
-def many_logs(estimators: dict[str, Any], samples: Sample, lanes: Sample, median: Median) -> Iterator[Timed]:
-    """One core, a log in each SIMD lane."""
-    peaks = {precision: peak_flops(precision) for precision in ("f64", "f32")}
-    steps, width = lanes[0].shape
-    for name, estimator in estimators.items():
-        state = start(estimator, samples)
-        program = trace(estimator.step, state, EXAMPLE)
-        n = size(program.argument_structure.children[0])
-        row = np.array(state_row(program.argument_structure.children[0], state), dtype=float)
-        for precision, peak in peaks.items():
-            step = MachineStep(program, n, precision)
-            outputs = [np.empty((steps, width)) for _ in range(len(program.outputs) - n)]
-
-            def run(step: MachineStep = step, row: np.ndarray = row, outputs: list = outputs) -> None:
-                step.many(np.repeat(row[:, None], width, axis=1), list(lanes), outputs, None, threads=1)
-
-            run()
-            seconds = median(run) / (steps * width)
-            flops = sum(step.expanded.operations[name] for name in FLOPS)
-            how = f"{width} logs, machine code, {precision}, {flops} flops"
-            yield Timed(name, how, seconds, flops / seconds / peak)
-
-
-def live(estimators: dict[str, Any], median: Median) -> Iterator[Timed]:
-    """One sample through the public `update()`."""
-    for name, estimator in estimators.items():
-        for lowering, bar_s in (("machine", 3e-6), ("python", 40e-6)):
-            public = SocEstimator(estimator, 0.8, lowering=lowering)
-
-            def run(public: SocEstimator = public) -> None:
-                for k in range(2000):
-                    public.update(float(k), -0.5, 3.7)
-
-            run()
-            yield Timed(name, f"update(), {lowering}", median(run) / 2000, bar_s=bar_s)
-
-
-def compilation(estimators: dict[str, Any], samples: Sample) -> Iterator[Timed]:
-    """From the function to the first result, with an empty cache and from the cache."""
-    before = os.environ.get("OHMWARD_CACHE")
-    for name, estimator in estimators.items():
-        state = start(estimator, samples)
-        with tempfile.TemporaryDirectory() as folder:
-            os.environ["OHMWARD_CACHE"] = folder
-            machine_code.llvm()
-            for how, bar_s in (("trace and compile", 0.15), ("the same from the cache", 0.02)):
-                began = time.perf_counter()
-                Kernel(estimator.step, state, EXAMPLE, lowering="machine").live(state)
-                yield Timed(name, how, time.perf_counter() - began, bar_s=bar_s if "AUKF" in name else None)
-    if before is None:
-        del os.environ["OHMWARD_CACHE"]
-    else:
-        os.environ["OHMWARD_CACHE"] = before
-
-
 EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+LOGS, LANE_STEPS, UPDATES = 1024, 200, 2000
 
 
-def start(estimator: Any, samples: Sample) -> Any:
-    """The state before the log."""
-    return estimator.init(Sample(*(float(column[0]) for column in samples)))
+class Machine(NamedTuple):
+    """What it can do.
+
+    peak: fused multiply-adds of one core, counted as two [1/s], by precision.
+    latencies: of every operation [s], f64.
+    """
+
+    peak: dict[str, float]
+    latencies: dict[str, float]
+
+
+def measured_machine() -> Machine:
+    return Machine({p: peak_flops(p, repeats=30) for p in ("f64", "f32")}, latencies("f64", repeats=15))
+
+
+def measured_again(machine: Machine) -> Machine:
+    """The best of what was measured before and now: what else runs on the machine must not make it look weaker."""
+    now = measured_machine()
+    peak = {p: max(f, now.peak[p]) for p, f in machine.peak.items()}
+    return Machine(peak, {name: min(s, now.latencies[name]) for name, s in machine.latencies.items()})
+
+
+def flops_of(program: Program) -> int:
+    """Floating-point operations of a step."""
+    return sum(program.operations[name] for name in FLOPS)
+
+
+def machine_section(machine: Machine) -> Section:
+    """Peak and latencies."""
+    rows = [("fused multiply-adds, " + p, f"{peak / 1e9:.0f} GFLOP/s") for p, peak in machine.peak.items()]
+    names = ("add", "multiply", "fma", "divide", "sqrt", "floor", "minimum", "where", "less", "gather")
+    words = {"where": "choice", "less": "comparison", "gather": "look-up in a table, conversion of the index included"}
+    rows += [(f"latency, {words.get(name, name)}", duration(machine.latencies[name])) for name in names]
+    text = (
+        "Measured in this run. The peak is what one core does in registers, a multiply-add counting as two. Latencies "
+        "are those of chains of machine code in f64. The latency bound of a step is the longest cycle of operations "
+        "from the state to the state, products and sums fused where that is shorter: a lower bound, which counts "
+        "nothing else that a processor has to do."
+    )
+    return Section("The machine", text, ("what", "measured"), rows)
+
+
+# ---- the public filters
+
+
+def public_filters() -> dict[str, Any]:
+    """What users get: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
+    ocv, noise = cell_model().ocv, start_noise(CAPACITY_AH)
+    total_F = rc.capacitance_for(CAPACITY_AH, ocv)
+    circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
+    return {
+        "Thevenin EKF, 8 states": TheveninFilter(cell_model(), noise),
+        "Thevenin UKF, 8 states": TheveninFilter(cell_model(), noise, method="ukf"),
+        "RC joint AUKF of [T], 7 states": adaptive_soc_of(circuit).joint,
+    }
+
+
+def bare_filters() -> dict[str, Any]:
+    """The published ones, of the tables above."""
+    return {
+        "EKF, 3 states": TextbookFilter(cell_model(), method="ekf"),
+        "UKF, 3 states": TextbookFilter(cell_model(), method="ukf"),
+        "AUKF, 7 states": joint_ours(),
+    }
+
+
+def public_section(machine: Machine, repeats: int, steps: int) -> Section:
+    """One log and many, with NumPy alone and in machine code."""
+    drive = make_drive(steps)
+    runs: dict[tuple[str, str], Callable[[], object]] = {}
+    for name, estimator in public_filters().items():
+        runs |= {(name, how): run for how, run in ways(estimator, drive).items()}
+    counts = {"python": len(drive.first(1000).current_A), "machine": steps}
+    counts |= dict.fromkeys(("lanes", "f64", "f32"), LOGS * LANE_STEPS) | {"lanes": LOGS * LANE_STEPS // 4}
+    times = {key: t.per(counts[key[1]]) for key, t in measure(runs, repeats).items()}
+    rows, goals = [], []
+    for name, estimator in public_filters().items():
+        step = step_of(estimator, drive)
+        bound = least_step_s(step.expanded, step.state_size, machine.latencies)
+        one, f64 = times[name, "machine"].median, times[name, "f64"].median
+        cells = [duration(times[name, how].median) for how in ("python", "machine", "lanes", "f64", "f32")]
+        peak = share(flops_of(step.expanded) / f64 / machine.peak["f64"])
+        rows.append((name, *cells[:2], share(bound / one), *cells[2:], peak))
+        if "AUKF" in name:
+            goals.append(Goal(f"{name}, one log, Python source", times[name, "python"].median, 30e-6))
+            goals.append(Goal(f"{name}, {LOGS} logs, NumPy over lanes", times[name, "lanes"].median, 700e-9))
+    header = (
+        "filter",
+        "one log, Python source",
+        "one log, machine code",
+        "of the latency bound",
+        f"{LOGS} logs, NumPy",
+        "machine code, f64",
+        "f32",
+        "of the peak, f64",
+    )
+    text = (
+        "Time of a step of one log. These survive bad samples, gate, and carry the current's offset, the capacity and "
+        "the model's error. Python source and NumPy over lanes need NumPy alone."
+    )
+    return Section("The public filters", text, header, rows, tuple(goals))
+
+
+def ways(estimator: Any, drive: Drive) -> dict[str, Callable[[], object]]:
+    """How a log, or many, can run."""
+    state = estimator.init(first_of(drive))
+    python = Kernel(estimator.step, state, EXAMPLE, lowering="python")
+    machine = Kernel(estimator.step, state, EXAMPLE, lowering="machine")
+    starts = np.random.default_rng(2).integers(0, len(drive.current_A) - LANE_STEPS, LOGS)
+    lanes = Sample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in drive.samples))
+    quarter = Sample(*(c[: LANE_STEPS // 4] for c in lanes))
+    step, row = step_of(estimator, drive), state_row(python.program.argument_structure.children[0], state)
+    single = MachineStep(step.program, step.state_size, "f32")
+    rows = np.repeat(np.array(row, dtype=float)[:, None], LOGS, axis=1)
+    outputs = [np.empty((LANE_STEPS, LOGS)) for _ in range(len(step.program.outputs) - step.state_size)]
+    return {
+        "python": partial(python.scan, state, drive.first(1000).samples),
+        "machine": partial(machine.scan, state, drive.samples),
+        "lanes": partial(python.scan_lanes, state, quarter),
+        "f64": lambda: step.many(rows.copy(), list(lanes), outputs, None, threads=1),
+        "f32": lambda: single.many(rows.copy(), list(lanes), outputs, None, threads=1),
+    }
+
+
+def step_of(estimator: Any, drive: Drive) -> MachineStep:
+    program = trace(estimator.step, estimator.init(first_of(drive)), EXAMPLE)
+    return MachineStep(program, size(program.argument_structure.children[0]))
+
+
+def first_of(drive: Drive) -> Sample:
+    return Sample(*(float(column[0]) for column in drive.samples))
+
+
+# ---- live samples and starting
+
+
+def live_section(repeats: int) -> Section:
+    """One sample through the public `update()`."""
+    filters = {name: e for name, e in (public_filters() | bare_filters()).items() if "AUKF" not in name}
+    runs = {(name, how): updates(e, how) for name, e in filters.items() for how in ("machine", "python")}
+    times = {key: t.per(UPDATES) for key, t in measure(runs, repeats).items()}
+    rows, goals = [], []
+    for name in filters:
+        machine, python = times[name, "machine"], times[name, "python"]
+        rows.append((name, duration(machine.median), spread(machine), duration(python.median), spread(python)))
+        goals.append(Goal(f"`update()`, {name}, machine code", machine.median, 3e-6))
+        goals.append(Goal(f"`update()`, {name}, Python source", python.median, 40e-6))
+    header = ("filter", "machine code", "least to most", "Python source", "least to most")
+    text = "A sample through `SocEstimator.update()`, from Python to Python."
+    return Section("Live samples", text, header, rows, tuple(goals))
+
+
+def updates(estimator: Any, lowering: str) -> Callable[[], None]:
+    public = SocEstimator(estimator, 0.8, lowering=lowering)
+
+    def run() -> None:
+        for k in range(UPDATES):
+            public.update(float(k), -0.5, 3.7)
+
+    return run
+
+
+def compilation_section(repeats: int) -> Section:
+    """From the function to the first result, with an empty cache and from the cache."""
+    rows, goals = [], []
+    drive = make_drive(400)
+    for name, estimator in (bare_filters() | public_filters()).items():
+        cold, warm = compilation(estimator, drive, repeats)
+        rows.append((name, duration(cold.median), spread(cold), duration(warm.median), spread(warm)))
+        if name == "AUKF, 7 states":
+            goals = [
+                Goal(f"{name}: traced and compiled", cold.median, 0.15),
+                Goal(f"{name}: traced, code from the cache", warm.median, 0.02),
+            ]
+    header = ("filter", "compiled", "least to most", "from the cache", "least to most")
+    text = (
+        "From the function to the step that is ready for its first sample: traced, and compiled or found in the cache."
+    )
+    return Section("Tracing and compiling", text, header, rows, tuple(goals))
+
+
+def compilation(estimator: Any, drive: Drive, repeats: int) -> tuple[Times, Times]:
+    """Cold and warm."""
+    state = estimator.init(first_of(drive))
+    found: tuple[list[float], list[float]] = ([], [])
+    machine_code.llvm()
+    for _ in range(repeats):
+        with empty_cache():
+            for times in found:
+                began = time.process_time()
+                Kernel(estimator.step, state, EXAMPLE, lowering="machine").live(state)
+                times.append(time.process_time() - began)
+    cold, warm = (Times(statistics.median(t), min(t), max(t)) for t in found)
+    return cold, warm
+
+
+@contextmanager
+def empty_cache() -> Iterator[None]:
+    """With an empty cache of compiled programs, here and in every process that is started."""
+    before = os.environ.get("OHMWARD_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["OHMWARD_CACHE"] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop("OHMWARD_CACHE")
+            if before is not None:
+                os.environ["OHMWARD_CACHE"] = before

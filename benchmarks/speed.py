@@ -1,7 +1,11 @@
-"""Time per step with NumPy alone and in machine code: `make speed` writes benchmarks/speed.md.
+"""How fast, beside everybody else: `make bench` writes benchmarks/speed.md.
 
-Everything is measured side by side in one run, on one core, as the median of several repetitions: absolute times belong
-to the machine, ratios are what travels. FilterPy is the peer: the same models, as its users would write them.
+    python benchmarks/speed.py            everything, some minutes
+    python benchmarks/speed.py --quick    a little of each, to see that it runs; writes nothing
+
+Every peer is optional; `pip install '.[bench]'` installs them all. Each runs the same model on the same samples and
+must come to the same numbers. Times are medians of what one core takes in one run: they belong to the machine, ratios
+are what travels.
 """
 
 from __future__ import annotations
@@ -10,229 +14,227 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import argparse
 import platform
-import statistics
 import subprocess
 import sys
-import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Iterator
+from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
-
+import filter_speed
+import fleet_speed
 import machine_speed
+import peers
+import peers_battery
+import scaling
 from observer_speed import step_times
-from ohmward.battery import rc
-from ohmward.battery.chemistries import start_model, start_noise
-from ohmward.battery.estimate import Sample
-from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
-from ohmward.battery.simulation import simulate_voltage
-from ohmward.battery.textbook_filter import TextbookFilter
-from ohmward.battery.thevenin_filter import TheveninFilter
-from ohmward.logs import Log
-from ohmward.trace import Kernel
+from timing import Goal, Section, Times, duration, goal_rows, page, spread, table, wall
 
-HERE = Path(__file__).resolve().parent
-STEPS, LANES, LANE_STEPS, REPEATS = 20_000, 1024, 200, 5
+PAGE = Path(__file__).resolve().parent / "speed.md"
 
 
-class Row(NamedTuple):
-    """One line of the table: seconds of one step of one log."""
+class Effort(NamedTuple):
+    """How much is measured."""
 
-    what: str
-    how: str
-    seconds: float
-    bar_s: float | None = None
-    share: float = float("nan")
+    repeats: int
+    steps: int
+    logs: int
+    states: tuple[int, ...]
+    lengths: tuple[int, ...]
+    numbers: tuple[int, ...]
+    whole: bool
 
 
-def main() -> int:
-    log = drive()
-    rows = [*one_log(log), *many_logs(log), *observers(), *machine(log), *peers(log), *start_up()]
-    for row in rows:
-        print(_cells(row))
-    (HERE / "speed.md").write_text(_page(rows))
+FULL = Effort(7, filter_speed.STEPS, filter_speed.LOGS, scaling.STATES, scaling.LENGTHS, scaling.LOGS, True)
+QUICK = Effort(1, 2000, 16, (2, 3), (1000, 2000), (1, 16), False)
+
+
+def main(words: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a little of each, to see that it runs; writes nothing")
+    quick = parser.parse_args(words).quick
+    warnings.simplefilter("ignore")
+    sections = []
+    with machine_speed.empty_cache():
+        for section in all_sections(QUICK if quick else FULL):
+            sections.append(section)
+            print("\n".join(page(section)), flush=True)
+    text = "\n".join([*head(), *goals_page(sections), *(line for s in sections for line in page(s))])
+    print("\n".join(goals_page(sections)))
+    if not quick:
+        PAGE.write_text(text, encoding="utf-8")
     return 0
 
 
-def drive() -> Log:
-    """A drive of an NMC cell with its voltage, 1 s apart."""
-    rng = np.random.default_rng(1)
-    current_A = np.repeat(rng.normal(-0.15, 1.0, STEPS // 20), 20)
-    log = Log("drive", np.arange(STEPS, dtype=float), current_A, np.full(STEPS, 3.7))
-    voltage_V = simulate_voltage(MODEL, log, 0.95).voltage_V + 0.002 * rng.standard_normal(STEPS)
-    return Log("drive", log.time_s, current_A, voltage_V)
+def all_sections(effort: Effort) -> Iterator[Section]:
+    """In the order of the page."""
+    machine = machine_speed.measured_machine()
+    yield from filter_speed.one_log(machine, effort.repeats, effort.steps)
+    machine = machine_speed.measured_again(machine)
+    yield from filter_speed.many_logs(machine, effort.repeats, effort.steps, effort.logs)
+    machine = machine_speed.measured_again(machine)
+    yield battery_packages(effort.repeats)
+    yield machine_speed.public_section(machine, effort.repeats, effort.steps)
+    yield observers(effort.repeats)
+    yield machine_speed.live_section(effort.repeats)
+    yield machine_speed.compilation_section(effort.repeats)
+    yield start_up(effort.repeats)
+    yield scaling.states_section(effort.repeats, effort.states)
+    yield scaling.length_section(effort.repeats, effort.lengths)
+    yield scaling.logs_section(effort.repeats, effort.numbers)
+    if effort.whole:
+        yield fleet()
+        yield from long_logs()
+    yield machine_speed.machine_section(machine)
 
 
-MODEL = start_model("nmc", 2.0)
-CAPACITANCE_F = rc.capacitance_for(MODEL.capacity_Ah, MODEL.ocv)
-RC = rc.RcModel(0.97 * CAPACITANCE_F, 0.03 * CAPACITANCE_F, 0.03, 0.03, 0.06, MODEL.ocv, MODEL.capacity_Ah)
-ESTIMATORS = {
-    "seven-state joint AUKF of [T] (RC parameters), faults handled": adaptive_soc_of(RC).joint,
-    "Thevenin EKF, 8 states, faults handled": TheveninFilter(MODEL, start_noise(2.0)),
-    "Thevenin UKF, 8 states, faults handled": TheveninFilter(MODEL, start_noise(2.0), method="ukf"),
-}
-
-
-def samples_of(log: Log) -> Sample:
-    return Sample(np.diff(log.time_s, prepend=log.time_s[0]), log.current_A, log.voltage_V, np.full(STEPS, np.nan))
-
-
-def one_log(log: Log) -> list[Row]:
-    samples, rows = samples_of(log), []
-    for name, estimator in ESTIMATORS.items():
-        state = estimator.init(Sample(*(float(c[0]) for c in samples)))
-        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
-        kernel.scan(state, Sample(*(c[:10] for c in samples)))
-        seconds = median(lambda k=kernel, s=state: k.scan(s, samples)) / STEPS
-        rows.append(Row(name, "one log, Python source", seconds, 30e-6 if "AUKF" in name else None))
-    return rows
-
-
-def many_logs(log: Log) -> list[Row]:
-    columns, rows = samples_of(log), []
-    lanes = lanes_of(columns)
-    for name, estimator in ESTIMATORS.items():
-        state = estimator.init(Sample(*(float(c[0]) for c in columns)))
-        kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
-        kernel.scan_lanes(state, Sample(*(c[:2] for c in lanes)))
-        seconds = median(lambda k=kernel, s=state: k.scan_lanes(s, lanes)) / (LANES * LANE_STEPS)
-        rows.append(Row(name, f"{LANES} logs, NumPy over lanes", seconds, 700e-9 if "AUKF" in name else None))
-    return rows
-
-
-def lanes_of(columns: Sample) -> Sample:
-    """Pieces of the drive, one for each lane: (T, B)."""
-    starts = np.random.default_rng(2).integers(0, STEPS - LANE_STEPS, LANES)
-    return Sample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in columns))
-
-
-def machine(log: Log) -> list[Row]:
-    """The same estimators and that of the textbooks in machine code."""
-    samples = samples_of(log)
-    estimators = ESTIMATORS | {"Thevenin UKF of the textbooks, 3 states": TextbookFilter(MODEL)}
-    public = {name: e for name, e in estimators.items() if "AUKF" not in name}
-    timed = [
-        *machine_speed.one_log(estimators, samples, median),
-        *machine_speed.many_logs(estimators, samples, lanes_of(samples), median),
-        *machine_speed.live(public, median),
-        *machine_speed.compilation(estimators, samples),
-    ]
-    return [Row(t.what, t.how, t.seconds, t.bar_s, t.share) for t in timed]
-
-
-def observers() -> list[Row]:
-    """The speed observer of the traction half on one log."""
+def battery_packages(repeats: int) -> Section:
+    """Other packages' own filters on their own models."""
     rows = []
-    for name, step_s, operations, _ in step_times():
-        how = f"one log, Python source, {operations} operations"
-        rows.append(Row(f"speed observer: {name}", how, step_s, 30e-6 if "AUKF" in name else None))
-    return rows
+    for title, how, found in peers_battery.battery_packages(repeats):
+        if isinstance(found, Times):
+            rows.append((title, how, duration(found.median), spread(found)))
+        else:
+            rows.append((title, f"not installed: pip install {found.package}", "", ""))
+    text = (
+        "What a user of these packages gets: their own filters on their own models, so neither model nor numbers are "
+        "those of the tables above. PyBatterySE's model is identified from the same drive by PyBatteryID."
+    )
+    return Section("Battery packages", text, ("package", "filter", "a step", "least to most"), rows)
 
 
-def peers(log: Log) -> list[Row]:
-    """FilterPy on the bare Thevenin model (4 states, no fault handling), and its UKF with seven states."""
-    count = 300
-    current_A, voltage_V = log.current_A[:count], log.voltage_V[:count]
-    return [
-        Row(
-            "FilterPy EKF, 4 states, given Jacobians",
-            "one log",
-            median(lambda: _run_extended(current_A, voltage_V)) / count,
-        ),
-        Row("FilterPy UKF, 4 states", "one log", median(lambda: _run_unscented(4, current_A, voltage_V)) / count),
-        Row("FilterPy UKF, 7 states", "one log", median(lambda: _run_unscented(7, current_A, voltage_V)) / count),
-    ]
+def observers(repeats: int) -> Section:
+    """The speed observer of the traction half on one log."""
+    rows, goals = [], []
+    for name, seconds, operations, _ in step_times(repeats):
+        rows.append((name, str(operations), duration(seconds)))
+        if "AUKF" in name:
+            goals.append(Goal(f"speed observer: {name}, Python source", seconds, 30e-6))
+    text = "One log as Python source, which needs NumPy alone."
+    return Section("Speed observers", text, ("observer", "operations", "a step"), rows, tuple(goals))
 
 
-def _f(x: np.ndarray, dt: float, i: float = 0.0) -> np.ndarray:
-    """The bare Thevenin model by hand; states beyond the third are constant."""
-    decay_1, decay_2 = np.exp(-dt / 20.0), np.exp(-dt / 500.0)
-    v1, v2 = decay_1 * x[1] + 0.015 * (1 - decay_1) * i, decay_2 * x[2] + 0.02 * (1 - decay_2) * i
-    return np.array([x[0] + i * dt / 7200, v1, v2, *x[3:]])
+#: What a program imports that uses these.
+IMPORTS = {
+    "ohmward": "import ohmward",
+    "ohmward's estimators": "from ohmward import SocEstimator, make_estimator",
+    "FilterPy": "import filterpy.kalman",
+    "pykalman": "import pykalman",
+    "Stone Soup": "import stonesoup.updater.kalman, stonesoup.predictor.kalman",
+    "CasADi": "import casadi",
+    "Numba": "import numba",
+    "JAX": "import jax",
+    "dynamax": "import dynamax.nonlinear_gaussian_ssm",
+    "PyBatterySE": "import pybatteryse",
+    "ProgPy": "import progpy.state_estimators",
+}
+FIRST_ESTIMATE = """
+from ohmward import SocEstimator, make_estimator
+from ohmward.battery.chemistries import generic_battery
+
+SocEstimator(make_estimator("ekf", generic_battery("nmc", 2.0)), lowering={lowering!r}).update(0.0, -0.5, 3.7)
+"""
 
 
-def _h(x: np.ndarray, i: float = 0.0) -> np.ndarray:
-    return np.array([3.4 + 0.7 * x[0] + x[1] + x[2] + 0.05 * i])
-
-
-def _run_extended(current_A: np.ndarray, voltage_V: np.ndarray) -> None:
-    filter_ = ExtendedKalmanFilter(dim_x=4, dim_z=1)
-    filter_.x = np.array([0.9, 0.0, 0.0, 0.0])
-    filter_.F = np.diag([1.0, np.exp(-1 / 20.0), np.exp(-1 / 500.0), 1.0])
-    filter_.Q, filter_.R = 1e-8 * np.eye(4), 1e-4 * np.eye(1)
-    H = np.array([[0.7, 1.0, 1.0, 0.0]])
-    for i, y in zip(current_A, voltage_V, strict=True):
-        filter_.predict()
-        filter_.update(np.array([y]), lambda x: H, lambda x, i=i: _h(x, i))
-
-
-def _run_unscented(n: int, current_A: np.ndarray, voltage_V: np.ndarray) -> None:
-    filter_ = UnscentedKalmanFilter(n, 1, 1.0, _h, _f, MerweScaledSigmaPoints(n, 0.85, 2.0, 0.0))
-    filter_.x = np.array([0.9] + [0.0] * (n - 1))
-    filter_.P = 1e-3 * np.eye(n)
-    filter_.Q, filter_.R = 1e-8 * np.eye(n), 1e-4 * np.eye(1)
-    for i, y in zip(current_A, voltage_V, strict=True):
-        filter_.predict(i=i)
-        filter_.update(np.array([y]), i=i)
-
-
-def start_up() -> list[Row]:
+def start_up(repeats: int) -> Section:
     """Whole processes."""
 
-    def process(*words: str) -> Callable[[], object]:
-        return lambda: subprocess.run([sys.executable, *words], check=True, capture_output=True)
+    def process(*words: str) -> Times:
+        command = [sys.executable, *words]
+        return wall(lambda: subprocess.run(command, check=True, capture_output=True), repeats)
 
-    numpy_s = median(process("-c", "import numpy"))
-    ours_s = median(process("-c", "import numpy, ohmward"))
-    return [
-        Row("import ohmward, beyond NumPy", "process", max(ours_s - numpy_s, 0.0), 0.1),
-        Row("ohmward --help", "process", median(process("-m", "ohmward.cli", "--help")), 0.2),
+    process("-c", "import numpy")
+    numpy = process("-c", "import numpy")
+    rows = [("import numpy", duration(numpy.median), spread(numpy))]
+    for title, line in IMPORTS.items():
+        if find_spec(line.split()[1].split(".")[0].rstrip(",")) is None:
+            continue
+        took = process("-c", f"import numpy; {line}")
+        rows.append((f"import {title}, beyond NumPy", duration(took.median - numpy.median), spread(took)))
+        if title == "ohmward":
+            goals = [Goal("import ohmward, beyond NumPy", max(0.0, took.median - numpy.median), 0.1)]
+    for lowering in ("python", "machine"):
+        took = process("-c", FIRST_ESTIMATE.format(lowering=lowering))
+        rows.append((f"Python to first estimate, {lowering}", duration(took.median), spread(took)))
+    took = process("-m", "ohmward.cli", "--help")
+    rows.append(("`ohmward --help`", duration(took.median), spread(took)))
+    goals.append(Goal("`ohmward --help`", took.median, 0.2))
+    text = "Wall time of whole processes; least and most with NumPy's import."
+    return Section("Starting", text, ("process", "median", "least to most"), rows, tuple(goals))
+
+
+def fleet() -> Section:
+    """From Parquet to a row each."""
+    seconds, count = fleet_speed.seconds_for_each(), fleet_speed.FLEET
+    rows = [
+        (
+            f"{fleet_speed.PROCESSES}",
+            duration(seconds),
+            duration(seconds / fleet_speed.STEPS),
+            duration(count * seconds),
+        )
     ]
+    text = (
+        f"{fleet_speed.LOGS:,} logs of {fleet_speed.STEPS:,} samples through `ohmward fleet`'s EKF with eight states: "
+        "read from Parquet, checked, filtered, summarised. Wall time."
+    )
+    header = ("processes", "a log", "a sample", f"{count:,} logs would take")
+    goal = Goal(f"{count:,} logs of {fleet_speed.STEPS:,} samples, EKF", count * seconds, fleet_speed.BAR_S)
+    return Section("A fleet", text, header, rows, (goal,))
 
 
-def median(run: Callable[[], object]) -> float:
-    """Median wall time of a call [s]."""
-    times = []
-    for _ in range(REPEATS):
-        began = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - began)
-    return statistics.median(times)
+def long_logs() -> Iterator[Section]:
+    """`ohmward soc` on ever longer logs."""
+    import long_log
+
+    rows, goals = [], []
+    for row in long_log.rows():
+        rows.append((row.what, row.how, f"{row.value:.3g} {row.unit}"))
+        if row.bar is not None:
+            goals.append(Goal(f"{row.what}, {row.how}", row.value, row.bar, row.unit))
+    text = "The command as a user types it, a process each: wall time and peak of its resident memory."
+    yield Section("One long log", text, ("command", "how", "measured"), rows, tuple(goals))
 
 
-def _cells(row: Row) -> str:
-    bar = "" if row.bar_s is None else f"{_time(row.bar_s)}"
-    verdict = "" if row.bar_s is None else "met" if row.seconds <= row.bar_s else "**missed**"
-    share = f"{row.share:.0%}" if np.isfinite(row.share) else ""
-    return f"| {row.what} | {row.how} | {_time(row.seconds)} | {share} | {bar} | {verdict} |"
-
-
-def _time(seconds: float) -> str:
-    for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
-        if seconds * factor >= 1.0:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"
-
-
-def _page(rows: list[Row]) -> str:
-    lines = [
+def head() -> list[str]:
+    """What the page is and where it was made."""
+    return [
         "# Speed",
         "",
-        "Written by `make speed`: medians on one core, everything in one run; Python source and NumPy over lanes need",
-        "NumPy alone, machine code needs llvmlite. The peak is that of the core's fused multiply-adds, measured in the",
-        f"same run: {machine_speed.peak_flops('f64') / 1e9:.0f} GFLOP/s in f64; comparisons, choices and look-ups do",
-        "not count as operations. Absolute times belong",
-        f"to the machine ({platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}): compare",
-        "ratios. Our filters are the public ones: they survive bad samples, gate, and carry current offset, capacity",
-        "and model error. FilterPy's run the bare model.",
+        "Written by `make bench`; [docs/speed.md](../docs/speed.md) says what is compared, and how.",
         "",
-        "| what | how | time per step and log | of the peak | to reach | |",
-        "|---|---|---|---|---|---|",
+        "<!-- tables -->",
+        "",
+        "Everything in one run, side by side, in turns: medians of one core's processor time, with the least and the "
+        f"most beside them, unless a table says wall time. {platform.machine()}, {os.cpu_count()} processors, Python "
+        f"{platform.python_version()}, {versions()}.",
+        "",
+        "*Agrees to* is the largest difference from the matrices in NumPy after "
+        f"{filter_speed.CHECK_STEPS} samples: of means in their sigmas, of covariances in products of two. *Points "
+        "redrawn* are sigma points drawn anew after the prediction: another filter, compared with its own reference.",
+        "",
     ]
-    return "\n".join([*lines, *map(_cells, rows), ""])
+
+
+def versions() -> str:
+    """Of what was compared."""
+    found = []
+    for package in ("numpy", "llvmlite", *(p.package for p in peers.PEERS[1:]), "pybatteryse", "progpy"):
+        if find_spec(package):
+            found.append(f"{package} {metadata.version(package)}")
+    return ", ".join(found)
+
+
+def goals_page(sections: list[Section]) -> list[str]:
+    """All goals in one table."""
+    goals = [g for s in sections for g in s.goals]
+    met = sum(g.met for g in goals)
+    rows = goal_rows(goals)
+    return ["## Goals", "", f"{met} of {len(goals)} met.", "", *table(("what", "measured", "goal", ""), rows), ""]
 
 
 if __name__ == "__main__":
