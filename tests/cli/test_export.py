@@ -36,12 +36,28 @@ def test_it_writes_a_library_and_says_what_it_takes(battery, tmp_path, capsys):
         (["--filter", "kalman"], "filter must be one of"),
         (["--name", "My Filter"], "name must be small letters"),
         (["--flash-kb", "2"], "more than the 2048 there are"),
+        (["--style", "loops"], "ekf has no loops, only textbook-ekf, textbook-ukf, textbook-joint have"),
+        (["--curve-error", "1"], "a curve error is for textbook-ekf, textbook-ukf"),
         (["--initial-soc", "80"], "0 to 1|between 0 and 1"),
     ],
 )
 def test_refusals_write_nothing(battery, tmp_path, capsys, options, message):
     assert main(["export", str(battery), "-o", str(tmp_path / "out"), *options]) == 2
     assert re.search(message, capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_small_filter_of_loops_and_lines(battery, tmp_path, capsys):
+    options = ["--filter", "textbook-ukf", "--style", "loops", "--sample-time", "1", "--curve-error", "1"]
+    assert main(["export", str(battery), *options, "--flash-kb", "2.2", "-o", str(tmp_path), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["style"], figures["curve_error_mV"]) == ("loops", 1.0) and "curve within" in figures["title"]
+
+
+@pytest.mark.parametrize("options", [["--style", "loops"], ["--curve-error", "1"]])
+def test_a_robot_has_neither_loops_nor_a_curve(options, tmp_path, capsys):
+    assert main(["export", "rlma", *options, "-o", str(tmp_path / "out")]) == 2
+    assert re.search("has no loops|leave out --curve-error", capsys.readouterr().err)
     assert not (tmp_path / "out").exists()
 
 

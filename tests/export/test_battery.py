@@ -1,5 +1,6 @@
 """Exported filters, compiled and run as their user would: the vectors pass, the compiler has nothing to say."""
 
+import re
 import shutil
 import subprocess
 
@@ -13,7 +14,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
 from ohmward.export.comments import field_comments
-from ohmward.trace import Kernel
+from ohmward.trace import Kernel, single_precision
 
 CALLER = """\
 #include "soc.h"
@@ -80,8 +81,6 @@ def test_every_estimator_can_be_exported(name, tmp_path):
 
 
 def test_single_precision_is_good_enough():
-    from ohmward.trace import single_precision
-
     export = battery_export(BATTERY, "ekf", "soc")
     samples = np.nan_to_num(export.samples, nan=0.0, posinf=13.2)[:40]
     estimator = make_estimator("ekf", BATTERY)
@@ -123,6 +122,40 @@ def test_a_caller_in_cpp_needs_no_more_than_the_header(tmp_path):
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert subprocess.run([tmp_path / "main"], check=False).returncode == 0
+
+
+@needs_gcc
+@pytest.mark.parametrize("style", ["lines", "loops"])
+@pytest.mark.parametrize("name", ["textbook-ekf", "textbook-ukf"])
+def test_a_curve_on_lines_is_small_and_right_to_the_last_bit(name, style, tmp_path):
+    whole = battery_export(BATTERY, name, "soc", style=style)
+    export = battery_export(BATTERY, name, "soc", style=style, curve_error_V=8e-3)
+    assert size(export).flash < size(whole).flash - 2048
+    assert re.search(r"curve within \d\.?\d? mV", export.title)
+    write_library(library(export), tmp_path)
+    result = made(tmp_path, "test")
+    assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
+    assert "uint8_t soc_table" in (tmp_path / "soc.c").read_text()
+
+
+def test_a_curve_on_lines_changes_what_is_estimated_as_little_as_the_curve():
+    samples = np.nan_to_num(battery_export(BATTERY, "textbook-ukf").samples, nan=0.0, posinf=13.2)[:20]
+    outputs = []
+    for curve_error_V in (None, 4e-3):
+        export = battery_export(BATTERY, "textbook-ukf", curve_error_V=curve_error_V)
+        start = single_precision.evaluate(
+            single_precision.expanded(export.start), np.array([*samples[0], 0.5, 0.01], np.float32)
+        )
+        outputs.append(single_precision.run(export.step, start, samples)[1])
+    assert 0.0 < np.abs(outputs[1][:, 2] - outputs[0][:, 2]).max() < 8e-3
+
+
+@pytest.mark.parametrize("name", ["ekf", "coulomb"])
+def test_a_curve_error_is_for_filters_of_the_curve_alone(name):
+    with pytest.raises(InputError, match="a curve error is for textbook-ekf, textbook-ukf"):
+        battery_export(BATTERY, name, curve_error_V=1e-3)
+    with pytest.raises(InputError, match="textbook-joint has no open-circuit voltage curve"):
+        battery_export(WITH_RC, "textbook-joint", curve_error_V=1e-3)
 
 
 def test_the_joint_filter_needs_an_rc_model():

@@ -174,11 +174,13 @@ def bounded(state, x):
     low, high = maximum(x, 0.25), minimum(x, 0.25)
     turned = maximum(-0.5, high), minimum(0.5, low)
     curves = table(CURVE, -1.0, 0.5, x), table(CURVE, -1.0, 0.5, x, "hermite"), table(CURVE[1:], -0.5, 0.5, low)
-    flat = table((2.0, 2.0, 2.0), 0.0, 1.0, x, "hermite")
-    return state, (low, high, *turned, clip(x, 0.0, 1.0), minimum(x, maximum(x, -x)), *curves, flat)
+    flat, lines = table((2.0, 2.0, 2.0), 0.0, 1.0, x, "hermite"), table(BENT, -1.0, 0.1, x)
+    return state, (low, high, *turned, clip(x, 0.0, 1.0), minimum(x, maximum(x, -x)), *curves, flat, lines)
 
 
 CURVE = (3.0, 3.4, 3.5, 3.45, 4.0)
+#: Values on three lines.
+BENT = (*np.linspace(1.0, 2.0, 9), *np.linspace(2.5, 2.5, 5), *np.linspace(2.0, -1.0, 12))
 
 
 @needs_gcc
@@ -192,6 +194,7 @@ def test_shorter_forms_have_the_bits_of_the_long_ones(tmp_path):
     np.testing.assert_array_equal(in_c, in_numpy)
     np.testing.assert_array_equal(np.signbit(in_c), np.signbit(in_numpy))
     assert source.source.count("!=") == 2  # of the one minimum whose both arguments may be nan
+    assert "uint8_t short_table" in source.source
     assert "short_index" not in source.source and "short_floor" not in source.source
 
 

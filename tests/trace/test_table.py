@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from ohmward.errors import InputError
-from ohmward.trace import Kernel, jacobian, monotone_slopes, table
+from ohmward.trace import Kernel, jacobian, monotone_slopes, table, trace
 
 START, SPACING = -0.5, 0.125
 KINDS = ("linear", "hermite")
@@ -26,6 +26,24 @@ def inside(values, count=101):
 def test_linear_is_numpys_interp(values):
     x = inside(values)
     np.testing.assert_allclose(table(values, START, SPACING, x), np.interp(x, grid(values), values), atol=1e-12)
+
+
+@given(values_of_a_table)
+def test_many_values_on_few_lines_are_numpys_interp_too(values):
+    fine = np.interp(np.linspace(0.0, 1.0, 20 * (len(values) - 1) + 1), np.linspace(0.0, 1.0, len(values)), values)
+    at = START + SPACING / 20 * np.arange(len(fine))
+    x = np.linspace(at[0], at[-1], 301)
+    np.testing.assert_allclose(table(fine, START, SPACING / 20, x), np.interp(x, at, fine), atol=1e-11)
+    for end, inner in ((0, 1), (-1, -2)):
+        beyond = table(fine, START, SPACING / 20, 2.0 * at[end] - at[inner])
+        assert beyond == pytest.approx(2.0 * fine[end] - fine[inner], abs=1e-11)
+
+
+def test_values_on_few_lines_take_less_memory_and_a_straight_one_none():
+    bent = trace(lambda x: table(np.interp(np.arange(101.0), (0, 30, 100), (3.0, 3.5, 4.0)), 0.0, 0.01, x), 0.0)
+    assert [len(n.args[1]) for n in bent.nodes if n.operation.name == "gather"] == [102, 2, 2]
+    straight = trace(lambda x: table(np.linspace(1.0, 2.0, 101), 0.0, 0.01, x), 0.0)
+    assert straight.operations["gather"] == 0 and straight.operations["floor"] == 0
 
 
 @given(values_of_a_table)

@@ -68,7 +68,8 @@ def available(battery: Battery) -> tuple[str, ...]:
     return tuple(filter(possible, ESTIMATORS))
 
 
-def _thevenin(battery: Battery) -> Thevenin:
+def require_thevenin(battery: Battery) -> Thevenin:
+    """The Thevenin model of a battery file, or InputError where it has none."""
     if battery.thevenin is None:
         raise InputError(
             f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; "
@@ -89,7 +90,7 @@ def _rc(battery: Battery) -> RcModel:
 def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], TheveninFilter]:
     def make(battery: Battery, settings: Settings) -> TheveninFilter:
         return TheveninFilter(
-            _thevenin(battery),
+            require_thevenin(battery),
             battery.noise,
             method=method,
             matching=matching,
@@ -101,15 +102,15 @@ def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Theven
 
 
 def _textbook(method: str) -> Callable[[Battery, Settings], Estimator]:
-    return lambda battery, settings: TextbookFilter(_thevenin(battery), battery.noise, method)
+    return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, method)
 
 
 def _coulomb(battery: Battery, settings: Settings) -> Estimator:
-    return CoulombCounting(_thevenin(battery), battery.noise, settings.gap_s)
+    return CoulombCounting(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
 def _rest_ocv(battery: Battery, settings: Settings) -> Estimator:
-    return RestOcv(_thevenin(battery), battery.noise, settings.gap_s)
+    return RestOcv(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
 def _rc_kalman(battery: Battery, settings: Settings) -> RcKalman:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,19 +16,21 @@ from ohmward.trace import table
 class OcvCurve:
     """Open-circuit voltage on a uniform grid of SoC from 0 to 1, ends included.
 
-    Between the points it is a monotone cubic, beyond the ends a straight line with the end slope.
+    Between the points it is a monotone cubic or straight, beyond the ends a straight line with the end slope.
 
     Attributes:
         voltage_V: (K,) mean of the charge and the discharge branch at the reference temperature, non-decreasing.
         hysteresis_V: (K,) half the distance of the fully developed charge and discharge branches, >= 0.
         temperature_V_per_K: (K,) change of voltage_V with temperature.
         reference_degC: temperature at which voltage_V holds.
+        interpolation: between the points; None is "hermite", the monotone cubic, "linear" a straight line.
     """
 
     voltage_V: tuple[float, ...]
     hysteresis_V: tuple[float, ...] = ()
     temperature_V_per_K: tuple[float, ...] = ()
     reference_degC: float = 25.0
+    interpolation: Literal["hermite", "linear"] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.voltage_V)
@@ -70,9 +72,10 @@ class OcvCurve:
             tuple(factor * v for v in self.hysteresis_V),
             tuple(factor * v for v in self.temperature_V_per_K),
             self.reference_degC,
+            self.interpolation,
         )
 
     def _at(self, values: tuple[float, ...], soc: Any) -> Any:
         if not any(values):
             return 0.0 * soc
-        return table(values, 0.0, 1.0 / (len(values) - 1), soc, kind="hermite")
+        return table(values, 0.0, 1.0 / (len(values) - 1), soc, kind=self.interpolation or "hermite")

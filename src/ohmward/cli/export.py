@@ -63,6 +63,13 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         default="lines",
         help="lines: no loops, the fastest; loops: a few filters, the smallest (default %(default)s)",
     )
+    group.add_argument(
+        "--curve-error",
+        type=positive,
+        metavar="MV",
+        help="of textbook-ekf and textbook-ukf: for a smaller table the open-circuit voltage of a cell may be so many "
+        "millivolts off",
+    )
     group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
     group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
@@ -84,6 +91,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "name": args.name,
         "sample_time_s": args.sample_time,
         "style": args.style,
+        "curve_error_mV": args.curve_error,
         "operations": needed.operations,
         "flash_bytes_estimated": needed.flash,
         "state_bytes": needed.state,
@@ -117,8 +125,9 @@ def _battery_export(args: argparse.Namespace) -> Export:
     from ohmward.battery.battery_file import load_battery
     from ohmward.export.battery import battery_export
 
-    start = args.initial_soc, args.initial_soc_std
-    return battery_export(load_battery(args.file), args.filter, args.name, *start, args.sample_time, args.style)
+    battery, start = load_battery(args.file), (args.initial_soc, args.initial_soc_std)
+    curve_V = 1e-3 * battery.n_series * args.curve_error if args.curve_error else None
+    return battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
 
 
 def _robot_export(args: argparse.Namespace) -> Export:
@@ -127,6 +136,8 @@ def _robot_export(args: argparse.Namespace) -> Export:
     from ohmward.export.battery import WITH_LOOPS
     from ohmward.export.traction import CONTROLLERS, controller_export, observer_export
 
+    if args.curve_error:
+        raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
     if args.style != "lines":
         raise InputError(f"{args.filter} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
     robot = make_robot(args.file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from enum import IntFlag
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from ohmward.battery.estimate import Estimate, Flag, Sample
-from ohmward.battery.estimators import ESTIMATORS, make_estimator
+from ohmward.battery.estimators import ESTIMATORS, make_estimator, require_thevenin
+from ohmward.battery.ocv_on_lines import on_lines
 from ohmward.battery.rc.adaptive_soc import even
 from ohmward.battery.rc.textbook_joint import TextbookJoint, TextbookJointEstimate
 from ohmward.battery.reading import ROOM_DEGC
@@ -29,6 +31,9 @@ JOINT = "textbook-joint"
 
 #: The filters whose step can be written as loops.
 WITH_LOOPS = ("textbook-ekf", "textbook-ukf", JOINT)
+
+#: The filters that look at nothing but the mean curve, whose table can be one of lines.
+WITH_LINES = ("textbook-ekf", "textbook-ukf")
 
 Style = Literal["lines", "loops"]
 
@@ -51,6 +56,7 @@ def battery_export(
     soc_std: float = 0.3,
     sample_time_s: float | None = None,
     style: Style = "lines",
+    curve_error_V: float | None = None,
 ) -> Export:
     """The estimator `filter_name` of a battery, or the filter JOINT of its RC model, ready to be written.
 
@@ -58,6 +64,8 @@ def battery_export(
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
     sample_time_s: of samples that always come so far apart; `dt_s` is then not looked at, and the code is smaller.
 
+    curve_error_V: how far the open-circuit voltage of a textbook filter may be from the curve in the file, of the whole
+        pack, so that its table is small; None keeps the curve.
     style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
 
     Raises:
@@ -65,7 +73,13 @@ def battery_export(
     """
     require_style(style, filter_name)
     if filter_name == JOINT:
+        if curve_error_V is not None:
+            raise InputError(f"{JOINT} has no open-circuit voltage curve; leave out the curve error")
         return _joint_export(battery, name, sample_time_s, style)
+    title = f"State of charge of {battery.name}: {_title(filter_name)}"
+    if curve_error_V is not None:
+        battery, error_V = _on_lines(battery, filter_name, curve_error_V)
+        title += f", curve within {1e3 * error_V:.2g} mV"
     estimator: Any = make_estimator(filter_name, battery)
     rest = Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
@@ -73,7 +87,7 @@ def battery_export(
     start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
     return Export(
         name=name,
-        title=f"State of charge of {battery.name}: {ESTIMATORS[filter_name].title}",
+        title=title,
         step=trace(at_rate(estimator.step), state, _EXAMPLE),
         start=start,
         types=(type(state), Sample, Estimate),
@@ -90,6 +104,24 @@ def require_style(style: str, filter_name: str) -> None:
         raise InputError(f"style must be one of {', '.join(get_args(Style))}, got {style!r}")
     if style == "loops" and filter_name not in WITH_LOOPS:
         raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
+
+
+def _title(filter_name: str) -> str:
+    if filter_name not in ESTIMATORS:
+        raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, JOINT))}, got {filter_name!r}")
+    return ESTIMATORS[filter_name].title
+
+
+def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:
+    """The battery with its curve on lines, and how far they are from it; of a filter that looks at the curve alone."""
+    if filter_name not in WITH_LINES:
+        raise InputError(
+            f"{filter_name} needs the hysteresis and the warmth of the curve too; a curve error is for "
+            f"{', '.join(WITH_LINES)}"
+        )
+    model = require_thevenin(battery)
+    ocv, found_V, _ = on_lines(model.ocv, error_V)
+    return replace(battery, thevenin=replace(model, ocv=ocv)), found_V
 
 
 def _joint_export(battery: Battery, name: str, sample_time_s: float | None, style: Style) -> Export:

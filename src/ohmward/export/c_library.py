@@ -16,13 +16,13 @@ from ohmward.export.comments import field_comments
 from ohmward.export.template import filled, template, templates
 from ohmward.export.vectors import vectors_header
 from ohmward.trace.c_source import Loops, Member, c_source, members
-from ohmward.trace.constant_arrays import constant_arrays
+from ohmward.trace.constant_arrays import are_bytes, constant_arrays
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.program import Program
 
-#: Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written; and of
-#: one entry of a table. Fitted to all filters; `tests/export/test_size.py` holds them to what the compiler makes.
-_BYTES_OF_OPERATION, _BYTES_OF_CHOICE, _BYTES_OF_NUMBER, _BYTES_OF_ENTRY = 5.5, 18.0, 2.0, 4
+#: Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
+#: to all filters; `tests/export/test_size.py` holds them to what the compiler makes.
+_BYTES_OF_OPERATION, _BYTES_OF_CHOICE, _BYTES_OF_NUMBER = 5.5, 18.0, 2.0
 _TIME_OF_LINES = "A step has no loops and no branches that depend on data: it always takes the same time."
 _TIME_OF_LOOPS = "A step has loops of fixed length and no branches that matter: it always takes the same time."
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
@@ -70,9 +70,9 @@ def size(export: Export) -> Size:
     steps = [function.program for function in loops.functions] if loops else [export.step]
     programs = [expand(p, F32) for p in (export.start, *steps)]
     code = sum(map(_code_bytes, programs)) + (loops.code_bytes if loops else 0)
-    entries = sum(map(len, constant_arrays(programs)))
+    tables = sum(len(array) * (1 if are_bytes(array) else 4) for array in constant_arrays(programs))
     state = sum(_bytes(m) for m in members(export.step.argument_structure.children[0]))
-    return Size(sum(len(p.nodes) for p in programs), round(code) + _BYTES_OF_ENTRY * entries, state)
+    return Size(sum(len(p.nodes) for p in programs), round(code) + tables, state)
 
 
 def _code_bytes(program: Program) -> float:

@@ -18,6 +18,8 @@ def bounds(x: Any) -> tuple[float, float] | None:
     if name == "where" and args[0].operation.name == "less":  # low < x ? x : low
         (low, tested), (_, chosen, otherwise) = args[0].args, args
         return (low, math.inf) if tested is chosen and _same_number(low, otherwise) else None
+    if name == "gather":
+        return min(args[1]), max(args[1])
     if name in ("minimum", "maximum") and (a := bounds(args[0])) and (b := bounds(args[1])):
         smaller = min if name == "minimum" else max
         return smaller(a[0], b[0]), smaller(a[1], b[1])

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TypeGuard
-
 import numpy as np
 
 from ohmward.trace.bounds import bounds
+from ohmward.trace.constant_arrays import are_bytes
 from ohmward.trace.expression import Expression
 
 
-def counts(found: tuple[float, float] | None) -> TypeGuard[tuple[float, float]]:
-    """Whether these are bounds of what a cast to a whole number cuts as floor does."""
+def is_whole(node: Expression) -> bool:
+    """Whether a value is a whole number that an integer holds: an entry of bytes, or a floor that a cast gives too."""
+    if node.operation.name == "gather":
+        return are_bytes(node.args[1])
+    found = bounds(node) if node.operation.name == "floor" else None
     return found is not None and found[0] >= 0.0 and found[1] < 2.0**23
 
 

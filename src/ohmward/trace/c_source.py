@@ -15,8 +15,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.trace.c_operations import HELPERS, bounds, counts, literal, template
-from ohmward.trace.constant_arrays import constant_arrays, position
+from ohmward.trace.bounds import bounds
+from ohmward.trace.c_operations import HELPERS, is_whole, literal, template
+from ohmward.trace.constant_arrays import are_bytes, constant_arrays, position
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
 from ohmward.trace.program import Program
@@ -221,14 +222,18 @@ def _source(name: str, functions: list[Function], typedefs: list[str] | None = N
 
 def _body(writer: _Writer, function: Function) -> Iterator[str]:
     program = function.program
-    read = {a.serial for node in program.nodes for a in node.args if isinstance(a, Expression)}
-    read |= {y.serial for y in program.outputs if isinstance(y, Expression)}
+    needed = [a for node in program.nodes for a in node.args if isinstance(a, Expression)]
+    outputs = {y.serial for y in program.outputs if isinstance(y, Expression)}
+    read = outputs | {a.serial for a in needed}
+    others = (node for node in program.nodes if node.operation.name != "gather")
+    numbers = outputs | {a.serial for node in others for a in node.args if isinstance(a, Expression)}
     writer.begin()
     for symbol, place in zip(program.inputs, function.inputs, strict=True):
         if symbol.serial in read:
             writer.assign(symbol, place)
     for node in program.nodes:
-        writer.assign(node, writer.formula(node))
+        if node.serial in numbers or not is_whole(node):  # an index alone needs no float
+            writer.assign(node, writer.formula(node))
     pairs = list(zip(function.outputs, map(writer.word, program.outputs), strict=True))
     zeros = [pair for pair in pairs if pair[1] in ("0e+00f", "false")]
     if function.fills and len(zeros) >= _WORTH_MEMSET:
@@ -267,18 +272,17 @@ class _Writer:
 
     def formula(self, node: Expression) -> str:
         """The C of an operation."""
-        if node.operation.name == "gather":
-            index, values = node.args
-            return self.entry(values, self.index(index, len(values)))
-        if node.operation.name == "floor" and counts(bounds(node)):
+        if is_whole(node):
             return f"(float){self.whole(node)}"
+        if node.operation.name == "gather":
+            return self.entry(node)
         text = template(node)
         self.helpers |= {helper for helper in HELPERS if f"{{name}}_{helper}(" in text}
         return text.format(*(self.word(a) for a in node.args), name=self.name)
 
     def index(self, index: Expression, count: int) -> str:
         """The place in tables of `count` entries, found once for all of them."""
-        if index.operation.name == "floor" and counts(found := bounds(index)) and found[1] <= count - 1:
+        if is_whole(index) and (found := bounds(index)) and found[1] <= count - 1:
             return self.whole(index)
         word = self.word(index)
         if (word, count) not in self.indices:
@@ -287,25 +291,30 @@ class _Writer:
             self.lines.append(f"const int32_t {name} = {self.name}_index({word}, {count});")
         return self.indices[word, count]
 
-    def whole(self, floor: Expression) -> str:
-        """The whole number that is a floor within bounds: a cast, which cuts."""
-        word = self.word(floor.args[0])
-        if (word, 0) not in self.indices:
-            name = self.indices[word, 0] = f"i{len(self.indices)}"
-            self.lines.append(f"const int32_t {name} = (int32_t){word};")
-        return self.indices[word, 0]
+    def whole(self, node: Expression) -> str:
+        """The integer that a value is: an entry of a table of bytes, or a floor that a cast gives too."""
+        entry = self.entry(node) if node.operation.name == "gather" else ""
+        key = entry or self.word(node.args[0]), 0
+        if key not in self.indices:
+            name = self.indices[key] = f"i{len(self.indices)}"
+            self.lines.append(f"const int32_t {name} = {entry or f'(int32_t){key[0]}'};")
+        return self.indices[key]
 
-    def entry(self, values: tuple[float, ...], index: str) -> str:
+    def entry(self, gather: Expression) -> str:
         """An entry of a table, wherever its values stand in the constant arrays."""
+        values = gather.args[1]
+        index = self.index(gather.args[0], len(values))
         for name, array in self.tables.items():
-            if (first := position(values, array)) is not None:
+            if are_bytes(array) is are_bytes(values) and (first := position(values, array)) is not None:
                 return f"{name}[{index} + {first}]" if first else f"{name}[{index}]"
         raise KeyError(values)
 
     def globals(self) -> Iterator[str]:
         """Tables and the helpers that are needed."""
         for name, values in self.tables.items():
-            yield f"static const float {name}[{len(values)}] = {{{', '.join(literal(v) for v in values)}}};"
+            kind = "uint8_t" if are_bytes(values) else "float"
+            texts = (f"{v:.0f}" if kind == "uint8_t" else literal(v) for v in values)
+            yield f"static const {kind} {name}[{len(values)}] = {{{', '.join(texts)}}};"
         if self.tables:
             yield ""
         for helper in sorted(self.helpers):

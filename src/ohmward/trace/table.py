@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.expression import apply, number
 from ohmward.trace.functions import elementwise, floor, minimum, where
+
+#: Of a table: their numbers are stored in a byte.
+_MOST_LINES = 255
 
 
 def table(
@@ -33,6 +36,9 @@ def table(
     u = (x - start) * (1.0 / spacing) + 1.0  # 1 at the first value: the segment before it is number 0
     segment = floor(minimum(_positive(u), float(len(points))))
     t = u - segment
+    if kind == "linear" and (lines := _lines(points)):
+        line = _gather(segment, lines.numbers)
+        return _gather(line, lines.offsets) + _gather(line, lines.slopes) * u
     if kind == "linear":
         # from values alone: half the memory of values and slopes
         ends = _ends(points)
@@ -72,6 +78,30 @@ def _ends(values: tuple[float, ...]) -> tuple[float, ...]:
     """Values (n + 2,) at the ends of the segments of straight lines, the extensions included."""
     v = _checked(values)
     return (float(2 * v[0] - v[1]), *values, float(2 * v[-1] - v[-2]))
+
+
+class _Lines(NamedTuple):
+    """Straight lines over several segments each: which one a segment lies on, its value at u = 0 and its slope."""
+
+    numbers: tuple[float, ...]
+    offsets: tuple[float, ...]
+    slopes: tuple[float, ...]
+
+
+@lru_cache(maxsize=256)
+def _lines(values: tuple[float, ...]) -> _Lines | None:
+    """The lines that values (n,) lie on, where that takes less memory than the values; a line's number is one byte."""
+    v = _checked(values)
+    bends = np.abs(np.diff(v, 2)) > 1e-13 * np.abs(v).max()
+    knots = np.flatnonzero(np.concatenate([[True], bends, [True]]))
+    count, n = len(knots) - 1, len(v)
+    if count > _MOST_LINES or 8 * count + n + 1 >= 4 * (n + 2):
+        return None
+    slopes = np.diff(v[knots]) / np.diff(knots)
+    offsets = v[knots[:-1]] - slopes * (knots[:-1] + 1)
+    numbers = np.repeat(np.arange(float(count)), np.diff(knots))
+    numbers = np.concatenate([numbers[:1], numbers, numbers[-1:]])
+    return _Lines(*(tuple((row + 0.0).tolist()) for row in (numbers, offsets, slopes)))
 
 
 @lru_cache(maxsize=256)
