@@ -34,7 +34,7 @@ def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tupl
         InputError: no floors in the file, no such filter, or a driven wheel without encoder or motor current.
     """
     from ohmward.traction.floors import load_floors, slip_on_floors
-    from ohmward.traction.floors.estimate import as_estimates
+    from ohmward.traction.floors.as_estimates import as_estimates
     from ohmward.traction.observers import Track
 
     began = time.perf_counter()

@@ -20,8 +20,8 @@ def alarms(test, force, dt_s=0.03):
     state, found = test.init(OMNI), []
     for k, value in enumerate(force):
         sample = CrossingSample(value, CHANGE, np.array([SPEED_M_S, 0.0, 0.0]), True, dt_s)
-        state, crossed = test.step(state, sample)
-        found += [k * dt_s] if crossed else []
+        state, result = test.step(state, sample)
+        found += [k * dt_s] if result.alarm else []
     return found
 
 
@@ -55,8 +55,8 @@ def test_forces_that_no_wheel_explains_are_no_crossing():
     across = np.cross(two[:, 0], two[:, 1])
     state = TEST.init(OMNI)
     for force in later(0.3 * across / np.linalg.norm(across)):
-        state, crossed = TEST.step(state, CrossingSample(force, two, np.array([SPEED_M_S, 0.0, 0.0]), True, 0.03))
-        assert not crossed
+        state, result = TEST.step(state, CrossingSample(force, two, np.array([SPEED_M_S, 0.0, 0.0]), True, 0.03))
+        assert not result.alarm
 
 
 @pytest.mark.slow
@@ -74,8 +74,8 @@ def test_a_stop_and_another_direction_start_anew():
         for _ in range(60):
             force = np.full(3, 0.5 if motion[1] else 0.1)
             sample = CrossingSample(force, CHANGE, np.array(motion, dtype=float), moving, 0.03)
-            state, crossed = TEST.step(state, sample)
-            assert not crossed
+            state, result = TEST.step(state, sample)
+            assert not result.alarm
 
 
 @pytest.mark.parametrize("before, after, sign", [(SMOOTH, SOFT, 1), (SOFT, SMOOTH, -1)])

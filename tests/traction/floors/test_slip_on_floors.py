@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.floors import slip_on_floors
-from ohmward.traction.floors.estimate import as_estimates
+from ohmward.traction.floors.as_estimates import as_estimates
 from ohmward.traction.score import DriveTruth, score_drive
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 

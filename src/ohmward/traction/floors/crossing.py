@@ -19,13 +19,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
-from ohmward.traction.floors.demand import drag_columns, drag_share, static_loads
+from ohmward.trace import exp, log, logical_not, maximum, minimum, where
+from ohmward.traction.floors.demand import drag_columns, mean_load, travel_speed
 from ohmward.traction.floors.floor import Floor
+from ohmward.traction.observers.reading import some
 from ohmward.traction.robot import Robot
 
 #: Floors whose drags differ less are one floor to this test.
@@ -38,6 +40,8 @@ _OTHER_MOTION = 0.3
 _MEMORY_S, _FIRST_S = 3.0, 0.3
 #: Ripple lasts no shorter than this [s]: the filter of the forces.
 _SHORTEST_S = 0.1
+_NEWTON_STEPS = 4
+_TINY = 1e-9
 
 
 class Crossing(NamedTuple):
@@ -61,8 +65,8 @@ class CrossingSample(NamedTuple):
     force_share: np.ndarray
     change: np.ndarray
     motion: np.ndarray
-    moving: bool
-    dt_s: float
+    moving: Any
+    dt_s: Any
 
 
 class CrossingState(NamedTuple):
@@ -76,8 +80,20 @@ class CrossingState(NamedTuple):
 
     sums: np.ndarray
     mean: np.ndarray
-    tested_s: float
+    tested_s: Any
     motion: np.ndarray
+
+
+class CrossingResult(NamedTuple):
+    """What the test says of a sample.
+
+    alarm: whether a wheel has come to another floor.
+    delay_s: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the
+        test waits, and long for a wheel whose floor hardly shows in the forces.
+    """
+
+    alarm: Any
+    delay_s: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -107,61 +123,64 @@ class CrossingTest:
         for name in ("ripple_growth", "settling_s"):
             require_between(name, getattr(self, name), 0.0, math.inf)
 
-    def threshold(self, k2: np.ndarray, tau_s: float) -> np.ndarray:
-        """Each h (n,) of n changes with these k^2 (n,), tested both ways: h = ln(T k^2/(2 tau) + 1 + h), iterated."""
+    def threshold(self, k2: np.ndarray, tau_s: Any) -> np.ndarray:
+        """Each h (n,) of n changes with these k^2 (n,), tested both ways: h = ln(T k^2/(2 tau) + 1 + h), by Newton."""
         between_s = 3600 / self.false_alarms_per_hour * 2 * len(k2)
-        wanted = between_s * k2 / (2 * tau_s)
-        h = np.log(wanted + 2)
-        for _ in range(10):
-            h = np.log(wanted + 1 + h)
+        wanted = k2 * (between_s / (2 * tau_s))
+        h = log(wanted + 2.0)
+        for _ in range(_NEWTON_STEPS):
+            inside = wanted + 1.0 + h
+            h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + _TINY))
         return h
+
+    def delay_s(self, k2: np.ndarray, tau_s: Any) -> np.ndarray:
+        """Mean time (n,) [s] from a change that counts to its alarm: (2 tau / k^2)(e^-h + h - 1), as for T."""
+        h = self.threshold(k2, tau_s)
+        return 2.0 * tau_s / maximum(k2, _TINY) * (exp(-h) + h - 1.0)
 
     def init(self, robot: Robot) -> CrossingState:
         """Before the first sample."""
         wheels = len(robot.places)
         return CrossingState(np.zeros((2, wheels)), np.zeros(robot.driven), 0.0, np.zeros(robot.freedoms - 1))
 
-    def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, bool]:
-        """The state after a sample, and whether it raises an alarm."""
-        force, motion, none = sample.force_share, sample.motion[:-1], np.zeros_like(state.sums)
-        change = np.linalg.norm(motion - state.motion)
-        if not sample.moving or change > _OTHER_MOTION * np.linalg.norm(state.motion):
-            return CrossingState(none, force, -self.settling_s, motion), False
-        excess, tested_s = force - state.mean, state.tested_s + sample.dt_s
-        if tested_s < 0:
-            mean = state.mean + min(0.5 * sample.dt_s / _FIRST_S, 1.0) * excess
-            return CrossingState(none, mean, tested_s, motion), False
-        sums, threshold = self._raised(state, sample)
-        if (sums > threshold).any():
-            return CrossingState(none, force, 0.0, motion), True
-        mean = state.mean + sample.dt_s / (min(tested_s, _MEMORY_S) + _FIRST_S) * excess
-        return CrossingState(sums, mean, tested_s, state.motion), False
-
-    def run(
-        self, robot: Robot, time_s: np.ndarray, motion: np.ndarray, force_N: np.ndarray, moving: np.ndarray
-    ) -> list[Crossing]:
-        """All alarms of a drive, from motion (T, freedoms), forces (T, driven) and whether the wheels turn (T,)."""
-        state, found = self.init(robot), []
-        load_N = static_loads(robot)[: robot.driven].mean()
+    def sample(self, robot: Robot, motion: np.ndarray, force_N: np.ndarray, moving: Any, dt_s: Any) -> CrossingSample:
+        """What the test sees of forces (driven,) while the rims move so, (freedoms,)."""
+        load_N = mean_load(robot)
         change = drag_columns(robot, motion) @ np.array([self.rolling_step, self.roller_step]) / load_N
-        dt_s = np.diff(time_s, prepend=time_s[0])
-        for k, t in enumerate(time_s):
-            before = state
-            sample = CrossingSample(force_N[k] / load_N, change[k], motion[k], bool(moving[k]), float(dt_s[k]))
-            state, crossed = self.step(state, sample)
-            if crossed:
-                drag = (drag_share(robot, motion[k], force) for force in (before.mean * load_N, force_N[k]))
-                found.append(Crossing(float(t), *(float(d) for d in drag)))
-        return found
+        return CrossingSample(force_N / load_N, change, motion, moving, dt_s)
 
-    def _raised(self, state: CrossingState, sample: CrossingSample) -> tuple[np.ndarray, np.ndarray]:
-        """The sums (2, wheels) after a sample, and the threshold (wheels,) of each."""
-        e, speed = sample.change, float(np.linalg.norm(sample.motion[:-1]))
-        tau_s = max(self.ripple_m / speed, _SHORTEST_S)
+    def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
+        """The state after a sample, and what the test says."""
+        force, motion, dt_s = sample.force_share, sample.motion[:-1], sample.dt_s
+        turned = motion - state.motion
+        other = turned @ turned > _OTHER_MOTION**2 * (state.motion @ state.motion)
+        anew = logical_not(sample.moving) | other
+        tested_s = state.tested_s + dt_s
+        settling = anew | (tested_s < 0)
+        sums, threshold, delay_s = self._raised(state, sample)
+        alarm = logical_not(settling) & some([g > h for row in sums for g, h in zip(row, threshold, strict=True)])
+        share = where(
+            settling,
+            minimum(0.5 * dt_s / _FIRST_S, 1.0),
+            minimum(dt_s / (minimum(maximum(tested_s, 0.0), _MEMORY_S) + _FIRST_S), 1.0),
+        )
+        after = CrossingState(
+            where(settling | alarm, 0.0, sums),
+            where(anew | alarm, force, state.mean + share * (force - state.mean)),
+            where(anew, -self.settling_s, where(alarm, 0.0, tested_s)),
+            where(settling | alarm, motion, state.motion),
+        )
+        return after, CrossingResult(alarm, where(settling, math.inf, delay_s))
+
+    def _raised(self, state: CrossingState, sample: CrossingSample) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The sums (2, wheels) after a sample, the threshold (wheels,) of each, and their mean delay (wheels,)."""
+        e = sample.change
+        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_S)
         variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
-        k2, seen = np.sum(e * e, axis=0) / variance, (sample.force_share - state.mean) @ e / variance
-        gain = sample.dt_s / tau_s * (np.stack([seen, -seen]) - k2 / 2)
-        return np.maximum(0.0, state.sums + gain), self.threshold(k2, tau_s)
+        k2, seen = (e * e).sum(axis=0) / variance, (sample.force_share - state.mean) @ e / variance
+        # a sample is one look at most, however long nothing came before it
+        gain = minimum(sample.dt_s / tau_s, 1.0) * (np.stack([seen, -seen]) - k2 / 2)
+        return maximum(0.0, state.sums + gain), self.threshold(k2, tau_s), self.delay_s(k2, tau_s)
 
 
 def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:

@@ -8,8 +8,11 @@ many driven wheels as the body has motions, F is unique; with more, it is the sm
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from ohmward.trace import maximum, sqrt, tanh
 from ohmward.traction.chassis import Omni
 from ohmward.traction.robot import GRAVITY, Robot
 
@@ -24,17 +27,13 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """
     along, across = motion @ robot.rolling.T, motion @ robot.sideways.T
     if not isinstance(robot.chassis, Omni):
-        across = np.zeros_like(along)  # fixed wheels are taken to roll
-    size = np.sqrt(along**2 + across**2 + FADING_M_S**2)
+        across = np.zeros(np.shape(along))  # fixed wheels are taken to roll
+    size = sqrt(along**2 + across**2 + FADING_M_S**2)
     load = static_loads(robot)
-    unit = np.stack(
-        [
-            _on_body(robot, load * along / size, load * across / size),
-            _on_body(robot, np.zeros_like(along), load * np.tanh(across / FADING_M_S)),
-        ],
-        axis=-1,
-    )
-    return np.einsum("df,...wfk->...dwk", np.linalg.pinv(robot.rolling[: robot.driven].T), unit)
+    rolling = _on_body(robot, load * along / size, load * across / size)
+    rollers = _on_body(robot, np.zeros(np.shape(along)), load * tanh(across / FADING_M_S))
+    by_wheel = np.stack([rolling, rollers], axis=-2) @ np.linalg.pinv(robot.rolling[: robot.driven])
+    return np.moveaxis(by_wheel, -1, -3)
 
 
 def inertial_forces(robot: Robot, acceleration: np.ndarray) -> np.ndarray:
@@ -49,21 +48,30 @@ def undetermined_force_std(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.nd
     says.
     """
     motor = robot.motor
-    free = 1.0 - np.abs(np.tanh(wheel_speed_rad_s / motor.friction_speed_rad_s))
+    free = 1.0 - abs(tanh(wheel_speed_rad_s / motor.friction_speed_rad_s))
     return motor.friction_Nm / robot.wheel.radius_m * free
 
 
-def drag_share(robot: Robot, motion: np.ndarray, force_N: np.ndarray) -> np.ndarray:
+def drag_share(robot: Robot, motion: np.ndarray, force_N: np.ndarray) -> Any:
     """Share (...,) of the weight that the wheels' forces (..., driven) push along the motion (..., freedoms)."""
     body = force_N @ robot.rolling[: robot.driven]
-    speed = np.sqrt(np.sum(motion[..., :-1] ** 2, axis=-1))
-    along = np.sum(body[..., :-1] * motion[..., :-1], axis=-1) / np.maximum(speed, 1e-6)
+    along = (body[..., :-1] * motion[..., :-1]).sum(axis=-1) / maximum(travel_speed(motion), 1e-6)
     return along / static_loads(robot).sum()
+
+
+def travel_speed(motion: np.ndarray) -> Any:
+    """Speed (...,) [m/s] of a motion (..., freedoms), its rotation left out."""
+    return sqrt((motion[..., :-1] * motion[..., :-1]).sum(axis=-1))
 
 
 def static_loads(robot: Robot) -> np.ndarray:
     """Load of each wheel (wheels,) [N] at rest."""
     return robot.mass_kg * GRAVITY * robot.loads[:, 0]
+
+
+def mean_load(robot: Robot) -> float:
+    """Load of a driven wheel [N] at rest, their mean."""
+    return float(static_loads(robot)[: robot.driven].mean())
 
 
 def _on_body(robot: Robot, along: np.ndarray, across: np.ndarray) -> np.ndarray:

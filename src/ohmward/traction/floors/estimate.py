@@ -1,45 +1,54 @@
-"""Slip on floors as the estimates of an observer, so that scores, reports and files take either."""
+"""What is known of the slip on floors after a sample: plain numbers."""
 
 from __future__ import annotations
 
+from enum import IntFlag
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from ohmward.traction.floors.slip_on_floors import SlipTrack
-from ohmward.traction.observers.estimate import Estimate
-from ohmward.traction.observers.slip_test import SlipTest
-from ohmward.traction.robot import Robot
-from ohmward.traction.slip import slip_ratio
 
+class FloorEstimate(NamedTuple):
+    """What is known after a sample.
 
-def as_estimates(track: SlipTrack, robot: Robot, test: SlipTest | None = None) -> Estimate:
-    """The track as estimates (T, ...); what is no question here is as assumed: radius, level ground, friction.
-
-    test: what slip is allowed.
+    rim: (freedoms,) motion that the wheels make, as if none slipped.
+    motion, motion_std: (freedoms,) of the body.
+    speed_m_s, speed_std_m_s: over ground.
+    travel_slip, travel_slip_std: share of the rims' travel speed that is lost; nan while the wheels hardly turn.
+    slip_ratio, slip_ratio_std: (driven,) of each wheel, slip speed over the rims' travel speed; likewise nan.
+    force_N: (driven,) of the ground.
+    floor_probability: (wheels, floors), floors as in `Recognition.names`.
+    crossing: 1 where a wheel has come to another floor, else 0.
+    drag_before, drag_after: share of the weight that the ground takes, before the last change and now.
+    crossing_delay_s: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while
+        none is looked for.
+    flags: sum of `FloorFlag` values; 0 is a sample without incident.
     """
-    n, test = robot.driven, test or SlipTest()
-    rim = track.rim @ robot.rolling[:n].T
-    travel = np.sqrt(np.sum(track.rim[:, :-1] ** 2, axis=1))[:, None]
-    slip, std = np.nan_to_num(track.slip_ratio) * travel, np.nan_to_num(track.slip_ratio_std) * travel
-    nothing, ones = np.zeros(len(track.time_s)), np.ones(len(track.time_s))
-    return Estimate(
-        speed_m_s=track.motion[:, 0],
-        speed_std_m_s=track.motion_std[:, 0],
-        yaw_rate_rad_s=track.motion[:, -1],
-        yaw_rate_std_rad_s=track.motion_std[:, -1],
-        wheel_speed_rad_s=rim / robot.wheel.radius_m,
-        slip_speed_m_s=slip,
-        slip_speed_std_m_s=std,
-        slip_ratio=slip_ratio(rim, rim - slip),
-        traction_N=track.force_N,
-        friction_share=np.ones_like(slip),
-        friction_std=np.zeros_like(slip),
-        grade_rad=nothing,
-        grade_std_rad=nothing,
-        radius_share=ones,
-        radius_std=nothing,
-        grip=np.ones_like(slip),
-        unobserved_s=nothing,
-        slipping=test.slips(slip, std, rim).astype(float),
-        immobilised=nothing,
-        flags=nothing,
-    )
+
+    rim: np.ndarray
+    motion: np.ndarray
+    motion_std: np.ndarray
+    speed_m_s: Any
+    speed_std_m_s: Any
+    travel_slip: Any
+    travel_slip_std: Any
+    slip_ratio: np.ndarray
+    slip_ratio_std: np.ndarray
+    force_N: np.ndarray
+    floor_probability: np.ndarray
+    crossing: Any
+    drag_before: Any
+    drag_after: Any
+    crossing_delay_s: np.ndarray
+    flags: Any
+
+
+class FloorFlag(IntFlag):
+    """What happened at a sample. None of it stops the estimator."""
+
+    BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
+    GAP = 2  # half a second without a sample: floors may have changed
+    NO_CURRENT = 4  # of at least one motor: its force wanders on
+    NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
+    ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
+    MOTION_UNKNOWN = 32  # the wheels hardly turn, or nobody knows how: no slip ratio, no floor recognised

@@ -110,17 +110,29 @@ def slip_belief(floor: Floor, force_share: np.ndarray, force_std: np.ndarray) ->
     force_share, force_std: (..., n) traction over load, and its standard deviation.
 
     The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law bends where they are
-    uncertain.
+    uncertain. `slip_curves` has the same as a step takes it.
     """
-    logs, weights = _nodes(floor)
-    at_node = np.array([slip_at_force(force_share, np.exp(a), np.exp(b)) for a, b in logs])
+    at_node, weights = slips_of_floors(floor, force_share)
     mean = np.tensordot(weights, at_node, 1)
     off = at_node - mean
     cov = np.einsum("q,q...i,q...j->...ij", weights, off, off)
-    step = np.maximum(force_std, 1e-6)
-    ahead, behind = (np.tensordot(weights, _slips(force_share + e, logs), 1) for e in (step, -step))
+    ahead, behind = (
+        np.tensordot(weights, slips_of_floors(floor, force_share + e)[0], 1) for e in (force_std, -force_std)
+    )
     own = floor.slip_std**2 + ((ahead - behind) / 2) ** 2
     return SlipBelief(mean, cov + own[..., None] * np.eye(mean.shape[-1]))
+
+
+def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slip (Q, ...) at forces over load (...) on Q floors that this one may be, and their probabilities (Q,)."""
+    x, w = np.polynomial.hermite_e.hermegauss(_NODES)
+    factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
+    grid = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    friction, stiffness = np.exp(np.log([floor.friction, floor.stiffness]) + grid @ factor.T).T
+    weights = np.outer(w, w).ravel()
+    columns = (-1, *(1,) * np.ndim(force_share))
+    slip = slip_at_force(force_share, friction.reshape(columns), stiffness.reshape(columns))
+    return slip, weights / weights.sum()
 
 
 def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
@@ -154,16 +166,3 @@ def _pooled(known: Sequence[tuple[float, float]], median: float, std: float) -> 
     precision = np.array([1 / common, *(1 / (s * s + between) for _, s in known)])
     mean = precision @ values / precision.sum()
     return float(np.exp(mean)), float(np.sqrt(1 / precision.sum() + between))
-
-
-def _nodes(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss and Hermite's nodes (121, 2) of ln mu and ln C, and their weights."""
-    x, w = np.polynomial.hermite_e.hermegauss(_NODES)
-    factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
-    grid = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
-    weights = np.outer(w, w).ravel()
-    return np.log([floor.friction, floor.stiffness]) + grid @ factor.T, weights / weights.sum()
-
-
-def _slips(force_share: np.ndarray, logs: np.ndarray) -> np.ndarray:
-    return np.array([slip_at_force(force_share, np.exp(a), np.exp(b)) for a, b in logs])

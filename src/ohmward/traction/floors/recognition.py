@@ -16,19 +16,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
-from ohmward.traction.floors.demand import drag_columns, inertial_forces, static_loads
+from ohmward.filters.linear_algebra import cholesky, solve_lower
+from ohmward.trace import exp, log, maximum, minimum
+from ohmward.traction.floors.demand import drag_columns, inertial_forces, mean_load
 from ohmward.traction.floors.floor import Floor, unseen_floor
+from ohmward.traction.observers.reading import largest
 from ohmward.traction.robot import Robot
 
 #: More combinations than this are refused: every sample weighs each of them.
 MOST_COMBINATIONS = 1000
 #: Before anything is measured: a floor that was never met against a known one, and several floors against one.
 UNSEEN_SHARE, MIXED_SHARE = 0.01, 0.1
+#: No combination is ever less likely: one that was excluded can come back.
+_LEAST = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,40 +102,51 @@ class Recognition:
         belief = self.likeness * np.where(same, 1.0, MIXED_SHARE)
         return belief / belief.sum()
 
-    def step(self, belief: np.ndarray, log_likelihood: np.ndarray, dt_s: float) -> np.ndarray:
+    def step(self, belief: np.ndarray, log_likelihood: np.ndarray, dt_s: Any) -> np.ndarray:
         """Belief (C,) after a sample in which the combinations have this log-likelihood (C,)."""
-        change = 1.0 - np.exp(-self.crossing_rate * dt_s)
-        prior = (1 - change) * belief + change * belief @ self.changes
-        weighed = np.log(np.maximum(prior, 1e-300)) + min(dt_s / self.correlation_s, 1.0) * log_likelihood
-        after = np.exp(weighed - weighed.max())
-        return after / after.sum()
+        change, counts = 1.0 - exp(-self.crossing_rate * dt_s), minimum(dt_s / self.correlation_s, 1.0)
+        prior = (1.0 - change) * belief + change * self.changed(belief)
+        weighed = [
+            log(maximum(p, _LEAST)) + counts * likelihood for p, likelihood in zip(prior, log_likelihood, strict=True)
+        ]
+        likeliest = largest(weighed)
+        after = np.array([exp(w - likeliest) for w in weighed])
+        return after * (1.0 / after.sum())
+
+    def changed(self, belief: np.ndarray) -> np.ndarray:
+        """Belief (C,) after one wheel has met another floor."""
+        return np.array([belief[near] @ share[near] for share in self.changes.T for near in [np.flatnonzero(share)]])
 
     def log_likelihood(
         self, motion: np.ndarray, acceleration: np.ndarray, force_N: np.ndarray, force_std_N: np.ndarray
     ) -> np.ndarray:
-        """Logarithm of p(F | c) (T, C) of forces (T, driven) while the body moves so, (T, freedoms)."""
+        """Logarithm of p(F | c) (C,) of forces (driven,) while the body moves so, (freedoms,)."""
         columns = drag_columns(self.robot, motion)
         rest = force_N - inertial_forces(self.robot, acceleration)
-        load_N = float(static_loads(self.robot)[: self.robot.driven].mean())
-        found = np.empty((len(motion), len(self.combinations)))
-        for k, chosen in enumerate([[self.all_floors[i] for i in row] for row in self.combinations]):
-            shares = np.array([[f.rolling, f.roller] for f in chosen])
-            by_wheel = np.einsum("tdws,ws->tdw", columns, shares)
-            drag_std = np.array([f.drag_std for f in chosen])
-            off = by_wheel * drag_std
-            own = (load_N * max(f.force_std for f in chosen)) ** 2 + force_std_N**2
-            S = off @ off.transpose(0, 2, 1) + own[:, :, None] * np.eye(own.shape[1])
-            found[:, k] = _log_density(rest - by_wheel.sum(axis=-1), S)
-        return found
+        load_N = mean_load(self.robot)
+        asked = [columns @ np.array([f.rolling, f.roller]) for f in self.all_floors]
+        open_ = [_squares(f.drag_std * by_wheel) for f, by_wheel in zip(self.all_floors, asked, strict=True)]
+        found = []
+        for combination in self.combinations:
+            under = list(enumerate(combination))
+            own = (load_N * max(self.all_floors[i].force_std for i in combination)) ** 2 + force_std_N**2
+            S = sum(open_[i][wheel] for wheel, i in under) + np.diag(own)
+            found.append(_log_density(rest - sum(asked[i][:, wheel] for wheel, i in under), S))
+        return np.array(found)
 
     def by_wheel(self, belief: np.ndarray) -> np.ndarray:
-        """Probability (..., wheels, floors) of each floor under each wheel."""
-        marks = self.combinations[:, :, None] == np.arange(len(self.all_floors))
-        return np.einsum("...c,cwf->...wf", belief, marks.astype(float))
+        """Probability (wheels, floors) of each floor under each wheel."""
+        floors, wheels = range(len(self.all_floors)), range(self.combinations.shape[1])
+        return np.array([[belief[self.combinations[:, w] == k].sum() for k in floors] for w in wheels])
 
 
-def _log_density(error: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """Logarithm of the normal density (T,) of errors (T, n) with covariance (T, n, n)."""
-    factor = np.linalg.cholesky(S)
-    white = np.linalg.solve(factor, error[..., None])[..., 0]
-    return -0.5 * np.sum(white**2, axis=-1) - np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=-1)
+def _squares(columns: np.ndarray) -> list[np.ndarray]:
+    """The outer product (n, n) of each column of (n, wheels) with itself."""
+    return [np.outer(column, column) for column in columns.T]
+
+
+def _log_density(error: np.ndarray, S: np.ndarray) -> Any:
+    """Logarithm of the normal density of an error (n,) with covariance (n, n), without its constant."""
+    factor, _ = cholesky(S)
+    white = solve_lower(factor, error)
+    return -0.5 * (white @ white) - log(np.prod(np.diag(factor)))

@@ -13,6 +13,8 @@ With matching (AEKF, AUKF) the variance of each encoder and current is learnt fr
 
 A sample that surprises by more than three sigma is a wheel that starts or meets something: a jump of the state, not
 noise of the sensor. It is used and not learnt from, else the filter would go deaf where it has to follow.
+
+A number that is missing has a variance that leaves the belief as it was; what it would have shown wanders on.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
-from ohmward.trace import linearize, maximum, minimum, sqrt, where
+from ohmward.trace import isfinite, linearize, maximum, minimum, sqrt, where
 from ohmward.traction.floors.demand import static_loads
 from ohmward.traction.motor import current_for_torque
 from ohmward.traction.robot import Robot
@@ -44,10 +46,14 @@ METHODS: dict[str, tuple[ModuleType, bool]] = {
 _SURPRISE = 3.0
 #: Matched standard deviations never fall below this share of the given ones.
 _LEAST_SHARE = 0.2
+#: Variance of a number that is missing, over the given one.
+_MISSING = 1e12
+#: Of rims that a first sample without all encoders leaves open [m/s].
+_UNKNOWN_M_S = 1.0
 
 
 class WheelSample(NamedTuple):
-    """dt_s: since the sample before; wheel_speed_rad_s, current_A: (driven,), finite."""
+    """dt_s: since the sample before; wheel_speed_rad_s, current_A: (driven,), nan where nothing new was measured."""
 
     dt_s: Any
     wheel_speed_rad_s: np.ndarray
@@ -68,9 +74,10 @@ class WheelState(NamedTuple):
 
 
 class WheelBelief(NamedTuple):
-    """rim: (freedoms,) motion of the rims; force_N, force_std_N: (driven,) of the ground on the wheels."""
+    """rim, rim_std: (freedoms,) motion of the rims; force_N, force_std_N: (driven,) of the ground on the wheels."""
 
     rim: np.ndarray
+    rim_std: np.ndarray
     force_N: np.ndarray
     force_std_N: np.ndarray
 
@@ -119,11 +126,13 @@ class WheelFilter:
         return np.array([self.encoder_std_rad_s**2] * n + [self.current_std_A**2] * n)
 
     def init(self, first: WheelSample) -> WheelState:
-        """Rims that turn as the first sample says, forces unknown."""
-        robot = self.robot
-        rim = np.linalg.pinv(robot.rolling[: robot.driven]) @ (first.wheel_speed_rad_s * robot.wheel.radius_m)
-        mean = np.concatenate([rim, np.zeros(robot.driven)])
-        return WheelState(pack(Belief(mean, np.diag(self.walk**2))), self.given, self.given_samples)
+        """Rims that turn as the first sample says, as far as it says it, forces unknown."""
+        robot, measured = self.robot, np.isfinite(first.wheel_speed_rad_s)
+        speed_m_s = np.where(measured, first.wheel_speed_rad_s, 0.0) * robot.wheel.radius_m
+        mean = np.concatenate([np.linalg.pinv(robot.rolling[: robot.driven]) @ speed_m_s, np.zeros(robot.driven)])
+        unknown = 1.0 if measured.all() else _UNKNOWN_M_S / self.speed_walk
+        std = self.walk * np.repeat([unknown, 1.0], [robot.freedoms, robot.driven])
+        return WheelState(pack(Belief(mean, np.diag(std**2))), self.given, self.given_samples)
 
     def step(self, state: WheelState, sample: WheelSample) -> tuple[WheelState, WheelBelief]:
         """The state after a sample, and what is known then."""
@@ -131,15 +140,18 @@ class WheelFilter:
         before = unpack(state.belief)
         prior = Belief(before.mean, before.cov + np.diag(self.walk**2 * sample.dt_s))
         filtered, matching = METHODS[self.method]
-        R = state.variance
-        known, encoders, _ = kalman.correct(prior, sample.wheel_speed_rad_s, self.turning, np.diag(R[:n]))
-        after, currents, _ = filtered.correct(known, sample.current_A, self.current, np.diag(R[n:]))
-        variance, samples = R, minimum(state.samples + 1.0, self.window)
+        y = np.concatenate([sample.wheel_speed_rad_s, sample.current_A])
+        there = isfinite(y)
+        y, R = where(there, y, 0.0), where(there, state.variance, _MISSING * self.given)
+        known, encoders, _ = kalman.correct(prior, y[:n], self.turning, np.diag(R[:n]))
+        after, currents, _ = filtered.correct(known, y[n:], self.current, np.diag(R[n:]))
+        variance, samples = state.variance, minimum(state.samples + 1.0, self.window)
         if matching:
-            ordinary = np.array([*_ordinary(encoders), *_ordinary(currents)])
-            variance = self.matched(R, 1.0 / samples, ordinary, after, sample)
-        std = np.array([sqrt(maximum(v, 0.0)) for v in np.diag(after.cov)[free:]])
-        return WheelState(pack(after), variance, samples), WheelBelief(after.mean[:free], after.mean[free:], std)
+            ordinary = there & np.array([*_ordinary(encoders), *_ordinary(currents)])
+            variance = self.matched(variance, 1.0 / samples, ordinary, after, y)
+        std = np.array([sqrt(maximum(v, 0.0)) for v in np.diag(after.cov)])
+        belief = WheelBelief(after.mean[:free], std[:free], after.mean[free:], std[free:])
+        return WheelState(pack(after), variance, samples), belief
 
     @cached_property
     def turning(self) -> np.ndarray:
@@ -154,13 +166,11 @@ class WheelFilter:
         torque_Nm = robot.wheel.radius_m * x[robot.freedoms :]
         return np.array([current_for_torque(robot.motor, torque_Nm[k], omega[k]) for k in range(robot.driven)])
 
-    def matched(
-        self, R: np.ndarray, share: Any, ordinary: np.ndarray, after: Belief, sample: WheelSample
-    ) -> np.ndarray:
-        """Variances (2 driven,) with a share of one more sample in their mean, where it is `ordinary` (2 driven,)."""
+    def matched(self, R: np.ndarray, share: Any, ordinary: np.ndarray, after: Belief, y: np.ndarray) -> np.ndarray:
+        """Variances (2 driven,) with a share of one more sample y in their mean, where it is `ordinary` (2 driven,)."""
         current, H = linearize(self.current, after.mean)
         rows = np.vstack([self.turning, H])
-        residual = np.concatenate([sample.wheel_speed_rad_s - self.turning @ after.mean, sample.current_A - current])
+        residual = y - np.concatenate([self.turning @ after.mean, current])
         seen = [e * e + row @ after.cov @ row for e, row in zip(residual, rows, strict=True)]
         learnt = [r + where(usual, share * (s - r), 0.0) for r, usual, s in zip(R, ordinary, seen, strict=True)]
         return np.array([maximum(r, _LEAST_SHARE**2 * g) for r, g in zip(learnt, self.given, strict=True)])
