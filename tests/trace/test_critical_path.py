@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.trace import sqrt, trace
+from ohmward.trace import floor, sqrt, trace, where
 from ohmward.trace.critical_path import least_step_s, maximum_cycle_mean, state_paths
+from ohmward.trace.expression import apply
 
 LATENCIES = {"add": 2.0, "subtract": 2.0, "multiply": 3.0, "divide": 13.0, "sqrt": 20.0}
 NONE = -np.inf
@@ -55,6 +56,29 @@ def test_a_state_that_only_listens_counts_nothing():
 def test_products_and_sums_may_be_fused(step, plain, fused):
     assert least(step, 0.0) == plain
     assert least(step, 0.0, LATENCIES | {"fma": 4.0}) == fused
+
+
+@pytest.mark.parametrize(
+    "step, expected",
+    [
+        (lambda x, u: where(x < u, x, u), 2.0),
+        (lambda x, u: where(x < u, u, x), 2.0),
+        (lambda x, u: where(x > 0.5, x, 0.25 + 0.25), 2.0),
+        (lambda x, u: where(x < u, x, 1.0), 4.0),  # a comparison with one, a choice of another
+        (lambda x, u: apply("gather", floor(x), (1.0, 0.0)), 10.0),
+        (lambda x, u: 2.0 * x, 2.0),
+        (lambda x, u: x * -2.0, 2.0),
+        (lambda x, u: 3.0 * x, 3.0),
+        (lambda x, u: x / 8.0, 3.0),
+        (lambda x, u: x / 9.0, 13.0),
+        (lambda x, u: 8.0 / x, 13.0),
+    ],
+)
+def test_what_one_instruction_does_counts_as_one(step, expected):
+    assert (
+        least(step, 0.0, LATENCIES | {"less": 3.0, "where": 1.0, "minimum": 2.0, "floor": 4.0, "gather": 10.0})
+        == expected
+    )
 
 
 def test_paths_are_those_from_state_to_state():

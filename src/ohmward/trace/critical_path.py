@@ -8,7 +8,8 @@ operations that wait for nothing, and the processor's limits of how many there m
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -26,6 +27,8 @@ def least_step_s(program: Program, state_size: int, latencies: Mapping[str, floa
     program:    a step(state, sample) -> (state, output).
     state_size: how many of its first inputs and outputs are the state.
     latencies:  of every operation of the program by name [s], and of "fma" where products and sums may become one.
+                What else a compiler turns into one instruction counts as that: a smaller or larger of two, a look-up
+                that needs no `floor`, twice a number, a division by a power of two.
     Raises:     InputError if an operation has no latency.
     """
     return maximum_cycle_mean(state_paths(program, state_size, latencies))
@@ -48,9 +51,9 @@ def state_paths(program: Program, state_size: int, latencies: Mapping[str, float
         return waits.get(x.serial, nowhere) if isinstance(x, Expression) else nowhere
 
     for node in program.nodes:
-        plain = _latest(map(wait, node.args)) + latencies[node.operation.name]
-        fused = (_latest(map(wait, args)) + latencies[FUSED] for args in _fusions(node, latencies))
-        waits[node.serial] = np.minimum.reduce([plain, *fused])
+        plain = (node.args, node.operation.name)
+        ways = [(args, name) for args, name in (plain, *_in_one(node)) if name in latencies]
+        waits[node.serial] = np.minimum.reduce([_latest(map(wait, args)) + latencies[name] for args, name in ways])
     return np.column_stack([wait(y) for y in program.outputs[:state_size]])
 
 
@@ -74,13 +77,30 @@ def _latest(waits: Iterable[np.ndarray]) -> np.ndarray:
     return np.maximum.reduce(list(waits))
 
 
-def _fusions(node: Expression, latencies: Mapping[str, float]) -> list[tuple]:
-    """Arguments of the fused multiply-adds that could take the place of a sum: one for each product in it."""
-    if FUSED not in latencies or node.operation.name not in ("add", "subtract"):
-        return []
-    a, b = node.args
-    return [(*p.args, other) for p, other in ((a, b), (b, a)) if isinstance(p, Expression) and _is_product(p)]
+def _in_one(node: Expression) -> Iterator[tuple[tuple, str]]:
+    """Single instructions that a compiler could put in the place of a node and of what leads to it: arguments, name."""
+    name, args = node.operation.name, node.args
+    if name in ("add", "subtract"):
+        yield from (((*p.args, other), FUSED) for p, other in (args, args[::-1]) if _is(p, "multiply"))
+    if name == "where" and _is(args[0], "less") and {*map(_key, args[0].args)} == {*map(_key, args[1:])}:
+        yield args[1:], "minimum"
+    if name == "gather" and _is(args[0], "floor"):
+        yield args[0].args, "gather"
+    if name == "multiply" and 2.0 in map(_size, args):
+        yield args, "add"
+    if name == "divide" and math.frexp(_size(args[1]))[0] == 0.5:
+        yield args, "multiply"
 
 
-def _is_product(x: Expression) -> bool:
-    return x.operation.name == "multiply"
+def _is(x: object, name: str) -> bool:
+    return isinstance(x, Expression) and x.operation.name == name
+
+
+def _key(x: object) -> object:
+    """What makes arguments the same."""
+    return (x.serial,) if isinstance(x, Expression) else x
+
+
+def _size(x: object) -> float:
+    """Of a constant, nan for anything else."""
+    return abs(x) if isinstance(x, float) else math.nan
