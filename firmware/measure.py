@@ -16,6 +16,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from emulator import INSTALL, MACHINES, TOOLS, Answer, Machine, Sizes, compile_l
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.rc import Circuit, RcModel, capacitance_for
 from ohmward.battery.soc_estimator import samples_of
 from ohmward.cli import twin as twin_command
 from ohmward.cli.main import build_parser
@@ -45,19 +47,24 @@ FLASH, RAM = 512 * 1024, 128 * 1024
 #: Share of the values of a simulated log that are lost, and of those that are wild.
 LOST, WILD = 0.005, 0.001
 
-#: Filters of a battery, and the time between their samples where it is always the same.
-FILTERS = (
-    ("coulomb", None),
-    ("ocv", None),
-    ("textbook-ekf", None),
-    ("textbook-ekf", 1.0),
-    ("textbook-ukf", None),
-    ("textbook-ukf", 1.0),
-    ("ekf", None),
-    ("ekf", 1.0),
-    ("aekf", None),
-    ("ukf", None),
-    ("aukf", None),
+#: Filters of a battery, and how they are exported.
+FILTERS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("coulomb", {}),
+    ("ocv", {}),
+    ("textbook-ekf", {}),
+    ("textbook-ekf", {"sample_time_s": 1.0}),
+    ("textbook-ekf", {"sample_time_s": 1.0, "curve_error_V": 0.004}),
+    ("textbook-ukf", {}),
+    ("textbook-ukf", {"sample_time_s": 1.0}),
+    ("textbook-ukf", {"sample_time_s": 1.0, "curve_error_V": 0.004}),
+    ("textbook-ukf", {"sample_time_s": 1.0, "curve_error_V": 0.004, "style": "loops"}),
+    ("textbook-joint", {}),
+    ("textbook-joint", {"style": "loops"}),
+    ("ekf", {}),
+    ("ekf", {"sample_time_s": 1.0}),
+    ("aekf", {}),
+    ("ukf", {}),
+    ("aukf", {}),
 )
 #: Observers, each with its robot and the scenario whose log it replays.
 OBSERVERS = (
@@ -163,9 +170,8 @@ def _replayed(folder: Path, twin: Twin, log: twin_command.Replay, option: str, m
 def cases() -> Iterator[Case]:
     """Everything that can be exported."""
     battery, hour = battery_and_hour()
-    for name, sample_time_s in FILTERS:
-        title = f"{name}, every {sample_time_s:g} s" if sample_time_s else name
-        yield Case(title, battery_export(battery, name, "filter", sample_time_s=sample_time_s), hour)
+    for name, options in FILTERS:
+        yield Case(title_of(name, **options), battery_export(battery, name, "filter", **options), hour)
     ground = hard_terrain("dry asphalt")
     for robot, name, scenario in OBSERVERS:
         samples = faulty(drive_samples_of(drive(scenario), SpeedObserver(scene(robot, ground))))
@@ -174,10 +180,22 @@ def cases() -> Iterator[Case]:
         yield Case(f"{RLMA.name} {name}", controller_export(RLMA, name, "filter"))
 
 
+def title_of(name: str, sample_time_s: float = 0.0, curve_error_V: float = 0.0, style: str = "") -> str:
+    """The name on the page."""
+    every = f", every {sample_time_s:g} s" if sample_time_s else ""
+    curve = f", curve within {1e3 * curve_error_V:g} mV" if curve_error_V else ""
+    return f"{name}{every}{curve}{', loops' if style == 'loops' else ''}"
+
+
 def battery_and_hour() -> tuple[Battery, Any]:
-    """A battery, and the samples of an hour of a robot's day on it."""
+    """A battery with both models, and the samples of an hour of a robot's day on it."""
     day = make_robot_day("lfp").mission
-    return generic_battery("lfp", 12.0, 4), faulty(samples_of(day.between(day.time_s[0], day.time_s[0] + 3600.0)))
+    battery = generic_battery("lfp", 12.0, 4)
+    assert battery.thevenin is not None
+    total_F = capacitance_for(battery.capacity_Ah, battery.thevenin.ocv)
+    circuit = Circuit(0.95 * total_F, 0.05 * total_F, 0.010, 0.010, 0.012)
+    battery = replace(battery, rc=RcModel(*circuit, battery.thevenin.ocv, battery.capacity_Ah))
+    return battery, faulty(samples_of(day.between(day.time_s[0], day.time_s[0] + 3600.0)))
 
 
 @cache

@@ -104,8 +104,8 @@ def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtR
         "N": str(n),
         "SCALE": literal(math.sqrt(w.spread)),
         "SIDE": literal(w.side),
-        "ROOT_PAIR": literal(math.sqrt(w.pair)),
-        "CENTRE": literal(math.sqrt(w.cov_0 + (n - 1) / w.spread)),
+        "PAIR": literal(w.pair),
+        "BENT": literal(unscented.DEFAULT.beta - unscented.DEFAULT.alpha**2),
         "VOLTAGE_VARIANCE": literal(textbook.voltage_variance),
     }
     linearised = "unscented" if textbook.method == "ukf" else "extended"

@@ -1,12 +1,14 @@
 """The unscented update of an output that is linear but for the first k states: y = g(x_1 ... x_k) + H x + v.
 
 The Cholesky factor is triangular, so the sigma points along all other states share the first k with the mean: g needs
-2 k + 1 points, not 2 n + 1. With L the factor of the first k states and the differences of the pairs as odd (m, k),
+2 k + 1 points, not 2 n + 1. With L the factor of the first k states, odd and even (m, k) the differences g+ - g- and
+the bends g+ + g- - 2 g_0 of the pairs, and b the sum of the bends over 2 c, by which the mean of g exceeds g_0,
 
-    H_eff = H + odd (2 sqrt(c) L)^-1,   R_eff = R + what the points have of g beside that slope,
+    H_eff = H + odd (2 sqrt(c) L)^-1,   R_eff = R + even even' / (4 c) + (beta - alpha^2) b b',
 
 and the update is that of the Kalman filter with these two (statistical linearisation, Gelb 1974, 6.2): belief,
-innovation and gain of `unscented.correct` on the same output, to rounding.
+innovation and gain of `unscented.correct` on the same output, to rounding. The term with b holds what the central point
+and all points with g_0 have of the covariance.
 """
 
 from __future__ import annotations
@@ -57,9 +59,9 @@ def correct(
     plus = np.array([g(centre + d) for d in offsets.T])
     minus = np.array([g(centre - d) for d in offsets.T])
 
-    curved = plus + minus - 2 * middle
-    bend = w.side * curved.sum(axis=0)  # mean of g is middle + bend
+    even = plus + minus - 2 * middle
+    b = w.side * even.sum(axis=0)
     slope = solve_upper(2 * offsets.T, plus - minus).T
-    beside = np.vstack([math.sqrt(w.pair) * (curved - 2 * bend), math.sqrt(w.cov_0 + (n - k) / w.spread) * bend])
     H_eff = np.hstack([H[:, :k] + slope, H[:, k:]])
-    return kalman.correct(belief, y, H_eff, R + beside.T @ beside, middle + bend + H @ belief.mean, used)
+    R_eff = R + (w.pair * (even.T @ even) + (scaling.beta - scaling.alpha**2) * np.outer(b, b))
+    return kalman.correct(belief, y, H_eff, R_eff, middle + b + H @ belief.mean, used)

@@ -3,7 +3,6 @@
     const float offset = @SCALE@ * sqrtf(lower[0] < floor ? floor : lower[0]);
     const float middle = @NAME@_curve(mean[0], &reading);
     const float plus = @NAME@_curve(mean[0] + offset, &reading), minus = @NAME@_curve(mean[0] - offset, &reading);
-    const float curved = plus + minus - 2.0f * middle, bend = @SIDE@ * curved;
-    const float beside = @ROOT_PAIR@ * (curved - 2.0f * bend), centre = @CENTRE@ * bend;
-    const float slope = (plus - minus) / (2.0f * offset), expected = middle + bend;
-    const float R = @VOLTAGE_VARIANCE@ + (beside * beside + centre * centre);
+    const float even = plus + minus - 2.0f * middle, b = @SIDE@ * even;
+    const float slope = (plus - minus) / (2.0f * offset), expected = middle + b;
+    const float R = @VOLTAGE_VARIANCE@ + (@PAIR@ * (even * even) + @BENT@ * (b * b));
