@@ -81,6 +81,22 @@ def test_refusals(library, refused, words, message):
     assert message in refused("twin", *words)
 
 
+def test_it_starts_as_it_was_exported_unless_told(here, as_json, refused, capsys):
+    for start in ("0.2", "0.8"):
+        words = ["--initial-soc", start, "--initial-soc-std", "0.01", "--filter", "textbook-ekf"]
+        assert main(["export", "battery.toml", *words, "-o", start]) == 0
+    assert main(["export", "battery.toml", "--filter", "coulomb", "-o", "counter"]) == 0
+    capsys.readouterr()
+    low, high = (as_json("twin", start, "day.csv")["final"]["soc"] for start in ("0.2", "0.8"))
+    assert low < high - 0.02
+    assert as_json("twin", "0.2", "day.csv", "--initial-soc", "0.8")["final"]["soc"] == high
+    assert "takes no soc: it always starts as it was exported" in refused(
+        "twin", "counter", "day.csv", "--initial-soc", "0.8"
+    )
+    (here / "0.2" / "test_filter.c").unlink()
+    assert "needs soc, soc_std to start" in refused("twin", "0.2", "day.csv")
+
+
 def test_a_controller_has_no_log(here, refused, capsys):
     assert main(["export", "rlma", "--filter", "slip-controller", "--name", "wheel", "-o", "wheel"]) == 0
     capsys.readouterr()

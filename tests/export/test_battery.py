@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from export.batteries import BATTERY, WITH_RC
-from ohmward.battery.estimate import Sample
+from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.estimators import available, make_estimator
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
-from ohmward.export.comments import field_comments
+from ohmward.export.comments import field_comments, flag_comments
 from ohmward.trace import Kernel, single_precision
+from ohmward.traction import control, observers
 
 CALLER = """\
 #include "soc.h"
@@ -96,8 +97,26 @@ def test_single_precision_is_good_enough():
 def test_the_header_says_what_the_docstrings_say():
     header = library(battery_export(BATTERY, "ekf", "soc"))["soc.h"]
     assert "float voltage_V; /* measured terminal voltage [V] of the whole pack */" in header
-    assert "#define SOC_VOLTAGE_REJECTED 16" in header
+    assert "#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate */" in header
     assert "void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);" in header
+
+
+def test_the_readme_says_what_the_flags_mean_and_how_to_ask():
+    text = library(battery_export(BATTERY, "ekf", "soc"))["README.md"]
+    assert "| `SOC_GAP` | 8 | longer than the estimator trusts a straight line between two currents |" in text
+    assert "(unsigned)output.flags & SOC_NO_CURRENT" in text
+
+
+@pytest.mark.parametrize("flags", [Flag, observers.Flag, control.Flag])
+def test_every_flag_has_its_comment(flags):
+    assert set(flag_comments(flags)) == set(flags.__members__)
+
+
+@needs_gcc
+def test_a_start_that_few_digits_cannot_tell_passes_too(tmp_path):
+    write_library(library(battery_export(BATTERY, "textbook-ekf", "soc", 0.123456789, 0.0123456789)), tmp_path)
+    result = made(tmp_path, "test")
+    assert result.returncode == 0, result.stdout + result.stderr
 
 
 def test_comments_come_from_docstrings_of_several_lines():

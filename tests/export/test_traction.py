@@ -41,6 +41,11 @@ def test_the_adaptive_unscented_observer(robot, tmp_path):
     passes(observer_export(robot, ASPHALT, "aukf"), tmp_path)
 
 
+def test_the_readme_asks_for_a_flag_where_the_controller_has_it():
+    text = library(controller_export(RLMA, "slip-controller", "wheel"))["README.md"]
+    assert "(unsigned)output.report_flags & WHEEL_STALE" in text
+
+
 def test_a_controller_is_small():
     assert size(controller_export(RLMA, "slip-controller")).flash < 4096
 

@@ -112,10 +112,16 @@ def test_nested_samples_are_those_of_the_controller(tmp_path):
 def test_flags_and_members_are_those_of_the_header(tmp_path):
     copy = made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
     assert copy.name == "soc" and copy.arguments == () and copy.Sample._fields == Sample._fields
+    assert copy.example == {}
     assert copy.flags["NO_CURRENT"] == 1 and copy.flags["LOST"] == 256
     assert copy.dtype("sample").itemsize == 16
     copy.start(FIRST)
     assert copy.step(FIRST._replace(current_A=math.nan)).flags == copy.flags["NO_CURRENT"]
+
+
+def test_the_example_is_what_it_was_exported_with(tmp_path):
+    copy = made(battery_export(BATTERY, "textbook-ekf", "soc", soc=0.625, soc_std=1e-05), tmp_path)
+    assert copy.example == {"soc": 0.625, "soc_std": 1e-05}
 
 
 def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):

@@ -54,15 +54,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--terrain", default=DEFAULT_TERRAIN, metavar="NAME", help="as in `ohmward export` (default %(default)s)"
     )
     group.add_argument(
-        "--initial-soc",
-        type=share,
-        default=0.5,
-        metavar="S",
-        help="of the start, if it takes one (default %(default)s)",
+        "--initial-soc", type=share, metavar="S", help="of the start, if it takes one; default: that of the export"
     )
-    group.add_argument(
-        "--initial-soc-std", type=positive, default=0.3, metavar="S", help="how sure that is (default %(default)s)"
-    )
+    group.add_argument("--initial-soc-std", type=positive, metavar="S", help="how sure that is; default: as above")
     add_drive_options(parser)
     parser.add_argument(
         "--current-sign",
@@ -117,8 +111,9 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
     from ohmward.cli.reading import read
 
     log = read(args.log, args, extra=())
-    known = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
-    arguments = {word: known[word] for word in twin.arguments}
+    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
+    given = {word: value for word, value in given.items() if value is not None}
+    arguments = start_arguments(twin, given)
     if (args.battery is None) != (args.filter is None):
         raise InputError("--battery and --filter go together: they name the estimator to compare with")
     export = None
@@ -126,7 +121,7 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         from ohmward.battery.battery_file import load_battery
         from ohmward.export.battery import battery_export
 
-        export = battery_export(load_battery(args.battery), args.filter, twin.name, *known.values())
+        export = battery_export(load_battery(args.battery), args.filter, twin.name, **given)
     return Replay(log, samples_of(log), arguments, export)
 
 
@@ -141,6 +136,26 @@ def _drive_replay(args: argparse.Namespace) -> Replay:
     terrain, log = make_terrain(args.terrain, robot), read_drive_log(args.log, robot, args, extra=())
     export = observer_export(robot, terrain, args.filter) if args.filter else None
     return Replay(log, samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
+
+
+def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
+    """What the start is given: what the command line says, else what the library was exported with.
+
+    Raises:
+        InputError: the start takes no such argument, or nobody says its value.
+    """
+    if foreign := sorted(set(given) - set(twin.arguments)):
+        raise InputError(
+            f"the start of library {twin.name!r} takes no {foreign[0]}: it always starts as it was exported; leave out "
+            f"--initial-{foreign[0].replace('_', '-')}, or export it with that"
+        )
+    known = twin.example | given
+    if missing := [word for word in twin.arguments if word not in known]:
+        raise InputError(
+            f"library {twin.name!r} needs {', '.join(missing)} to start, and its folder lacks test_{twin.name}.c, "
+            "which says what it was exported with; export it anew"
+        )
+    return {word: known[word] for word in twin.arguments}
 
 
 def first_of(samples: Any) -> Any:
@@ -161,7 +176,8 @@ def summary(twin: Twin, replay: Replay, outputs: Any, seconds: float) -> dict[st
     import numpy as np
 
     steps = len(replay.log)
-    known = outputs.flags[np.isfinite(outputs.flags)].astype(int)
+    flags = getattr(outputs, "flags", np.zeros(steps))
+    known = flags[np.isfinite(flags)].astype(int)
     counts = {name.lower(): int(np.count_nonzero(known & bit)) for name, bit in twin.flags.items()}
     compared = None
     if replay.export:

@@ -12,9 +12,10 @@ import numpy as np
 from ohmward import __version__
 from ohmward.atomic import replacing
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export.comments import field_comments
+from ohmward.export.comments import field_comments, flag_comments
 from ohmward.export.template import filled, template, templates
 from ohmward.export.vectors import vectors_header
+from ohmward.trace.c_operations import literal
 from ohmward.trace.c_source import Loops, Member, c_source, members
 from ohmward.trace.constant_arrays import are_bytes, constant_arrays
 from ohmward.trace.elementary import F32, expand
@@ -23,8 +24,8 @@ from ohmward.trace.program import Program
 #: Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
 #: to all filters; `tests/export/test_size.py` holds them to what the compiler makes.
 _BYTES_OF_OPERATION, _BYTES_OF_CHOICE, _BYTES_OF_NUMBER = 5.5, 18.0, 2.0
-_TIME_OF_LINES = "A step has no loops and no branches that depend on data: it always takes the same time."
-_TIME_OF_LOOPS = "A step has loops of fixed length and no branches that matter: it always takes the same time."
+_TIME_OF_LINES = "A step has no loops, and takes nearly the same time for every sample."
+_TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same time for every sample."
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
@@ -114,10 +115,11 @@ def library(export: Export) -> dict[str, str]:
         "STATE_BYTES": str(needed.state),
         "FLASH_BYTES": f"{round(needed.flash, -2)}",
         "TIME": _TIME_OF_LOOPS if export.loops else _TIME_OF_LINES,
-        "ARGUMENTS": "".join(f", {a:g}f" if "." in f"{a:g}" else f", {a:g}.0f" for a in export.arguments),
+        "ARGUMENTS": "".join(f", {literal(a)}" for a in export.arguments),
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
         "SAMPLE": _table(export.step, 1, "sample", comments),
         "OUTPUT": _table(export.step, 2, "output", comments),
+        "FLAGS": _flag_table(export, flags, comments),
     }
     for file in templates():
         files[file.removesuffix(".in").replace("NAME", export.name)] = filled(template(file), words)
@@ -147,7 +149,7 @@ def _comments(export: Export) -> dict[str, str]:
     found: dict[str, str] = {}
     for struct, cls in zip(("state", "sample", "output"), export.types, strict=True):
         found |= {f"{struct}.{field}": text for field, text in field_comments(cls).items()}
-    return found
+    return found | {f"flags.{word}": text for word, text in flag_comments(export.flags).items()}
 
 
 def _table(step: Program, part: int, struct: str, comments: Mapping[str, str]) -> str:
@@ -155,6 +157,17 @@ def _table(step: Program, part: int, struct: str, comments: Mapping[str, str]) -
     structures = (*step.argument_structure.children, step.result_structure.children[1])  # type: ignore[union-attr]
     rows = [f"| `{m.name}` | {comments.get(f'{struct}.{m.name}', '')} |" for m in members(structures[part])]
     return "\n".join(["| member | |", "|---|---|", *rows])
+
+
+def _flag_table(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]) -> str:
+    """What the bits of the flags mean, as a section in Markdown; nothing without flags."""
+    if not flags:
+        return ""
+    output = members(export.step.result_structure.children[1])  # type: ignore[union-attr]
+    place, prefix = next(m.name for m in output if m.name.endswith("flags")), export.name.upper()
+    asked = f"`{place}` is a sum; `(unsigned)output.{place} & {prefix}_{next(iter(flags))}` asks for one of them."
+    rows = [f"| `{prefix}_{word}` | {value} | {comments.get(f'flags.{word}', '')} |" for word, value in flags.items()]
+    return "\n".join(["", f"## {prefix}_...", "", asked, "", "| flag | | |", "|---|---|---|", *rows, ""])
 
 
 def _bytes(member: Member) -> int:

@@ -1,11 +1,14 @@
-"""What the fields of a NamedTuple mean, from its own docstring: the C says it in the same words."""
+"""What fields and flags mean, from where the Python says it: the C says it in the same words."""
 
 from __future__ import annotations
 
 import inspect
 import re
+from enum import IntFlag
 
 _LINE = re.compile(r"^((?:\w+)(?:, \w+)*): +(.*)$")
+
+_FLAG = re.compile(r"^ +([A-Z_]+) = \d+ +#:? +(.*)$", re.MULTILINE)
 
 
 def field_comments(cls: type) -> dict[str, str]:
@@ -22,4 +25,14 @@ def field_comments(cls: type) -> dict[str, str]:
             found |= {name: f"{found[name]} {line.strip()}" for name in current}
         else:
             current = []
-    return {name: text.rstrip(".").replace("*/", "* /") for name, text in found.items()}
+    return {name: _safe(text) for name, text in found.items()}
+
+
+def flag_comments(flags: type[IntFlag]) -> dict[str, str]:
+    """Flag -> text, of the comments behind their values."""
+    return {name: _safe(text) for name, text in _FLAG.findall(inspect.getsource(flags))}
+
+
+def _safe(text: str) -> str:
+    """As it may stand in a comment of C."""
+    return text.strip().rstrip(".").replace("*/", "* /")

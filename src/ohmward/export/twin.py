@@ -61,6 +61,7 @@ class Twin:
         name: prefix of the library.
         Sample, Output, State: NamedTuples with the members of the C structs.
         arguments: names of what `start` takes after the sample.
+        example: their values in the library's own test, which are those it was exported with.
         flags: what the bits of the output's `flags` mean, by name.
 
     Raises:
@@ -74,6 +75,7 @@ class Twin:
         text = header.read_text(encoding="utf-8")
         self.flags = {word: int(value) for word, value in re.findall(rf"#define {self.name.upper()}_(\w+) (\d+)", text)}
         self.arguments = tuple(re.findall(r", float (\w+)", _prototype(text, f"{self.name}_start")))
+        self.example = dict(zip(self.arguments, _example(header), strict=False))
         self._ffi, self._library = _loaded(header)
         types: list[Any] = [
             namedtuple(word.capitalize(), self._ffi_members(word)) for word in ("sample", "output", "state")
@@ -225,6 +227,14 @@ def _prototype(text: str, function: str) -> str:
     """Of a function, from a header; empty if it is not there."""
     found = re.search(rf"\bvoid {function}\([^;]*\);", text)
     return found[0] if found else ""
+
+
+def _example(header: Path) -> list[float]:
+    """What the test of a library gives its start after the sample; nothing where there is no test."""
+    test = header.with_name(f"test_{header.stem}.c")
+    text = test.read_text(encoding="utf-8") if test.is_file() else ""
+    found = re.search(rf"{header.stem}_start\(&state, &sample((?:, [^,;]+)*)\);", text)
+    return [float(word.strip(" ()f")) for word in found[1].split(",")[1:]] if found else []
 
 
 def _loaded(header: Path) -> tuple[Any, Any]:

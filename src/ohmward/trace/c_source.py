@@ -74,7 +74,7 @@ def c_source(
 
     name:     prefix of all symbols: small letters, digits and underscores.
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
-    comments: what a member means and its unit, by its path: "sample.current_A".
+    comments: what a member means and its unit, by its path: "sample.current_A", "flags.GAP".
     constants: whole numbers that the header defines as NAME_WORD.
     loops:    the body of the step, where it is not to be a straight line.
 
@@ -183,7 +183,9 @@ def _header(
 ) -> str:
     guard = f"{name.upper()}_H"
     lines = [f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", "", *_C_LINKAGE, ""]
-    lines += [f"#define {name.upper()}_{word} {value}" for word, value in constants.items()]
+    for word, value in constants.items():
+        comment = comments.get(f"flags.{word}")
+        lines.append(f"#define {name.upper()}_{word} {value}{f' /* {comment} */' if comment else ''}")
     lines += [""] if constants else []
     for struct, parts in structs.items():
         lines += _typedef(name, struct, parts, comments)
