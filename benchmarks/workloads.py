@@ -27,6 +27,7 @@ from ohmward.battery.textbook_filter import PAIR_SHARE, TextbookFilter
 from ohmward.battery.thevenin import Thevenin
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.gating import apply_gain
 from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
 from ohmward.trace import sign, table
@@ -202,7 +203,10 @@ class BareState(NamedTuple):
 
 
 class BareCell(NamedTuple):
-    """`CellProblem` with the functions of `ohmward.filters` and nothing else: samples 1 s apart that are never bad."""
+    """`CellProblem` with the functions of `ohmward.filters` and nothing else: samples 1 s apart that are never bad.
+
+    The covariance is the plain difference P - K S K' of the textbooks, where `TextbookFilter` has Joseph's form.
+    """
 
     problem: CellProblem
 
@@ -217,8 +221,9 @@ class BareCell(NamedTuple):
             kept = np.exp(-problem.rate * abs(mean_A))
             decay, push = np.append(decay, kept), np.append(push, (1 - kept) * sign(mean_A))
         prior = kalman.predict(unpack(state.belief), np.diag(decay), problem.Q, push)
-        update = {"ekf": extended, "ukf": unscented}[problem.method].update
-        after, _ = update(prior, y, lambda x: self.voltage(x, sample.current_A), np.array([[problem.R]]))
+        correct = {"ekf": extended, "ukf": unscented}[problem.method].correct
+        correction = correct(prior, y, lambda x: self.voltage(x, sample.current_A), np.array([[problem.R]]))
+        after = apply_gain(prior, correction.innovation, correction.gain)
         return BareState(pack(after), sample.current_A), after.mean
 
     def voltage(self, x: np.ndarray, current_A: Any) -> np.ndarray:
