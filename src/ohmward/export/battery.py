@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from ohmward.battery.estimate import Estimate, Flag, Sample
+from ohmward.battery.estimate import Flag, Sample
 from ohmward.battery.estimators import ESTIMATORS, make_estimator, require_thevenin
 from ohmward.battery.ocv_on_lines import on_lines
 from ohmward.battery.rc.adaptive_soc import even
-from ohmward.battery.rc.textbook_joint import TextbookJoint, TextbookJointEstimate
+from ohmward.battery.rc.textbook_joint import TextbookJoint
 from ohmward.battery.reading import ROOM_DEGC
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
@@ -90,7 +90,6 @@ def battery_export(
         title=title,
         step=trace(at_rate(estimator.step), state, _EXAMPLE),
         start=start,
-        types=(type(state), Sample, Estimate),
         flags=Flag,
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
@@ -140,7 +139,6 @@ def _joint_export(battery: Battery, name: str, sample_time_s: float | None, styl
         title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
         step=trace(at_rate(joint.step), state, _EXAMPLE),
         start=trace(joint.start, _EXAMPLE, BULK_STD_V),
-        types=(type(state), Sample, TextbookJointEstimate),
         flags=NoFlag,
         arguments=(BULK_STD_V,),
         samples=vector_samples(battery),

@@ -12,7 +12,7 @@ import numpy as np
 from ohmward import __version__
 from ohmward.atomic import replacing
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export.comments import field_comments, flag_comments
+from ohmward.export.comments import flag_comments, member_comments
 from ohmward.export.template import filled, template, templates
 from ohmward.export.vectors import vectors_header
 from ohmward.trace.c_operations import literal
@@ -35,7 +35,6 @@ class Export(NamedTuple):
     name:    prefix of the symbols and files.
     title:   what it is, in one line.
     step, start: as traced, see `c_source`.
-    types:   classes of state, sample and output, whose docstrings say what their fields are.
     flags:   what the bits of the output's flags mean.
     arguments: values of the further arguments of the start, for the test.
     samples: (T, m) of the test vectors.
@@ -46,7 +45,6 @@ class Export(NamedTuple):
     title: str
     step: Program
     start: Program
-    types: tuple[type, type, type]
     flags: type[IntFlag]
     arguments: tuple[float, ...]
     samples: np.ndarray
@@ -145,11 +143,13 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
 
 
 def _comments(export: Export) -> dict[str, str]:
-    """What each member means, by its path."""
-    found: dict[str, str] = {}
-    for struct, cls in zip(("state", "sample", "output"), export.types, strict=True):
-        found |= {f"{struct}.{field}": text for field, text in field_comments(cls).items()}
-    return found | {f"flags.{word}": text for word, text in flag_comments(export.flags).items()}
+    """What each member and flag means, by its path."""
+    state, sample = export.step.argument_structure.children
+    output = export.step.result_structure.children[1]  # type: ignore[union-attr]
+    found = {f"flags.{word}": text for word, text in flag_comments(export.flags).items()}
+    for struct, structure in (("state", state), ("sample", sample), ("output", output)):
+        found |= {f"{struct}.{member}": text for member, text in member_comments(structure).items()}
+    return found
 
 
 def _table(step: Program, part: int, struct: str, comments: Mapping[str, str]) -> str:

@@ -6,9 +6,22 @@ import inspect
 import re
 from enum import IntFlag
 
+from ohmward.trace.structure import Branch, Leaf, Structure
+
 _LINE = re.compile(r"^((?:\w+)(?:, \w+)*): +(.*)$")
 
 _FLAG = re.compile(r"^ +([A-Z_]+) = \d+ +#:? +(.*)$", re.MULTILINE)
+
+
+def member_comments(structure: Structure) -> dict[str, str]:
+    """Member of the C struct -> text, of all NamedTuples in a tree."""
+    found: dict[str, str] = {}
+    if isinstance(structure, Branch):
+        own = field_comments(structure.type)
+        for field, child in zip(structure.fields, structure.children, strict=True):
+            found |= {field: own[field]} if field in own and isinstance(child, Leaf) else {}
+            found |= {f"{field}_{member}": text for member, text in member_comments(child).items()}
+    return found
 
 
 def field_comments(cls: type) -> dict[str, str]:

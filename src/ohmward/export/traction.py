@@ -24,7 +24,7 @@ from ohmward.traction.control import (
     driven_wheel,
 )
 from ohmward.traction.dynamics import scene
-from ohmward.traction.observers import Estimate, Flag, SpeedObserver
+from ohmward.traction.observers import Flag, SpeedObserver
 from ohmward.traction.observers import Sample as DriveSample
 from ohmward.traction.observers.observer_for import FILTERS
 
@@ -77,7 +77,6 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
         title=f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents",
         step=trace(observer.step, state, example),
         start=trace(lambda sample: state, example),
-        types=(type(state), DriveSample, Estimate),
         flags=Flag,
         arguments=(),
         samples=_drive(observer),
@@ -112,7 +111,6 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
         title=f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode",
         step=trace(step, state, example),
         start=trace(lambda sample: state, example),
-        types=(type(state), ControlSample, Control),
         flags=control.Flag,
         arguments=(),
         samples=_commands(command, wheel.radius_m),
