@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
+from ohmward.trace import Kernel
 from ohmward.traction.floors import CrossingTest, crossing_test, slip_on_floors
 from ohmward.traction.floors.crossing import CrossingSample
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
@@ -59,13 +60,54 @@ def test_forces_that_no_wheel_explains_are_no_crossing():
         assert not result.alarm
 
 
+def in_lanes(test, force, lanes=0, change=CHANGE):
+    """Whether each sample of forces (T, 3) or (T, 3, lanes) raises an alarm."""
+    motion = np.array([SPEED_M_S, 0.0, 0.0])
+    state = test.init(OMNI)
+    kernel = Kernel(test.step, state, CrossingSample(np.zeros(3), CHANGE, motion, 1.0 > 0.0, 0.03))
+    samples = CrossingSample(force, change, motion, True, 0.03)
+    return (kernel.scan_lanes if lanes else kernel.scan)(state, samples)[1]
+
+
+def ripple(shape):
+    """White noise with the density of a ripple that lasts tau."""
+    return np.random.default_rng(6).normal(0.0, TEST.ripple_share * math.sqrt(TAU_S / 0.03), shape)
+
+
 @pytest.mark.slow
 def test_false_alarms_are_no_more_frequent_than_claimed():
-    rng = np.random.default_rng(6)
-    test = replace(TEST, false_alarms_per_hour=60.0)
-    white = rng.normal(0.0, 0.02 * math.sqrt(TAU_S / 0.03), (100_000, 3))  # the density of a ripple that lasts tau
-    per_hour = len(alarms(test, 0.1 + white)) / (100_000 * 0.03 / 3600)
-    assert 2.0 < per_hour < 60.0
+    found = in_lanes(replace(TEST, false_alarms_per_hour=60.0), 0.1 + ripple((100_000, 3)))
+    assert 2.0 < found.alarm.sum() / (100_000 * 0.03 / 3600) < 60.0
+
+
+@pytest.mark.parametrize("wheel", [0, 1, 2])
+@pytest.mark.parametrize("share", [1.0, 1.3])
+def test_a_change_is_known_after_the_mean_delay_that_is_said(wheel, share):
+    lanes, changes, e = 400, 400, share * CHANGE
+    force = 0.1 + ripple((800, 3, lanes))
+    force[changes:] += e[:, wheel, None]
+    found = in_lanes(TEST, force, lanes, e)
+    quiet = ~found.alarm[:changes].any(axis=0)
+    late = found.alarm[changes:, quiet]
+    said_s = found.delay_s[changes - 1, wheel, quiet].mean()
+    assert quiet.mean() > 0.9 and late.any(axis=0).mean() > 0.97
+    assert 0.1 < said_s < 1.0
+    assert 0.03 * (0.5 + late.argmax(axis=0)[late.any(axis=0)]).mean() == pytest.approx(said_s, rel=0.15)
+
+
+def test_the_delay_with_a_mean_that_is_known_is_siegmunds():
+    k2 = np.array([3.0, 30.0])
+    h = TEST.threshold(k2, TAU_S)
+    np.testing.assert_allclose(TEST.delay_s(k2, TAU_S, 1e6), 2 * TAU_S / k2 * (np.exp(-h) + h - 1), rtol=1e-4)
+
+
+def test_a_test_that_waits_says_so_and_a_wheel_that_does_not_show_is_found_late():
+    unseen = CrossingSample(np.full(3, 0.1), CHANGE * [1.0, 1.0, 1e-4], np.array([SPEED_M_S, 0.0, 0.0]), True, 0.03)
+    state, result = TEST.step(TEST.init(OMNI), unseen)
+    assert np.isinf(result.delay_s).all()
+    for _ in range(200):
+        state, result = TEST.step(state, unseen)
+    assert result.delay_s[0] < 1.0 and np.isinf(result.delay_s[2])
 
 
 def test_a_stop_and_another_direction_start_anew():

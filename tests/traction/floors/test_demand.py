@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from ohmward.trace import Kernel
 from ohmward.traction import RLMA
 from ohmward.traction.floors.demand import (
     drag_columns,
@@ -18,6 +19,14 @@ def test_the_forces_are_those_of_the_balance_of_the_body(direction_deg):
     motion, force = steady(OMNI, [SOFT] * 3, 0.15 * np.array([np.cos(a), np.sin(a), 0.0]))
     found = np.einsum("dws,s->d", drag_columns(OMNI, motion), [SOFT.rolling, SOFT.roller])
     np.testing.assert_allclose(found, force, rtol=1e-3, atol=0.02)
+
+
+def test_rows_of_motions_give_the_same_as_each_of_them_and_as_a_traced_one():
+    motions = np.random.default_rng(3).normal(0.0, 0.1, (7, 3))
+    kernel = Kernel(lambda m: drag_columns(OMNI, m), motions[0])
+    rows = drag_columns(OMNI, motions)
+    np.testing.assert_allclose(rows, [drag_columns(OMNI, m) for m in motions], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(rows, [kernel(m) for m in motions], rtol=1e-12, atol=1e-12)
 
 
 def test_a_robot_that_only_rolls_needs_its_rolling_share():

@@ -2,10 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.floors import Recognition, slip_on_floors
+from ohmward.traction.floors.demand import drag_columns, static_loads
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 MOVING = slice(60, None)
@@ -38,6 +40,21 @@ def test_bayes_rule_on_one_sample():
     assert len(r.combinations) == 3  # wheels that roll beside each other are not told apart
     after = r.step(np.array([0.5, 0.4, 0.1]), np.log([1.0, 4.0, 2.0]), 0.5)
     np.testing.assert_allclose(after, np.array([0.5, 0.8, 0.1 * np.sqrt(2)]) / (1.3 + 0.1 * np.sqrt(2)), rtol=1e-9)
+
+
+def test_the_likelihood_of_a_combination_is_the_normal_density_of_its_forces():
+    r, rng = Recognition(OMNI, (SMOOTH, SOFT)), np.random.default_rng(2)
+    motion, force, std = np.array([0.1, 0.05, 0.02]), rng.normal(0.0, 8.0, 3), np.array([1.0, 2.0, 3.0])
+    D, load = drag_columns(OMNI, motion), static_loads(OMNI).mean()
+    expected = []
+    for combination in r.combinations:
+        under = [r.all_floors[k] for k in combination]
+        asked = np.column_stack([D[:, w] @ [f.rolling, f.roller] for w, f in enumerate(under)])
+        off = asked * [f.drag_std for f in under]
+        S = off @ off.T + np.diag((load * max(f.force_std for f in under)) ** 2 + std**2)
+        expected.append(multivariate_normal.logpdf(force, asked.sum(axis=1), S))
+    found = r.log_likelihood(motion, np.zeros(3), force, std)
+    np.testing.assert_allclose(found - found[0], np.array(expected) - expected[0], rtol=1e-9)
 
 
 def test_floors_of_one_name_and_too_many_floors_are_refused():

@@ -3,7 +3,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward.traction.floors.wheel_filter import METHODS, WheelFilter, WheelSample
+from ohmward.traction.floors.wheel_filter import METHODS, WheelFilter, WheelSample, WheelState
 from traction.floors.drives import OMNI, SOFT, omni_drive, steady
 
 
@@ -41,6 +41,28 @@ def test_matching_finds_the_noise_of_encoders_and_currents():
     state, _ = run("aukf", drive, encoder_std_rad_s=0.3, current_std_A=0.5, given_samples=20.0, window=300.0)
     np.testing.assert_allclose(np.sqrt(state.variance[:3]), 0.1, rtol=0.25)
     np.testing.assert_allclose(np.sqrt(state.variance[3:]), 0.15, rtol=0.25)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_current_that_is_missing_leaves_its_force_where_it_was(method):
+    wheels = WheelFilter(OMNI, method)
+    drive = omni_drive([SOFT] * 3, 20.0)
+    state, before = run(method, drive)
+    missing = WheelSample(0.5, drive.log.wheel_speed_rad_s[-1], np.array([np.nan, *drive.log.motor_current_A[-1, 1:]]))
+    after, belief = wheels.step(WheelState(*state), missing)
+    assert belief.force_N[0] == pytest.approx(before.force_N[-1, 0], abs=0.02)
+    variance = before.force_std_N[-1, 0] ** 2 + 0.5 * wheels.walk[3] ** 2
+    assert belief.force_std_N[0] == pytest.approx(np.sqrt(variance), rel=1e-3)
+    assert belief.force_std_N[1] < 0.8 * belief.force_std_N[0]
+    assert after.variance[3] == state.variance[3]
+
+
+def test_rims_without_an_encoder_wander_as_far_as_they_may():
+    wheels = WheelFilter(OMNI)
+    state, before = run("ukf", omni_drive([SOFT] * 3, 20.0))
+    _, belief = wheels.step(WheelState(*state), WheelSample(0.5, np.full(3, np.nan), np.full(3, np.nan)))
+    np.testing.assert_allclose(belief.rim, before.rim[-1], atol=1e-9)
+    np.testing.assert_allclose(belief.rim_std**2, before.rim_std[-1] ** 2 + 0.5 * wheels.walk[:3] ** 2, rtol=1e-6)
 
 
 def test_wrong_settings_are_refused():

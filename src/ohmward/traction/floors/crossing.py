@@ -42,6 +42,8 @@ _MEMORY_S, _FIRST_S = 3.0, 0.3
 _SHORTEST_S = 0.1
 _NEWTON_STEPS = 4
 _TINY = 1e-9
+#: Where 1 - e^-x - x/2 is largest, a little before it, and how large.
+_LAST, _MOST_NEEDED = math.log(2) - 1e-3, 0.5 - math.log(2) / 2
 
 
 class Crossing(NamedTuple):
@@ -89,7 +91,7 @@ class CrossingResult(NamedTuple):
 
     alarm: whether a wheel has come to another floor.
     delay_s: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the
-        test waits, and long for a wheel whose floor hardly shows in the forces.
+        test waits, and for a wheel whose floor hardly shows in the forces.
     """
 
     alarm: Any
@@ -133,10 +135,18 @@ class CrossingTest:
             h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + _TINY))
         return h
 
-    def delay_s(self, k2: np.ndarray, tau_s: Any) -> np.ndarray:
-        """Mean time (n,) [s] from a change that counts to its alarm: (2 tau / k^2)(e^-h + h - 1), as for T."""
+    def delay_s(self, k2: np.ndarray, tau_s: Any, memory_s: Any) -> np.ndarray:
+        """Mean time (n,) [s] from a change that counts to its alarm; inf for one that mu follows first.
+
+        Siegmund's (2 tau / k^2)(e^-h + h - 1) for a mu that is known; one that is the mean over `memory_s` follows the
+        change, and what is left of the sum grows by (k^2 / tau)(e^(-t / memory) - 1/2).
+        """
         h = self.threshold(k2, tau_s)
-        return 2.0 * tau_s / maximum(k2, _TINY) * (exp(-h) + h - 1.0)
+        needed = tau_s / memory_s / maximum(k2, _TINY) * (exp(-h) + h - 1.0)
+        x = minimum(2.0 * needed, _LAST)
+        for _ in range(_NEWTON_STEPS):  # of 1 - e^-x - x/2 = needed, from below
+            x = minimum(x + (needed - 1.0 + exp(-x) + x / 2) / (exp(-x) - 0.5), _LAST)
+        return where(np.array([n < _MOST_NEEDED for n in needed]), memory_s * x, math.inf)
 
     def init(self, robot: Robot) -> CrossingState:
         """Before the first sample."""
@@ -151,6 +161,8 @@ class CrossingTest:
 
     def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
         """The state after a sample, and what the test says."""
+        # after a gap too a sample tells of no more than the memory of the filter of the forces
+        sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_S))
         force, motion, dt_s = sample.force_share, sample.motion[:-1], sample.dt_s
         turned = motion - state.motion
         other = turned @ turned > _OTHER_MOTION**2 * (state.motion @ state.motion)
@@ -162,7 +174,7 @@ class CrossingTest:
         share = where(
             settling,
             minimum(0.5 * dt_s / _FIRST_S, 1.0),
-            minimum(dt_s / (minimum(maximum(tested_s, 0.0), _MEMORY_S) + _FIRST_S), 1.0),
+            minimum(dt_s / memory(tested_s), 1.0),
         )
         after = CrossingState(
             where(settling | alarm, 0.0, sums),
@@ -178,9 +190,14 @@ class CrossingTest:
         tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_S)
         variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
         k2, seen = (e * e).sum(axis=0) / variance, (sample.force_share - state.mean) @ e / variance
-        # a sample is one look at most, however long nothing came before it
-        gain = minimum(sample.dt_s / tau_s, 1.0) * (np.stack([seen, -seen]) - k2 / 2)
-        return maximum(0.0, state.sums + gain), self.threshold(k2, tau_s), self.delay_s(k2, tau_s)
+        gain = sample.dt_s / tau_s * (np.stack([seen, -seen]) - k2 / 2)
+        delay_s = self.delay_s(k2, tau_s, memory(state.tested_s))
+        return maximum(0.0, state.sums + gain), self.threshold(k2, tau_s), delay_s
+
+
+def memory(tested_s: Any) -> Any:
+    """Time [s] over which mu is the mean."""
+    return minimum(maximum(tested_s, 0.0), _MEMORY_S) + _FIRST_S
 
 
 def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:

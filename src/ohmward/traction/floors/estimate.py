@@ -21,7 +21,7 @@ class FloorEstimate(NamedTuple):
     crossing: 1 where a wheel has come to another floor, else 0.
     drag_before, drag_after: share of the weight that the ground takes, before the last change and now.
     crossing_delay_s: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while
-        none is looked for.
+        none is looked for, and for a wheel whose floor hardly shows in the forces.
     flags: sum of `FloorFlag` values; 0 is a sample without incident.
     """
 

@@ -19,6 +19,7 @@ from ohmward.traction.floors.slip_on_floors import (
     wheel_samples,
 )
 from ohmward.traction.floors.wheel_filter import WheelSample
+from ohmward.traction.observers.reading import LONGEST_STEP_S
 
 #: With more combinations of floors the step is not compiled to machine code by itself: it would take half a minute.
 MOST_COMPILED = 216
@@ -100,5 +101,5 @@ class FloorSlipEstimator:
 
 
 def _later(time_s: float, dt_s: float) -> float:
-    """The clock after a step; it begins at 0, does not run backwards, and a step that is no number does not move it."""
-    return (dt_s if 0.0 <= dt_s < math.inf else 0.0) + (0.0 if math.isnan(time_s) else time_s)
+    """The clock after a step; it begins at 0, and a step that cannot be true does not move it."""
+    return (dt_s if 0.0 <= dt_s <= LONGEST_STEP_S else 0.0) + (0.0 if math.isnan(time_s) else time_s)
