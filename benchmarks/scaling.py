@@ -14,8 +14,9 @@ import numpy as np
 
 from ohmward.battery.textbook_filter import TextbookFilter
 from ohmward.filters import Belief, extended, unscented
+from ohmward.report import Figure, Series
 from ohmward.trace import Kernel
-from timing import Section, Times, duration, measure, ratio
+from timing import Picture, Section, Times, duration, measure, ratio
 from workloads import Drive, cell_model, cell_start, make_drive
 
 STATES = (2, 3, 4, 6, 8, 10, 12)
@@ -52,7 +53,20 @@ def states_section(repeats: int, states: tuple[int, ...] = STATES) -> Section:
         "measured. The same model by `ohmward.filters` in machine code and by FilterPy."
     )
     header = ("filter", "states", "operations", "ours", "FilterPy", "FilterPy over ours", "ours ready in")
-    return Section("Cost against the number of states", text, header, rows)
+    picture = Picture("speed-states", states_figure(times, states))
+    return Section("Cost against the number of states", text, header, rows, picture=picture)
+
+
+def states_figure(times: dict[Any, Times], states: tuple[int, ...]) -> Figure:
+    """Time against states, logarithmic."""
+    series = [
+        Series(np.array(states, dtype=float), 1e6 * medians, f"{who}, {method}", style)
+        for who, style in (("ours", "line"), ("FilterPy", "dashed"))
+        for method in METHODS
+        if len(medians := np.array([times[method, who, n].median for n in states if (method, who, n) in times]))
+    ]
+    title = "Time of a step against the number of states, one log"
+    return Figure(title, "States", "Time of a step [us]", series, log_y=True)
 
 
 def states_row(method: str, n: int, times: dict[Any, Times], operations: int, ready_s: float) -> tuple[str, ...]:
@@ -191,7 +205,18 @@ def logs_section(repeats: int, numbers: tuple[int, ...] = LOGS) -> Section:
         "time of all threads."
     )
     header = ("logs", "all of them, machine code", "a step of a log, machine code", "NumPy over lanes")
-    return Section("Cost against the number of logs", text, header, rows)
+    picture = Picture("speed-logs", logs_figure(times, numbers, tuple(kernels)))
+    return Section("Cost against the number of logs", text, header, rows, picture=picture)
+
+
+def logs_figure(times: dict[Any, Times], numbers: tuple[int, ...], ways: tuple[str, ...]) -> Figure:
+    """Time against the number of logs, both logarithmic."""
+    x = np.log2(numbers)
+    series = [
+        Series(x, np.array([1e6 * times[how, n].per(n * LANE_STEPS).median for n in numbers]), how) for how in ways
+    ]
+    title = "Time of a step of each log against the number of logs"
+    return Figure(title, "Logs, as power of two", "Time of a step of a log [us]", series, log_y=True)
 
 
 def lanes_of(drive: Drive, logs: int) -> Any:

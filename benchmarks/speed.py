@@ -32,9 +32,11 @@ import peers
 import peers_battery
 import scaling
 from observer_speed import step_times
-from timing import Goal, Section, Times, duration, goal_rows, page, spread, table, wall
+from ohmward.report.svg import to_svg
+from timing import Goal, Picture, Section, Times, duration, goal_rows, page, spread, table, wall
 
 PAGE = Path(__file__).resolve().parent / "speed.md"
+PICTURES = PAGE.parents[1] / "docs" / "pictures"
 
 
 class Effort(NamedTuple):
@@ -49,7 +51,7 @@ class Effort(NamedTuple):
     whole: bool
 
 
-FULL = Effort(7, filter_speed.STEPS, filter_speed.LOGS, scaling.STATES, scaling.LENGTHS, scaling.LOGS, True)
+FULL = Effort(5, filter_speed.STEPS, filter_speed.LOGS, scaling.STATES, scaling.LENGTHS, scaling.LOGS, True)
 QUICK = Effort(1, 2000, 16, (2, 3), (1000, 2000), (1, 16), False)
 
 
@@ -63,11 +65,20 @@ def main(words: list[str] | None = None) -> int:
         for section in all_sections(QUICK if quick else FULL):
             sections.append(section)
             print("\n".join(page(section)), flush=True)
-    text = "\n".join([*head(), *goals_page(sections), *(line for s in sections for line in page(s))])
+    text = "\n".join(
+        [*head(), *goals_page(sections), *overviews(sections), *(line for s in sections for line in page(s))]
+    )
     print("\n".join(goals_page(sections)))
     if not quick:
-        PAGE.write_text(text, encoding="utf-8")
+        write(text, [s.picture for s in sections if s.picture])
     return 0
+
+
+def write(text: str, pictures: list[Picture]) -> None:
+    """The page and its pictures."""
+    for picture in pictures:
+        (PICTURES / f"{picture.name}.svg").write_text(to_svg(picture.figure), encoding="utf-8")
+    PAGE.write_text(text, encoding="utf-8")
 
 
 def all_sections(effort: Effort) -> Iterator[Section]:
@@ -218,6 +229,33 @@ def head() -> list[str]:
         "redrawn* are sigma points drawn anew after the prediction: another filter, compared with its own reference.",
         "",
     ]
+
+
+#: Sections of the same table, one for each filter: how they begin, and the heading of what they have in common.
+OVERVIEWS = {"One log: ": "One log, in short", "Many logs: ": "Many logs at once, in short"}
+
+
+def overviews(sections: list[Section]) -> list[str]:
+    """Who takes how long for each filter, and how many times as long as ours."""
+    lines = []
+    for begin, title in OVERVIEWS.items():
+        found = {s.title.removeprefix(begin): s for s in sections if s.title.startswith(begin)}
+        cells = {(row[0], plain(row[1]), name): row for name, s in found.items() for row in s.rows}
+        who = dict.fromkeys((a, b) for a, b, _ in cells)
+        rows = [(a, b, *(cell(cells.get((a, b, name))) for name in found)) for a, b in who]
+        text = "Time of a step of a log, and how many times as long as ours in machine code."
+        lines += page(Section(title, text, ("who", "how", *found), rows))
+    return lines
+
+
+def plain(how: str) -> str:
+    """The way without the variant."""
+    return how.removesuffix(", points redrawn")
+
+
+def cell(row: tuple[str, ...] | None) -> str:
+    """Time and ratio; empty for who has no such filter or is not installed."""
+    return f"{row[2]} ({row[4]})" if row and row[2] else ""
 
 
 def versions() -> str:

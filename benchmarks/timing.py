@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from typing import NamedTuple, TypeVar
 
+from ohmward.report import Figure
+
 K = TypeVar("K", bound=Hashable)
 
 #: A call that is shorter is repeated within a measurement.
@@ -46,14 +48,22 @@ class Goal(NamedTuple):
         return self.value <= self.bar if self.most else self.value >= self.bar
 
 
+class Picture(NamedTuple):
+    """A figure, and the name of its file in docs/pictures."""
+
+    name: str
+    figure: Figure
+
+
 class Section(NamedTuple):
-    """A part of the page: a heading, what the table shows, the table, and the goals in it."""
+    """A part of the page: a heading, what the table shows, the table, the goals in it, and a picture of it."""
 
     title: str
     text: str
     header: tuple[str, ...]
     rows: list[tuple[str, ...]]
     goals: tuple[Goal, ...] = ()
+    picture: Picture | None = None
 
 
 def measure(runs: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, Times]:
@@ -137,7 +147,10 @@ def table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 
 def page(section: Section) -> list[str]:
     """A section as lines of Markdown."""
-    return [f"## {section.title}", "", section.text, "", *table(section.header, section.rows), ""]
+    lines = [f"## {section.title}", "", section.text, "", *table(section.header, section.rows), ""]
+    if section.picture:
+        lines += [f"![{section.picture.figure.title}](../docs/pictures/{section.picture.name}.svg)", ""]
+    return lines
 
 
 def goal_rows(goals: Iterable[Goal]) -> list[tuple[str, ...]]:
