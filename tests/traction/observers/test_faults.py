@@ -141,7 +141,7 @@ def test_standstill_is_zero_speed_whatever_was_believed():
 def weaving(steps=600):
     """Encoders (T, 2), currents (T, 2) and true states (T, 4) of a robot that accelerates and weaves."""
     time_s, rng = DT_S * np.arange(steps), np.random.default_rng(0)
-    steer = 1.5 * np.sin(2 * time_s)
+    steer = 3.0 * np.sin(2 * time_s)
     current_A = (CRUISE_A + np.where(time_s < 1, 2.5, 0.0))[:, None] + steer[:, None] * np.array([-1.0, 1.0])
     kernel = Kernel(lambda x, u: (next_state(x, Input(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
     _, x = kernel.scan(np.zeros(4), current_A)

@@ -2,7 +2,8 @@
 
 Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
 surprise added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the body.
-An encoder that goes on to surprise is at fault; it is used again once it agrees.
+While it goes on to surprise, its jumps teach the friction; after `patience_s` the encoder is at fault. It is used again
+once it agrees.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gating import choose
-from ohmward.filters.kalman import correct_state
+from ohmward.filters.kalman import TINY, correct_state
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.traction.observers.estimate import Flag
 from ohmward.traction.observers.fusion import Fused, widened
@@ -57,6 +58,7 @@ class WheelUpdate(NamedTuple):
 def use_encoders(
     prior: Belief,
     lag: np.ndarray,
+    torque_noise: np.ndarray,
     reading: Reading,
     matched: Matched,
     doubtful_s: np.ndarray,
@@ -66,7 +68,8 @@ def use_encoders(
 ) -> tuple[Fused, list[WheelUpdate]]:
     """The prior corrected with the speeds of the driven wheels, and each wheel's update.
 
-    lag: (driven,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
+    lag: (wheels,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
+    torque_noise: (driven,) [rad/s] of the predicted speeds, see `Model.torque_noise_rad_s`.
     doubtful_s: (driven,) how long each encoder has been surprising.
     """
     belief, updates = prior, []
@@ -76,7 +79,8 @@ def use_encoders(
         spike = (abs(nu) > possible_jump(k, reading, model)) & (doubtful_s[k] < SPIKE_S)
         believed = reading.measured[k] & (doubtful_s[k] <= patience_s) & logical_not(spike)
         doubt = where(believed, 0.0, doubted_variance(belief, k, reading.moving_s, model))
-        update = _use_encoder(belief, k, reading.wheel_speed_rad_s[k] + lag[k], R, believed, model, surprise)
+        y = reading.wheel_speed_rad_s[k] + lag[k]
+        update = _use_encoder(belief, k, y, R, believed, doubtful_s[k] <= 0.0, torque_noise[k], model, surprise)
         belief = widened(update.belief, 0, doubt)
         updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
     changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
@@ -85,15 +89,42 @@ def use_encoders(
     return Fused(belief, 0.0, flags), updates
 
 
-def _use_encoder(belief: Belief, k: int, y: Any, R: Any, believed: Any, model: Model, surprise: float) -> WheelUpdate:
+def _use_encoder(
+    belief: Belief, k: int, y: Any, R: Any, believed: Any, agreed: Any, torque_noise: Any, model: Model, surprise: float
+) -> WheelUpdate:
     i = model.layout.wheel(k)
     nu = y - belief.mean[i]
     surprising = nu * nu > surprise * (belief.cov[i, i] + R)
     new_ground = believed & surprising
-    open_to = choose(new_ground, ground_unknown(belief, k, nu, model), belief)
+    open_to = choose(new_ground, ground_unknown(belief, k, where(agreed, nu, 0.0), model), belief)
     after = correct_state(open_to, i, y, R, believed)
+    if model.states.stiffness:
+        j = model.layout.index("log_stiffness")
+        after = with_part_of_gain(open_to, after, j, true_share(open_to, i, j, torque_noise))
     square = (y - after.mean[i]) ** 2 + after.cov[i, i]
     return WheelUpdate(after, square, believed & (nu * nu <= surprise * (belief.cov[i, i] + R)), surprising)
+
+
+def true_share(belief: Belief, i: int, j: int, noise: Any) -> Any:
+    """How much of the square of what state j is learnt from is no noise, in [0, 1].
+
+    The speed of wheel i shows the stiffness j by h = P_ij / P_jj: the slip that the currents predict, less what the
+    speed of the body follows. It has their noise, so it is a regressor with errors: its square is too large by their
+    variance, and what is learnt from them makes wheels look stiffer than they are.
+    """
+    h = belief.cov[i, j] / maximum(belief.cov[j, j], TINY)
+    return maximum(0.0, 1.0 - noise * noise / maximum(h * h, TINY))
+
+
+def with_part_of_gain(before: Belief, after: Belief, i: int, share: Any) -> Belief:
+    """A correction by one number of which state i keeps the share c of its gain K_i; c = 0 is Schmidt's filter.
+
+    Joseph's form for such a gain changes one element of the covariance: P_ii- - c (2 - c) K_i^2 S.
+    """
+    mean, cov = after.mean.copy(), after.cov.copy()
+    mean[i] = before.mean[i] + share * (after.mean[i] - before.mean[i])
+    cov[i, i] = before.cov[i, i] + share * (2.0 - share) * (after.cov[i, i] - before.cov[i, i])
+    return Belief(mean, cov)
 
 
 def possible_jump(k: int, reading: Reading, model: Model) -> Any:

@@ -42,13 +42,13 @@ class Fused(NamedTuple):
     flags: Any
 
 
-def use_passive_wheels(fused: Fused, reading: Reading, model: Model, gate: float) -> Fused:
-    """With the speeds of the wheels that are not driven."""
+def use_passive_wheels(fused: Fused, lag: np.ndarray, reading: Reading, model: Model, gate: float) -> Fused:
+    """With the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`."""
     std = model.noise.passive_std_rad_s
     if std is None:
         return fused
     for k in range(model.driven, len(model.scene.robot.places)):
-        y = where(reading.measured[k], reading.wheel_speed_rad_s[k], np.nan)
+        y = where(reading.measured[k], reading.wheel_speed_rad_s[k] + lag[k], np.nan)
         accepted, belief = gated(fused.belief, y, model.passive_speed(k), std**2, gate)
         fused = fused._replace(belief=belief, shown=where(accepted, 1.0, fused.shown))
     return fused
@@ -103,7 +103,7 @@ def use_speed(
     drift = GRAVITY * model.noise.grade_std_rad * age_s
     nu = where(there, y, fused.belief.mean[0]) - fused.belief.mean[0]
     anew = there & doubtful
-    belief = choose(anew, widened(fused.belief, 0, nu * nu), fused.belief)
+    belief = choose(anew, push_unknown(widened(fused.belief, 0, nu * nu), model), fused.belief)
     accepted, belief = gated(belief, y, lambda x: x[:1], own * own + drift * drift, gate)
     flags = refused(y, accepted, Flag.SPEED_REJECTED) + where(anew, float(Flag.SPEED_TAKEN_ANEW), 0.0)
     return Fused(belief, where(accepted, 1.0, fused.shown), fused.flags + flags), refused(y, accepted, 1.0)
@@ -124,6 +124,14 @@ def gated(belief: Belief, y: Any, h: Function, variance: Any, gate: float) -> tu
     correction = extended.correct(belief, np.array([where(there, y, 0.0)]), h, np.array([[variance]]))
     accepted = there & passes(correction.innovation, gate)
     return accepted, choose(accepted, correction.belief, belief)
+
+
+def push_unknown(belief: Belief, model: Model) -> Belief:
+    """The belief with the grade, which stands for every push that the model does not know, as unknown as at first."""
+    if not model.states.grade:
+        return belief
+    i = model.layout.index("grade_rad")
+    return widened(belief, i, model.noise.grade_std_rad**2 - belief.cov[i, i])
 
 
 def widened(belief: Belief, i: int, variance: Any) -> Belief:

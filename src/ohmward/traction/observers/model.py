@@ -123,8 +123,7 @@ class Model:
         """Q (n, n) of a step; unknown torque and traction go through the model, where a wheel that grips damps them."""
         robot, noise = self.scene.robot, self.noise
         moved = self.moved(mean, reading)
-        most_Nm = robot.wheel.radius_m * self.static_load_N[: self.driven]
-        B = moved.torque_response * (noise.torque_std_Nm + reading.guessed * most_Nm)
+        B = self.torque_response(moved, reading)
         unknown = minimum(UNKNOWN_M_S2 * reading.unknown_s, UNKNOWN_M_S) ** 2
         arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
         diagonal = [
@@ -140,6 +139,31 @@ class Model:
         C = self.bend_response(moved, reading)
         Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
         return mirror_lower(Q)
+
+    def torque_response(self, moved: Moved, reading: Reading) -> np.ndarray:
+        """Change (freedoms + driven, driven) of body and wheels in a step by a torque that is wrong by one sigma."""
+        most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
+        return moved.torque_response * (self.noise.torque_std_Nm + reading.guessed * most_Nm)
+
+    def torque_noise_rad_s(self, moved: Moved, reading: Reading) -> np.ndarray:
+        """(driven,) standard deviation of what a wrong torque adds to each wheel's speed at the end of the step."""
+        return np.diag(self.torque_response(moved, reading)[self.scene.robot.freedoms :])
+
+    def encoder_lag(self, before: np.ndarray, after: np.ndarray, moved: Moved) -> np.ndarray:
+        """By how much (wheels,) [rad/s] each wheel is faster at the end of a step than where its encoder saw it.
+
+        before, after: (n,) means of the state; moved: the step between them.
+
+        Body and spinning wheels change their speed all along the step. The slip of a wheel that grips settles at once,
+        and its encoder has seen most of the step at the new slip. Where it settles with T, the implicit step's end is
+        later than the mean over the step by (1 - e^-n)/n - 1/(1 + n) of the whole change, n = dt/T = damping - 1; the
+        factor below is that to within 0.025.
+        """
+        robot, n = self.scene.robot, self.driven
+        share, parts = self.noise.encoder_lag_share, self.layout.split(after - before)
+        rolled = robot.rolling @ parts.motion / robot.wheel.radius_m
+        slipped = (parts.omega - rolled[:n]) * (2.0 / (1.0 + moved.damping)) ** 2
+        return share * np.concatenate([rolled[:n] + slipped, rolled[n:]])
 
     def bend_response(self, moved: Moved, reading: Reading) -> np.ndarray:
         """Change (freedoms + driven, driven) of body and wheels in a step by a law that bends otherwise, one sigma.

@@ -55,7 +55,7 @@ class Noise:
     speed_walk: float = 0.015
     yaw_rate_walk: float = 0.3
     friction_walk: float = 0.3
-    stiffness_walk: float = 0.05
+    stiffness_walk: float = 0.3
     grade_walk: float = 0.006
     rolling_walk: float = 0.05
     initial_speed_std_m_s: float = 0.05

@@ -38,6 +38,7 @@ class Moved(NamedTuple):
     torque_response: (freedoms + driven, driven) of body and wheels to torque besides that of the currents [1/(N m)].
     force_response: (freedoms + driven, driven) of body and wheels to traction besides that of the law [1/N].
     bend_N: (driven,) force that the part of the slip makes which is there because the law bends.
+    damping: (driven,) by which the ground divides what else would change the slip in the step; 1 where a wheel spins.
     """
 
     motion: np.ndarray
@@ -46,6 +47,7 @@ class Moved(NamedTuple):
     torque_response: np.ndarray
     force_response: np.ndarray
     bend_N: np.ndarray
+    damping: np.ndarray
 
 
 class Balance(NamedTuple):
@@ -87,7 +89,7 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray
     pushed = np.vstack([dt_s * (rows.T / damping), np.diag(-radius * wheels / damping)])
     bend_N = balance.slope * (balance.slip_m_s - F / balance.rest_slope)
     motion, omega = ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F
-    return Moved(motion, omega, balance.slip_m_s, response, pushed, bend_N)
+    return Moved(motion, omega, balance.slip_m_s, response, pushed, bend_N, damping)
 
 
 def without_traction(parts: Parts, u: Input, p: Scene, load_N: np.ndarray) -> Forces:

@@ -43,6 +43,7 @@ from ohmward.traction.observers.late import History, empty_history, remember
 from ohmward.traction.observers.model import Model
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading, every, read
+from ohmward.traction.observers.slip_step import Moved
 from ohmward.traction.observers.slip_test import SlipTest
 from ohmward.traction.observers.states import States
 
@@ -161,14 +162,16 @@ class SpeedObserver:
         resting = rest_s > self.rest_hold_s
         reading = self.held(reading, resting)
         prior = self.predict(before, reading)
-        fused, wheels = self.use_wheels(state, before, prior, reading)
+        moved = self.model.moved(before.mean, reading)
+        lag = self.model.encoder_lag(before.mean, prior.mean, moved)
+        fused, wheels = self.use_wheels(state, prior, lag, moved, reading)
         changed_m_s = speed_change(before, prior, fused, reading)
         history = remember(state.history, reading.dt_s, changed_m_s)
         doubtful_s = [
             where(w.surprising, t + reading.dt_s, where(measured, 0.0, t))
             for w, t, measured in zip(wheels, state.doubtful_s, reading.measured, strict=False)
         ]
-        fused, speed_doubtful_s = self.use_body(fused, state, sample, reading, history)
+        fused, speed_doubtful_s = self.use_body(fused, lag, state, sample, reading, history)
         fused = use_standstill(fused, resting, self.model)
 
         agrees = np.array([w.agrees for w in wheels])
@@ -208,19 +211,17 @@ class SpeedObserver:
             moving_s=where(resting, 0.0, reading.moving_s), unknown_s=where(resting, 0.0, reading.unknown_s)
         )
 
-    def use_wheels(self, state: ObserverState, before: Belief, prior: Belief, reading: Reading) -> Any:
+    def use_wheels(self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: Reading) -> Any:
         """The prior corrected with the encoders of the driven wheels."""
-        first = self.model.layout.wheel(0)
-        wheels = slice(first, first + self.model.driven)
-        lag = self.noise.encoder_lag_share * (prior.mean[wheels] - before.mean[wheels])
         limits = self.surprise, self.patience_s
-        return use_encoders(prior, lag, reading, state.matched, state.doubtful_s, self.model, *limits)
+        noise = self.model.torque_noise_rad_s(moved, reading)
+        return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, self.model, *limits)
 
     def use_body(
-        self, fused: Fused, state: ObserverState, sample: Sample, reading: Reading, history: History
+        self, fused: Fused, lag: np.ndarray, state: ObserverState, sample: Sample, reading: Reading, history: History
     ) -> tuple[Fused, Any]:
         """With all that measures the body; and how long the external speed has contradicted the estimate."""
-        fused = use_passive_wheels(fused, reading, self.model, self.gate)
+        fused = use_passive_wheels(fused, lag, reading, self.model, self.gate)
         fused = use_gyro(fused, sample, self.model, self.gate)
         fused = use_pitch(fused, sample, self.model, self.gate)
         fused = use_accelerometer(fused, sample, reading, self.model, self.gate)
