@@ -29,6 +29,7 @@ from ohmward.traction.calibration import (
 from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
 from ohmward.traction.floors import Floor, SlipOnFloors, SlipTrack, slip_on_floors
+from robotino_live import live, looking_ahead
 
 FOLDER = "robotino_slip_tpu"
 #: The camera: metres per pixel, and how the mark on the robot is turned against the picture. Rows count downwards.
@@ -72,7 +73,9 @@ def rows() -> Iterator[Figure]:
     yield from _learnt(judge(estimator, odd), judge(estimator, table))
     yield from _unseen(robot, floors, gray, uniform, table)
     yield from _filters(robot, floors, odd)
-    yield from _crossings(estimator, runs("two_table_gray"), odd, table)
+    seam = runs("two_table_gray")
+    yield from _crossings(estimator, seam, odd, table)
+    yield from _live(estimator, odd, table, seam)
 
 
 def runs(name: str) -> dict[int, Run]:
@@ -241,6 +244,42 @@ def _crossings(
         yield at_most(
             f"Robotino, {name}", method, "runs with a false alarm", _share(j.crossings > 0 for j in judged), 0.05, ".1%"
         )
+
+
+def _live(
+    estimator: SlipOnFloors, odd: Mapping[int, Run], table: Mapping[int, Run], seam: Mapping[int, Run]
+) -> Iterator[Figure]:
+    method, robot = f"UKF on learnt floors, live, {SENSORS}", estimator.wheels.robot
+    for place, data, of in (("gray", "gray floor, runs not learnt from", odd), ("table", "table", table)):
+        logs, data = {number: run.drive.log for number, run in of.items()}, f"Robotino, {data}"
+        tracks = live(estimator, logs)
+        judged = [_judged(tracks[number], run, robot) for number, run in of.items()]
+        quantity = "mean slip of a run, mean absolute error"
+        yield at_most(data, method, quantity, float(np.abs(_errors(judged)).mean()), 0.03)
+        whole = (np.nan_to_num(estimator.run(log).travel_slip - tracks[k].travel_slip) for k, log in logs.items())
+        yield at_most(data, method, "slip, largest difference from a run at once", max(np.abs(d).max() for d in whole))
+        right = estimator.recognition.names.index(place)
+        shown = [t.floor_probability[(t.time_s > START_S) & np.isfinite(t.travel_slip)] for t in tracks.values()]
+        share = _share(np.concatenate(shown).argmax(axis=-1).ravel() == right)
+        yield at_least(data, method, "floor under a wheel recognised, share of the time", share, form=".1%")
+        ahead = looking_ahead(estimator, logs)
+        judged = [_judged(ahead[number], run, robot) for number, run in of.items()]
+        smoother = f"UKF on learnt floors, looking ahead, {SENSORS}"
+        yield at_most(data, smoother, quantity, float(np.abs(_errors(judged)).mean()))
+    yield from _delays(estimator, seam)
+
+
+def _delays(estimator: SlipOnFloors, seam: Mapping[int, Run]) -> Iterator[Figure]:
+    tracks, delay, said = live(estimator, {number: run.drive.log for number, run in seam.items()}), [], []
+    for track, crossed in zip(tracks.values(), seam_crossings(list(seam.values())), strict=True):
+        for t in (t for t in crossed if START_S <= t <= track.time_s[-1] - FOUND_S):
+            after = [c.time_s - t for c in track.crossings if abs(c.time_s - t) <= FOUND_S]
+            delay += [min(after, key=abs)] if after else []
+            said.append(np.median(track.crossing_delay_s[np.searchsorted(track.time_s, t)]))
+    data, method = "Robotino, along the seam of table and gray floor", f"CUSUM, live, {SENSORS}"
+    yield at_most(data, method, "delay of a crossing that is found [s], median", float(np.median(delay)))
+    yield at_most(data, method, "delay of a crossing that is found [s], 90 %", float(np.quantile(delay, 0.9)))
+    yield at_most(data, method, "delay as it says it [s], median over wheels and crossings", float(np.median(said)))
 
 
 def _errors(judged: Sequence[Judged]) -> np.ndarray:
