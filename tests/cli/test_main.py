@@ -132,6 +132,14 @@ def test_unexpected_errors_are_not_swallowed(here, monkeypatch):
         main.main(["doctor", "day.csv"])
 
 
+def test_a_log_that_does_not_fit_into_memory_is_refused(here, monkeypatch, refused):
+    def too_long(*_, **__):
+        raise MemoryError("Unable to allocate 80 GB")
+
+    monkeypatch.setattr("ohmward.logs.read_log", too_long)
+    assert "out of memory (Unable to allocate 80 GB); cut the log into parts" in refused("doctor", "day.csv")
+
+
 def test_warnings_are_one_line(here, monkeypatch, capsys):
     def warn(*_, **__):
         warnings.warn("the disk is warm", RuntimeWarning, stacklevel=1)

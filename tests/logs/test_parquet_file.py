@@ -136,3 +136,14 @@ def test_arrays_of_every_layout_are_written(tmp_path):
     found = load(tmp_path / "t.parquet").columns
     for name, values in columns.items():
         np.testing.assert_array_equal(found[name], values)
+
+
+def test_a_lack_of_memory_is_no_damage(tmp_path, monkeypatch):
+    write_table({"a": np.ones(3)}, tmp_path / "t.parquet")
+
+    def full(*_):
+        raise pyarrow.ArrowMemoryError("malloc of size 80 GB failed")
+
+    monkeypatch.setattr(parquet_file, "_columns", full)
+    with pytest.raises(MemoryError, match="80 GB"):
+        load(tmp_path / "t.parquet")

@@ -72,6 +72,9 @@ def _status(argv: Sequence[str] | None) -> int:
     except OhmwardError as error:
         print(f"ohmward: error: {error}", file=sys.stderr)
         return REFUSED
+    except MemoryError as error:
+        print(f"ohmward: error: out of memory ({error}); cut the log into parts, or free memory", file=sys.stderr)
+        return REFUSED
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:

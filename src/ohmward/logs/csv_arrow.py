@@ -41,6 +41,8 @@ def read_numbers(
                 first = last
                 if progress:
                     progress(stream.tell(), size)
+    except MemoryError:  # of Arrow, which counts it among its own
+        raise
     except (arrow.ArrowException, OSError, ValueError):
         return None
     return columns if first == rows else None

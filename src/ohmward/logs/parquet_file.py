@@ -39,6 +39,8 @@ def open_parquet(path: Path) -> TableFile:
                 rows = file.metadata.num_rows
                 columns = _columns(file, [name for name in stored if name in names], progress)
             pyarrow.default_memory_pool().release_unused()  # Arrow would keep what it decoded into
+        except MemoryError:  # of Arrow, which counts it among its own
+            raise
         except (pyarrow.ArrowException, OSError) as error:
             raise InputError(f"{path.name}: the Parquet file is damaged ({error}); write it again") from error
         if not rows:
