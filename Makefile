@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test check accuracy bench slip-control firmware docs format clean
+.PHONY: help demo test check accuracy bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -15,6 +15,7 @@ help:
 	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
+	@echo "make single-precision  the same filters against double precision -> benchmarks/single_precision.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
@@ -26,7 +27,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test check accuracy bench slip-control firmware docs: export OMP_NUM_THREADS = 1
+demo test check accuracy bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab,fast.stamp
 	$(BIN)/ohmward demo --out demo
@@ -58,6 +59,9 @@ slip-control: $(VENV)/test.stamp
 
 firmware: $(VENV)/test.stamp
 	$(BIN)/python firmware/measure.py $(LIBRARY) $(LOG) $(OPTIONS)
+
+single-precision: $(VENV)/test.stamp
+	$(BIN)/python firmware/precision.py
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
