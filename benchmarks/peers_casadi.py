@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
+import c_code
 from peers import Contestant
 from workloads import CellProblem, JointProblem, Posterior
 
 STEPS = 5000
 #: Samples that one call of the mapped function takes.
-BLOCK = 1000
+BLOCK = 500
 LANE_STEPS = 50
 
 
 def cell(problem: CellProblem) -> Iterator[Contestant]:
-    yield over_log(problem, *cell_step(problem), redrawn=True)
+    yield from over_log(problem, *cell_step(problem), redrawn=True)
 
 
 def joint(problem: JointProblem) -> Iterator[Contestant]:
-    yield over_log(problem, *joint_step(problem))
+    yield from over_log(problem, *joint_step(problem))
 
 
 def cell_lanes(problem: CellProblem) -> Iterator[Contestant]:
@@ -38,26 +42,53 @@ Step = tuple[Callable[[], ca.Function], np.ndarray]
 
 def over_log(
     problem: CellProblem | JointProblem, build: Callable, start: np.ndarray, redrawn: bool = False
-) -> Contestant:
-    """One log, a block of samples at a time."""
-    began = time.perf_counter()
-    block = build().mapaccum(BLOCK)
-    prepared_s = time.perf_counter() - began
-    single = build()
+) -> Iterator[Contestant]:
+    """One log, a block of samples at a time: in the virtual machine, and as generated C where there is a compiler."""
+    ways = {"SX, mapaccum": mapped}
+    if c_code.compiler():
+        ways["SX, mapaccum, its C code by " + c_code.compiler()] = compiled
+    for how, make in ways.items():
+        began = time.perf_counter()
+        block = make(build())
+        prepared_s = time.perf_counter() - began
+        yield Contestant("CasADi", how, STEPS, partial(run_blocks, problem, block, build(), start), redrawn, prepared_s)
 
-    def run(steps: int) -> Posterior:
-        state, columns = start, np.vstack(problem.drive.first(steps))
-        means = np.empty((problem.n, steps))
-        whole = steps - steps % BLOCK
-        for k in range(0, whole, BLOCK):
-            states = np.asarray(block(state, columns[:, k : k + BLOCK]))
-            means[:, k : k + BLOCK], state = states[: problem.n], states[:, -1]
-        for k in range(whole, steps):
-            state = np.asarray(single(state, columns[:, k])).ravel()
-            means[:, k] = state[: problem.n]
-        return posterior(state, problem.n)
 
-    return Contestant("CasADi", "SX, mapaccum", STEPS, run, redrawn, prepared_s)
+def mapped(step: ca.Function) -> ca.Function:
+    """The step over a block of samples."""
+    return step.mapaccum(BLOCK)
+
+
+def compiled(step: ca.Function) -> ca.Function:
+    """The same as C."""
+    block = mapped(step)
+    with tempfile.TemporaryDirectory() as folder:
+        generator = ca.CodeGenerator("block.c")
+        generator.add(block)
+        generator.generate(f"{folder}/")
+        return ca.external(block.name(), str(c_code.library(Path(folder) / "block.c")))
+
+
+def run_blocks(
+    problem: CellProblem | JointProblem, block: ca.Function, single: ca.Function, start: np.ndarray, steps: int
+) -> Posterior:
+    """Whole blocks, and what remains sample by sample."""
+    state, samples, states = start.copy(), np.empty((BLOCK, 3)), np.empty((BLOCK, len(start)))
+    buffer, evaluate = block.buffer()
+    for k, array in enumerate((state, samples)):
+        buffer.set_arg(k, memoryview(array))
+    buffer.set_res(0, memoryview(states))
+    columns = np.column_stack(problem.drive.first(steps))
+    means = np.empty((steps, problem.n))
+    whole = steps - steps % BLOCK
+    for k in range(0, whole, BLOCK):
+        samples[:] = columns[k : k + BLOCK]
+        evaluate()
+        means[k : k + BLOCK], state[:] = states[:, : problem.n], states[-1]
+    for k in range(whole, steps):
+        state[:] = np.asarray(single(state, columns[k])).ravel()
+        means[k] = state[: problem.n]
+    return posterior(state, problem.n)
 
 
 def over_logs(

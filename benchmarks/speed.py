@@ -241,7 +241,8 @@ def overviews(sections: list[Section]) -> list[str]:
     for begin, title in OVERVIEWS.items():
         found = {s.title.removeprefix(begin): s for s in sections if s.title.startswith(begin)}
         cells = {(row[0], plain(row[1]), name): row for name, s in found.items() for row in s.rows}
-        who = dict.fromkeys((a, b) for a, b, _ in cells)
+        names = list(dict.fromkeys(a for a, _, _ in cells))
+        who = sorted(dict.fromkeys((a, b) for a, b, _ in cells), key=lambda pair: names.index(pair[0]))
         rows = [(a, b, *(cell(cells.get((a, b, name))) for name in found)) for a, b in who]
         text = "Time of a step of a log, and how many times as long as ours in machine code."
         lines += page(Section(title, text, ("who", "how", *found), rows))
