@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 #: What `ohmward slip --json` says of floors.
 FIGURES = ("travel_slip_mean", "travel_slip_std", "floor_share", "floor_crossings")
 
+#: Flags of samples that are told.
+FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped")
+
 
 class OnFloors(NamedTuple):
     """The drive as the floors explain it, the floors' names, and the wheels'."""
@@ -45,6 +48,9 @@ def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tupl
     notes = [f"info: slip follows from motor currents on learnt floors ({names}) or one that was never met"]
     if known.robot != robot.name:
         notes.append(f"warning: the floors were learnt by {known.robot!r}, the robot is {robot.name!r}")
+    notes += [
+        f"warning: {n} samples with {flag.replace('_', ' ')}" for flag, n in track.counts().items() if flag in FAULTS
+    ]
     places = tuple(p.name for p in robot.places[: robot.driven])
     shown = Track(log.time_s, as_estimates(track, robot), time.perf_counter() - began)
     return shown, OnFloors(track, estimator.recognition.names, places), notes
