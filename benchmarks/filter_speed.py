@@ -94,7 +94,8 @@ def one_log(machine: Machine, repeats: int, steps: int = STEPS) -> Iterator[Sect
 
 
 def one_log_of(case: Case, machine: Machine, repeats: int) -> Section:
-    found = [*ours_on_a_log(case), *contestants(case.problem)]
+    length = len(case.problem.drive.current_A)
+    found = [limited(c, length) for c in (*ours_on_a_log(case), *contestants(case.problem))]
     running = [c for c in found if isinstance(c, Contestant)]
     times = measure({c: partial(c.run, c.steps) for c in running}, repeats)
     times = {c: t.per(c.steps) for c, t in times.items()}
@@ -111,6 +112,11 @@ def one_log_of(case: Case, machine: Machine, repeats: int) -> Section:
 
 
 HEADER = ("who", "how", "a step", "least to most", "over ours", "agrees to", "made ready in")
+
+
+def limited(c: Contestant | Absent, length: int) -> Contestant | Absent:
+    """With no more samples than the log has."""
+    return c._replace(steps=min(c.steps, length)) if isinstance(c, Contestant) else c
 
 
 def one_log_row(case: Case, c: Contestant, times: Times, best: float) -> tuple[str, ...]:
@@ -155,7 +161,7 @@ def ours_on_a_log(case: Case) -> Iterator[Contestant]:
         run(2)
         prepared_s = time.perf_counter() - began
         redrawn = isinstance(case.problem, CellProblem) and case.problem.method == "ukf"
-        yield Contestant("ohmward", how, min(steps, len(case.problem.drive.current_A)), run, redrawn, prepared_s)
+        yield Contestant("ohmward", how, steps, run, redrawn, prepared_s)
 
 
 def run_kernel(kernel: Kernel, start: Any, drive: Drive, steps: int) -> Posterior:
@@ -202,7 +208,10 @@ def many_logs_of(case: Case, machine: Machine, repeats: int, logs: int) -> Secti
     problem = case.problem._replace(drive=pieces(case.problem.drive, logs))
     one = case.problem._replace(drive=Drive(*(column[:, 0] for column in problem.drive)))
     ours = {precision: ours_on_lanes(case, problem.drive, precision) for precision in ("f64", "f32")}
-    found = [*ours.values(), ours_in_numpy(case, problem.drive), *contestants(problem, lanes=True)]
+    found = [
+        limited(c, LANE_STEPS)
+        for c in (*ours.values(), ours_in_numpy(case, problem.drive), *contestants(problem, lanes=True))
+    ]
     running = [c for c in found if isinstance(c, Contestant)]
     times = measure({c: partial(c.run, c.steps) for c in running}, repeats)
     times = {c: t.per(c.steps * logs) for c, t in times.items()}
