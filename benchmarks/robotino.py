@@ -255,7 +255,7 @@ def _live(
         tracks = live(estimator, logs)
         judged = [_judged(tracks[number], run, robot) for number, run in of.items()]
         quantity = "mean slip of a run, mean absolute error"
-        yield at_most(data, method, quantity, float(np.abs(_errors(judged)).mean()), 0.03)
+        yield at_most(data, method, quantity, float(np.abs(_errors(judged)).mean()))
         whole = (np.nan_to_num(estimator.run(log).travel_slip - tracks[k].travel_slip) for k, log in logs.items())
         yield at_most(data, method, "slip, largest difference from a run at once", max(np.abs(d).max() for d in whole))
         right = estimator.recognition.names.index(place)

@@ -1,16 +1,20 @@
 """The benchmark on the measured Robotino: a few of the runs that it judges in full, and how it finds its truth."""
 
 import sys
+from dataclasses import replace
 from importlib import import_module
+from itertools import product
 
 import numpy as np
 import pytest
 
 from markdown_pages import ROOT
+from ohmward.traction import RLMA
 from ohmward.traction.floors import slip_on_floors
+from traction.floors.drives import SMOOTH, SOFT
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
-robotino, figure = import_module("robotino"), import_module("figure")
+robotino, robotino_live, figure = (import_module(name) for name in ("robotino", "robotino_live", "figure"))
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +40,41 @@ def test_slip_on_a_floor_learnt_from_other_runs_is_that_of_the_camera(recordings
     assert np.mean([abs(j.found - j.true) for j in judged]) < 0.03
     unseen = robotino.judge(slip_on_floors(robot, floors[:1]), others)
     assert np.mean([abs(j.found - j.true) < 1.96 * j.std for j in unseen]) > 0.85
+
+
+def test_a_recorded_run_sample_by_sample_is_the_run_at_once_and_survives_what_is_lost(recordings):
+    estimator = slip_on_floors(robotino.weighed("wheel_load_nonuniform_load.csv"), (SMOOTH, SOFT))
+    log = robotino.read_run(recordings / "two_table_gray.parquet", 5).drive.log
+    at_once, (single,) = estimator.run(log), robotino_live.live(estimator, {5: log}).values()
+    np.testing.assert_allclose(single.travel_slip, at_once.travel_slip, atol=1e-9)
+    assert [c.time_s for c in single.crossings] == [c.time_s for c in at_once.crossings]
+    lost = np.random.default_rng(1).random(log.motor_current_A.shape) < 0.1
+    lost[0] = False
+    speed = np.where(lost[:, ::-1], np.nan, log.wheel_speed_rad_s)
+    holed = estimator.run(
+        replace(log, motor_current_A=np.where(lost, np.nan, log.motor_current_A), wheel_speed_rad_s=speed)
+    )
+    assert np.nanmean(holed.travel_slip) == pytest.approx(np.nanmean(at_once.travel_slip), abs=0.01)
+    assert holed.counts()["no_current"] == lost.any(axis=1).sum()
+
+
+def test_looking_ahead_weighs_every_course_of_floors_by_all_that_is_seen():
+    estimator, rng = slip_on_floors(RLMA, (SMOOTH, SOFT)), np.random.default_rng(3)
+    r, dt_s, logs = estimator.recognition, np.array([0.2, 0.3, 0.1, 0.25]), rng.normal(0.0, 2.0, (4, 3))
+    belief, filtered = r.init(), []
+    for row, dt in zip(logs, dt_s, strict=True):
+        belief = r.step(belief, row, dt)
+        filtered.append(belief)
+    expected = np.zeros((4, 3))
+    for course in product(range(3), repeat=5):
+        weight = r.init()[course[0]]
+        for t, dt in enumerate(dt_s):
+            change = 1 - np.exp(-r.crossing_rate * dt)
+            passes = change * r.changes[course[t], course[t + 1]] + (1 - change) * (course[t] == course[t + 1])
+            weight *= passes * np.exp(min(dt / r.correlation_s, 1.0) * logs[t, course[t + 1]])
+        expected[range(4), course[1:]] += weight
+    found = robotino_live.smoothed(estimator, np.array(filtered), dt_s)
+    np.testing.assert_allclose(found, expected / expected.sum(axis=1, keepdims=True), rtol=1e-9)
 
 
 def test_a_wheel_has_crossed_once_it_stands_clearly_on_the_other_side():

@@ -119,3 +119,12 @@ def test_floors_of_another_robot_are_told(folder, as_json):
     (folder / "floors.toml").write_text(text, encoding="utf-8")
     found = as_json("slip", "soft.csv:run=1", "--robot", "start.toml", "--floors", "floors.toml")
     assert "warning: the floors were learnt by 'Other', the robot is 'Robotino'" in found["notes"]
+
+
+def test_samples_in_which_something_is_missing_are_told(folder, as_json):
+    as_json("calibrate", "soft.csv", "--robot", "start.toml", *POSE, "--floor", "soft", "--floors", "floors.toml")
+    holed = columns(1, SOFT, 1)
+    name = next(name for name in holed if name.endswith("current_A"))
+    write_table(holed | {name: np.where(np.arange(200) // 5 == 20, np.nan, holed[name])}, "holed.csv")
+    found = as_json("slip", "holed.csv", "--robot", "start.toml", "--floors", "floors.toml")
+    assert "warning: 5 samples with no current" in found["notes"]
