@@ -155,7 +155,7 @@ def overpotentials(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -
 
 def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:
     """What is left of each RC pair's voltage after `dt_s` without current."""
-    return [np.exp(-dt_s / tau) for tau in p.tau_s]
+    return [np.exp(dt_s * (-1.0 / tau)) for tau in p.tau_s]
 
 
 def charge(current_A: Any, dt_s: Any, p: Thevenin) -> Any:
