@@ -168,8 +168,8 @@ def test_a_faulty_log_begins_whole_and_loses_some():
 
 def test_the_page_has_every_filter():
     text = measure.PAGE.read_text(encoding="utf-8")
-    for name, sample_time_s in measure.FILTERS:
-        assert f"| {name}{f', every {sample_time_s:g} s' if sample_time_s else ''} | -O2 |" in text
+    for name, options in measure.FILTERS:
+        assert f"| {measure.title_of(name, **options)} | -O2 |" in text
     for robot, name, _ in measure.OBSERVERS:
         assert f"| {robot.name} speed, {name} | -Os |" in text
     for name in measure.CONTROLLERS:
