@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _status(argv)
 
 
-def _show_warning(message: Warning | str, *_where: object) -> None:
+def _show_warning(message: Warning | str, *_where: object, **_more: object) -> None:
     """One line, as errors are: whoever types a command has no use for the place in the source."""
     print(f"ohmward: note: {message}", file=sys.stderr)
 
