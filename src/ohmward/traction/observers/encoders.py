@@ -2,8 +2,8 @@
 
 Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
 surprise added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the body.
-While it goes on to surprise, its jumps teach the friction; after `patience_s` the encoder is at fault. It is used again
-once it agrees.
+While it goes on to surprise, sigma points learn the friction from it; after `patience_s` the encoder is at fault. It is
+used again once it agrees.
 """
 
 from __future__ import annotations
@@ -65,12 +65,14 @@ def use_encoders(
     model: Model,
     surprise: float,
     patience_s: float,
+    jumps_teach: bool,
 ) -> tuple[Fused, list[WheelUpdate]]:
     """The prior corrected with the speeds of the driven wheels, and each wheel's update.
 
     lag: (wheels,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
     torque_noise: (driven,) [rad/s] of the predicted speeds, see `Model.torque_noise_rad_s`.
     doubtful_s: (driven,) how long each encoder has been surprising.
+    jumps_teach: whether the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
     """
     belief, updates = prior, []
     for k in range(model.driven):
@@ -80,7 +82,8 @@ def use_encoders(
         believed = reading.measured[k] & (doubtful_s[k] <= patience_s) & logical_not(spike)
         doubt = where(believed, 0.0, doubted_variance(belief, k, reading.moving_s, model))
         y = reading.wheel_speed_rad_s[k] + lag[k]
-        update = _use_encoder(belief, k, y, R, believed, doubtful_s[k] <= 0.0, torque_noise[k], model, surprise)
+        jumps = (doubtful_s[k] <= 0.0) if jumps_teach else True
+        update = _use_encoder(belief, k, y, R, believed, jumps, torque_noise[k], model, surprise)
         belief = widened(update.belief, 0, doubt)
         updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
     changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
@@ -90,13 +93,13 @@ def use_encoders(
 
 
 def _use_encoder(
-    belief: Belief, k: int, y: Any, R: Any, believed: Any, agreed: Any, torque_noise: Any, model: Model, surprise: float
+    belief: Belief, k: int, y: Any, R: Any, believed: Any, jumps: Any, torque_noise: Any, model: Model, surprise: float
 ) -> WheelUpdate:
     i = model.layout.wheel(k)
     nu = y - belief.mean[i]
     surprising = nu * nu > surprise * (belief.cov[i, i] + R)
     new_ground = believed & surprising
-    open_to = choose(new_ground, ground_unknown(belief, k, where(agreed, nu, 0.0), model), belief)
+    open_to = choose(new_ground, ground_unknown(belief, k, where(jumps, nu, 0.0), model), belief)
     after = correct_state(open_to, i, y, R, believed)
     if model.states.stiffness:
         j = model.layout.index("log_stiffness")

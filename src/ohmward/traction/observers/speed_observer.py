@@ -213,9 +213,9 @@ class SpeedObserver:
 
     def use_wheels(self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: Reading) -> Any:
         """The prior corrected with the encoders of the driven wheels."""
-        limits = self.surprise, self.patience_s
+        settings = self.model, self.surprise, self.patience_s, self.method == "ukf"
         noise = self.model.torque_noise_rad_s(moved, reading)
-        return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, self.model, *limits)
+        return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, *settings)
 
     def use_body(
         self, fused: Fused, lag: np.ndarray, state: ObserverState, sample: Sample, reading: Reading, history: History
