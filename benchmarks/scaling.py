@@ -164,11 +164,17 @@ def length_row(kernel: Kernel, state: Any, piece: Drive, length: int, repeats: i
     repeated = -(-length // len(piece.current_A))
     samples = Drive(*(np.tile(column, repeated)[:length] for column in piece)).samples
     seconds = measure({0: partial(kernel.scan, state, samples)}, 1 if length > 1_000_000 else repeats)[0].median
+    beyond = memory_beyond(partial(kernel.scan, state, samples))
+    return f"{length:,}", duration(seconds), duration(seconds / length), beyond
+
+
+def memory_beyond(run: Callable[[], tuple[Any, Any]]) -> str:
+    """What Python and NumPy hold at most during a run, besides the estimates that it returns."""
     tracemalloc.start()
-    _, estimates = kernel.scan(state, samples)
+    _, estimates = run()
     beyond = tracemalloc.get_traced_memory()[1] - sum(column.nbytes for column in estimates)
     tracemalloc.stop()
-    return f"{length:,}", duration(seconds), duration(seconds / length), f"{max(beyond, 0) / 1e6:.2g} MB"
+    return f"{max(beyond, 0) / 1e6:.2g} MB"
 
 
 def first_sample(drive: Drive) -> Any:
@@ -197,14 +203,15 @@ def logs_section(repeats: int, numbers: tuple[int, ...] = LOGS) -> Section:
             str(logs),
             duration(times["machine code", logs].median),
             *(duration(times[how, logs].per(logs * LANE_STEPS).median) for how in kernels),
+            memory_beyond(runs["machine code", logs]),
         )
         for logs in numbers
     ]
     text = (
         f"The textbooks' EKF of the cell, {LANE_STEPS} samples of each log, through `Kernel.scan_lanes`: processor "
-        "time of all threads."
+        "time of all threads. Memory is that of machine code beyond logs and estimates."
     )
-    header = ("logs", "all of them, machine code", "a step of a log, machine code", "NumPy over lanes")
+    header = ("logs", "all of them, machine code", "a step of a log, machine code", "NumPy over lanes", "memory")
     picture = Picture("speed-logs", logs_figure(times, numbers, tuple(kernels)))
     return Section("Cost against the number of logs", text, header, rows, picture=picture)
 

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.scripts import script
 from ohmward.trace import Kernel
 
+pytest.importorskip("llvmlite")
 scaling = script("scaling")
 
 
@@ -33,3 +34,10 @@ def test_memory_beyond_the_log_is_flat():
     section = scaling.length_section(1, (1000, 20_000))
     megabytes = [float(row[3].split()[0]) for row in section.rows]
     assert max(megabytes) < 0.1
+
+
+def test_many_logs_need_no_second_copy_of_their_estimates():
+    section = scaling.logs_section(1, (8, 256))
+    megabytes = [float(row[-1].split()[0]) for row in section.rows]
+    estimates = 256 * scaling.LANE_STEPS * 9 * 8 / 1e6
+    assert max(megabytes) < 0.1 * estimates

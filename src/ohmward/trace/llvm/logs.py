@@ -35,7 +35,7 @@ def run_lanes(
     state_structure, _, output_structure = structures
     batch = lanes.make_batch(*structures, state, samples)
     rows = np.array(batch.rows, dtype=float).reshape(-1, batch.width)
-    results = [np.empty((batch.steps, *leaf.shape, batch.width)) for _, leaf in leaves(output_structure)]
+    results = [o if o.dtype == float else np.empty(o.shape) for o in batch.outputs]
     scalars = [v for r in results for v in np.moveaxis(r.reshape(batch.steps, -1, batch.width), 1, 0)]
     report = lanes.reporter(progress, batch.steps * batch.width)
     step.many(rows, [_side_by_side(c) for c in _doubles(batch.columns)], scalars, report, processors())
