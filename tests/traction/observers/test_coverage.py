@@ -1,13 +1,14 @@
 """Drives in closed loop whose observer has been too sure of itself; benchmarks/observer_coverage.py has all of them."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.figures import score
 
-CASES = {
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "passive wheels under a robot that accelerates": ("slip-steps", {}),
     "a corner in the ground's law": ("slip-steps", {"encoders": "driven"}),
     "currents that are mostly noise": ("robotino", {"current_noise_A": 0.1}),
