@@ -84,6 +84,7 @@ def test_bad_samples_do_not_stop_it(method):
         Sample(1.0, math.nan, 3.7, math.nan),
         Sample(1.0, -1.0, math.nan, 25.0),
         Sample(-5.0, -1.0, 3.7, 25.0),
+        Sample(math.inf, -1.0, 3.7, 25.0),
         Sample(math.nan, math.inf, -math.inf, 25.0),
     ]
     for sample in bad:

@@ -18,7 +18,7 @@ import numpy as np
 from ohmward.battery.estimate import Estimate, Flag, Sample
 from ohmward.battery.initial_soc import initial_soc
 from ohmward.battery.noise import Noise
-from ohmward.battery.reading import first_input, is_current, is_voltage
+from ohmward.battery.reading import LONGEST_STEP_S, first_input, is_current, is_voltage
 from ohmward.battery.thevenin import Input, Thevenin, charge, ohmic_resistance, pair_decays, pair_resistances
 from ohmward.errors import InputError
 from ohmward.filters import extended, kalman, partly_linear
@@ -95,7 +95,7 @@ class TextbookFilter:
 
     def predicted(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Reading]:
         """The state before the voltage of a sample is used, and what the sample says."""
-        dt_s = where(sample.dt_s > 0, sample.dt_s, 0.0)
+        dt_s = where((sample.dt_s > 0) & (sample.dt_s <= LONGEST_STEP_S), sample.dt_s, 0.0)
         current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
         prior = self.predict(unpack(state.belief), 0.5 * (current_A + state.current_A), dt_s)
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])

@@ -7,6 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.control import Measurement, Observer
+from ohmward.traction.control.observer import believable_step_s
 from traction.control.examples import DRY, WHEEL, Truth, measured, turn
 
 DT = 1e-3
@@ -89,3 +90,25 @@ def test_the_wheels_are_independent():
 def test_bad_settings_are_refused():
     with pytest.raises(InputError, match=r"observer.force_lag_s must be > 0"):
         Observer(force_lag_s=0.0)
+
+
+@pytest.mark.parametrize(
+    "m", [Measurement(2e5, 1.0), Measurement(-math.inf, 1.0), Measurement(1.0, 2e3), Measurement(1.0, math.nan)]
+)
+def test_a_speed_that_nothing_has_is_no_measurement(m):
+    assert not Observer().usable(m)
+
+
+def test_a_force_that_nothing_has_is_seen_by_the_controller_itself():
+    seen = Observer().init(Measurement(1.0, 0.1))
+    for given in (1e8, math.inf, math.nan):
+        after = Observer().observe(seen, 0.0, Measurement(1.0, 0.1, force_N=given, acceleration_m_s2=given), WHEEL, DT)
+        assert after.force_N == 0.0 and after.acceleration_m_s2 == 0.0
+
+
+@pytest.mark.parametrize(
+    ("given_s", "taken_s"), [(0.01, 0.01), (60.0, 60.0), (61.0, 0.0), (0.0, 0.0), (-1.0, 0.0), (math.inf, 0.0)]
+)
+def test_a_step_that_no_clock_has_takes_no_time(given_s, taken_s):
+    assert believable_step_s(given_s) == taken_s
+    assert believable_step_s(math.nan) == 0.0

@@ -14,9 +14,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ohmward.checks import require_positive
-from ohmward.trace import isfinite, where
+from ohmward.trace import where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.signals import Measurement
+
+#: No wheel, robot or clock of a controller has more: rad/s, m/s, N, m/s^2, and seconds between two steps. It is a
+#: fault then, as no number is.
+FASTEST_RAD_S, FASTEST_M_S, MOST_N, MOST_M_S2, LONGEST_STEP_S = 1e5, 1e3, 1e7, 1e5, 60.0
 
 
 class Observed(NamedTuple):
@@ -69,9 +73,9 @@ class Observer:
 
     def usable(self, m: Measurement) -> Any:
         """Whether a controller may act on a measurement."""
-        numbers = isfinite(m.wheel_speed_rad_s) & isfinite(m.travel_speed_m_s)
+        possible = (abs(m.wheel_speed_rad_s) <= FASTEST_RAD_S) & (abs(m.travel_speed_m_s) <= FASTEST_M_S)
         return (
-            numbers & (m.age_s >= 0.0) & (m.age_s <= self.oldest_s) & (m.travel_speed_std_m_s <= self.largest_std_m_s)
+            possible & (m.age_s >= 0.0) & (m.age_s <= self.oldest_s) & (m.travel_speed_std_m_s <= self.largest_std_m_s)
         )
 
     def observe(self, before: Observed, torque_Nm: Any, m: Measurement, wheel: DrivenWheel, dt_s: Any) -> Observed:
@@ -88,7 +92,12 @@ class Observer:
         return Observed(
             omega,
             v,
-            where(usable & isfinite(m.force_N), m.force_N, seen_N),
-            where(usable & isfinite(m.acceleration_m_s2), m.acceleration_m_s2, seen_m_s2),
+            where(usable & (abs(m.force_N) <= MOST_N), m.force_N, seen_N),
+            where(usable & (abs(m.acceleration_m_s2) <= MOST_M_S2), m.acceleration_m_s2, seen_m_s2),
             where(usable, 1.0, 0.0),
         )
+
+
+def believable_step_s(dt_s: Any) -> Any:
+    """The time since the step before [s]; 0, in which nothing changes, where the clock says what cannot be."""
+    return where((dt_s > 0.0) & (dt_s <= LONGEST_STEP_S), dt_s, 0.0)

@@ -16,7 +16,7 @@ from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.law import Motion, SlipLaw
 from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.observer import Observed, Observer
+from ohmward.traction.control.observer import Observed, Observer, believable_step_s
 from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand
 from ohmward.traction.control.surface import surface
 from ohmward.traction.slip import driving_slip_ratio, travel_direction
@@ -87,6 +87,7 @@ class SlipController:
         self, state: SlipState, command: SlipCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[SlipState, Any, Report]:
         """The state after the step, the torque [N m] to hold for the next `dt_s`, and what the controller saw."""
+        dt_s = believable_step_s(dt_s)
         seen = self.observer.observe(state.seen, state.torque_Nm, measurement, self.wheel, dt_s)
         direction = self.direction(command, seen)
         target, motion = self.motion(state, command, seen, direction, dt_s)

@@ -28,7 +28,7 @@ from ohmward.trace import clip, maximum, minimum, sqrt, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.law import Motion
 from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.observer import Observed, Observer
+from ohmward.traction.control.observer import Observed, Observer, believable_step_s
 from ohmward.traction.control.signals import Flag, Measurement, Report, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.slip import driving_slip_ratio
@@ -103,6 +103,7 @@ class SpeedController:
         self, state: SpeedState, command: SpeedCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[SpeedState, Any, Report]:
         """The state after the step, the torque [N m] to hold for the next `dt_s`, and what the controller saw."""
+        dt_s = believable_step_s(dt_s)
         seen = self.observer.observe(state.seen, state.torque_Nm, measurement, self.wheel, dt_s)
         known, understood = seen.known > 0.5, understandable(command)
         acting = known & understood
