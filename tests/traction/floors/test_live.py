@@ -173,6 +173,30 @@ def test_sensors_with_messages_of_their_own_come_at_one_time():
     assert has(both, FloorFlag.NO_CURRENT).sum() == has(both, FloorFlag.NO_ENCODER).sum() == T
 
 
+def test_samples_may_come_at_any_time():
+    """Every third sample of a drive at 100 Hz, or some at random, are the same drive."""
+    log, rng = omni_drive([SOFT] * 3, 20.0, later=[SOFT, SMOOTH, SOFT]).log, np.random.default_rng(7)
+    fine = np.arange(0.0, log.time_s[-1], 0.01)
+    rows = np.searchsorted(log.time_s, fine, side="right") - 1
+    noisy = WheelSample(
+        np.diff(fine, prepend=0.0),
+        log.wheel_speed_rad_s[rows] + rng.normal(0.0, 0.1, (fine.size, 3)),
+        log.motor_current_A[rows] + rng.normal(0.0, 0.15, (fine.size, 3)),
+    )
+    found = []
+    for kept in (np.arange(fine.size), np.arange(0, fine.size, 3), np.sort(rng.choice(fine.size, 250, replace=False))):
+        e = watch(WheelSample(np.diff(fine[kept], prepend=fine[kept[0]]), noisy[1][kept], noisy[2][kept]))
+        at = fine[kept][e.crossing > 0]
+        assert at.shape == (1,) and 4.0 < at[0] < 5.0
+        found.append([np.mean(e.travel_slip[(fine[kept] > a) & (fine[kept] < b)]) for a, b in ((2.5, 4.0), (5.5, 7.9))])
+    assert_allclose(found[1:], [found[0]] * 2, atol=0.015)
+
+
+def test_a_sample_of_other_wheels_is_refused():
+    with pytest.raises(InputError, match=r"must have 3 wheel speeds and 3 motor currents.*got 4 and 3"):
+        live().update(WheelSample(0.03, np.ones(4), np.ones(3)))
+
+
 def test_a_gap_is_flagged_and_one_sample_after_it_is_one_look():
     samples = samples_of(drive())
     samples.dt_s[150] = 20.0

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, snapshot
 from ohmward.trace.live import Live
@@ -55,7 +58,12 @@ class FloorSlipEstimator:
         return self._state if self._live is None else self._live.state
 
     def update(self, sample: WheelSample) -> FloorEstimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `FloorFlag`."""
+        """What is known after one live sample. A bad sample is survived and flagged, see `FloorFlag`.
+
+        Raises:
+            InputError: not one speed and one current for each driven wheel.
+        """
+        sample = self._shaped(sample)
         if self._live is None:
             state = self.floors.init(sample) if self._state is None else self._state
             self._live = self.kernel.live(state)
@@ -91,6 +99,16 @@ class FloorSlipEstimator:
         example = self.floors.init(self.floors.no_sample())
         self._state, self.time_s = snapshot.resume(self.floors, example, taken)
         self._live = None
+
+    def _shaped(self, sample: WheelSample) -> WheelSample:
+        robot = self.floors.wheels.robot
+        speed, current = (np.asarray(values, dtype=float) for values in sample[1:])
+        if speed.shape != (robot.driven,) or current.shape != (robot.driven,):
+            raise InputError(
+                f"a sample must have {robot.driven} wheel speeds and {robot.driven} motor currents, one for each "
+                f"driven wheel of robot {robot.name!r}, got {speed.size} and {current.size}; nan stands for what did not come"
+            )
+        return WheelSample(float(sample.dt_s), speed, current)
 
     @property
     def kernel(self) -> Kernel:
