@@ -203,6 +203,13 @@ def test_without_a_compiler_it_says_what_to_install(monkeypatch):
         twin.compiler()
 
 
+def test_the_compiler_is_that_of_the_environment_with_its_words(monkeypatch):
+    monkeypatch.setenv("CC", "gcc -m64")
+    assert twin.compiler() == ["gcc", "-m64"]
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert shutil.which(twin.compiler()[0])
+
+
 def test_without_cffi_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cffi", None)
     with pytest.raises(OhmwardError, match=r"pip install 'ohmward\[twin\]'"):

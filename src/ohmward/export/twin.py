@@ -199,7 +199,7 @@ def compiler() -> list[str]:
     named = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
     for words in (shlex.split(text) for text in named if text):
         if shutil.which(words[0]):
-            return words[:1]
+            return words
     raise OhmwardError(
         "the twin needs a C compiler, and there is none here (CC, cc, gcc, clang); "
         "apt-get install gcc on Debian and Ubuntu, xcode-select --install on a Mac"
@@ -249,7 +249,9 @@ def _loaded(header: Path) -> tuple[Any, Any]:
         driver, library = Path(temporary) / "driver.c", Path(temporary) / f"{name}.so"
         driver.write_text(_DRIVER.replace("@PROTOTYPE@", prototype).replace("@NAME@", name), encoding="utf-8")
         include = [f"-I{header.parent}"]
-        ffi.cdef(f"{_do([*cc, '-E', '-P', *include, '-include', header.name, '-xc', os.devnull])}\n{prototype};")
+        ffi.cdef(
+            f"{_do([*cc, '-std=c99', '-E', '-P', *include, '-include', header.name, '-xc', os.devnull])}\n{prototype};"
+        )
         sources = [str(driver), str(header.with_suffix(".c"))]
         _do([*cc, *FLAGS, *include, "-shared", "-fPIC", "-o", str(library), *sources, "-lm"])
         return ffi, ffi.dlopen(str(library))
