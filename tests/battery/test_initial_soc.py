@@ -34,6 +34,15 @@ def test_value_and_voltage_are_weighed_by_their_variances():
     assert start.std == pytest.approx(voltage_std / math.sqrt(2), rel=0.02)
 
 
+@pytest.mark.parametrize("soc", [0.0, 0.1234, 0.50123456, 0.9012, 1.0])
+@pytest.mark.parametrize("soc_std", [1e-9, 1e-5, 1e-3])
+def test_a_value_that_is_surely_known_is_kept_wherever_it_lies(soc, soc_std):
+    start = initial_soc(math.nan, REST, NMC, NOISE, soc=soc, soc_std=soc_std)
+    assert start.soc == pytest.approx(soc, abs=0.02 * 0.5 + 1e-6)
+    agreed = initial_soc(3.0 + soc, REST, STRAIGHT, NOISE, soc=soc, soc_std=soc_std)
+    assert agreed.soc == pytest.approx(soc, abs=1e-3)
+
+
 def test_a_current_is_taken_out_of_the_voltage():
     assert initial_soc(3.5 - 2 * 0.02, Input(-2.0, 25.0), STRAIGHT, NOISE).soc == pytest.approx(0.5, abs=1e-4)
 

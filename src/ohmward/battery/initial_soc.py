@@ -45,11 +45,20 @@ def initial_soc(
     soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
     soc_std: standard deviation of that value.
     """
-    grid = np.linspace(-MARGIN, 1.0 + MARGIN, 561)
+    if soc is not None:
+        require_between("initial_soc", soc, 0.0, 1.0)
+        require_positive("initial_soc_std", soc_std)
+    grid = _grid_through(0.5 if soc is None else soc)
     density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
     density /= density.sum()
     mean = float(density @ grid)
     return InitialSoc(min(max(mean, 0.0), 1.0), max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
+
+
+def _grid_through(soc: float) -> np.ndarray:
+    """Steps of 0.25 %, one of them on the value: a peak narrower than a step would fall between two."""
+    grid = np.linspace(-MARGIN, 1.0 + MARGIN, 561)
+    return grid + (soc - grid[np.argmin(np.abs(grid - soc))])
 
 
 def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
@@ -57,8 +66,6 @@ def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
     possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
     if soc is None:
         return possible
-    require_between("initial_soc", soc, 0.0, 1.0)
-    require_positive("initial_soc_std", soc_std)
     peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
     return (1 - DOUBT) * peak / peak.sum() + DOUBT * possible
 
