@@ -47,6 +47,12 @@ def test_a_change_under_each_wheel_is_found_as_soon_as_its_sum_reaches_the_thres
     assert 6.0 + 0.9 * soonest < found < 6.0 + 1.8 * soonest
 
 
+def test_a_second_change_soon_after_the_first_is_found_too():
+    force = 0.1 + 1.5 * CHANGE[:, 0] * (np.arange(400) >= 200)[:, None] * np.where(np.arange(400) < 225, 1, 2)[:, None]
+    first, second = alarms(TEST, force)
+    assert 6.0 < first < 6.5 and 6.75 < second < 7.25
+
+
 def test_less_than_half_a_change_is_none():
     assert alarms(TEST, later(0.45 * CHANGE[:, 0])) == []
 

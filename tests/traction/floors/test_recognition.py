@@ -8,6 +8,7 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.floors import Recognition, slip_on_floors
 from ohmward.traction.floors.demand import drag_columns, static_loads
+from ohmward.traction.floors.recognition import UNSEEN_SHARE
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 MOVING = slice(60, None)
@@ -40,6 +41,19 @@ def test_bayes_rule_on_one_sample():
     assert len(r.combinations) == 3  # wheels that roll beside each other are not told apart
     after = r.step(np.array([0.5, 0.4, 0.1]), np.log([1.0, 4.0, 2.0]), 0.5)
     np.testing.assert_allclose(after, np.array([0.5, 0.8, 0.1 * np.sqrt(2)]) / (1.3 + 0.1 * np.sqrt(2)), rtol=1e-9)
+
+
+def test_without_a_likelihood_wheels_meet_other_floors_one_by_one_at_the_rate_of_crossings():
+    r = Recognition(OMNI, (SMOOTH, SOFT), crossing_rate=0.2)
+    start = np.zeros(27)
+    start[0] = 1.0  # all wheels on the first floor
+    after = r.step(start, np.zeros(27), 1.5)
+    gone = 1 - np.exp(-0.2 * 1.5)
+    assert after[0] == pytest.approx(1 - gone)
+    one_other = [c for c in range(27) if (r.combinations[c] > 0).sum() == 1]
+    known = [c for c in one_other if r.combinations[c].max() == 1]
+    assert after[one_other].sum() == pytest.approx(gone)
+    np.testing.assert_allclose(after[known], gone / (3 * (1 + UNSEEN_SHARE)))
 
 
 def test_the_likelihood_of_a_combination_is_the_normal_density_of_its_forces():

@@ -6,6 +6,8 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction.floors import slip_on_floors
 from ohmward.traction.floors.as_estimates import as_estimates
+from ohmward.traction.floors.demand import inertial_forces
+from ohmward.traction.floors.slip_on_floors import RATE_S, followed
 from ohmward.traction.score import DriveTruth, score_drive
 from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
 
@@ -63,6 +65,46 @@ def test_a_wheel_without_any_current_is_refused():
     current[:, 1] = np.nan
     with pytest.raises(InputError, match="needs the motor current of every driven wheel"):
         slip_on_floors(OMNI, (SOFT,)).run(replace(log, motor_current_A=current))
+
+
+def test_the_slip_on_doubtful_floors_is_that_of_floors_drawn_by_their_probability():
+    floors, rng = slip_on_floors(OMNI, (SMOOTH, SOFT)), np.random.default_rng(8)
+    p = rng.dirichlet(np.ones(3), 3)
+    share, std = np.array([0.3, -0.2, 0.25]), np.array([0.02, 0.03, 0.01])
+    mean, cov = floors.mixture(share, std, p)
+    drawn = np.array([rng.choice(3, 200_000, p=row) for row in p]).T
+    slip = np.zeros(drawn.shape)
+    for k, curves in enumerate(floors.curves):
+        belief = curves.belief(share, std)
+        on_this = rng.multivariate_normal(belief.mean, belief.cov, len(drawn))
+        slip = np.where(drawn == k, on_this, slip)
+    np.testing.assert_allclose(mean, slip.mean(axis=0), atol=2e-3)
+    np.testing.assert_allclose(cov, np.cov(slip.T), atol=1e-3)
+
+
+@pytest.mark.parametrize("dt_s", [0.005, 0.03, 0.1])
+def test_the_acceleration_of_the_rims_is_their_slope_a_moment_ago(dt_s):
+    t, slow, rates = np.arange(0.0, 4.0, dt_s), np.zeros((2, 1)), []
+    for speed in t**2:
+        slow, rate = followed(slow, np.array([speed]), dt_s)
+        rates.append(rate[0])
+    late_s = t[-1] - rates[-1] / 2
+    assert np.diff(rates)[-1] == pytest.approx(2 * dt_s)
+    assert 2 * RATE_S - dt_s < late_s < 2 * RATE_S + dt_s
+    slow, rate = followed(slow, np.array([speed]), 0.0)
+    assert rate[0] == pytest.approx((slow[0] - slow[1])[0] / RATE_S)
+
+
+def test_a_body_that_speeds_up_needs_its_mass_times_the_acceleration_besides():
+    """A start of 0.5 m/s^2 is no other floor."""
+    steady = omni_drive([SMOOTH] * 3, 20.0)
+    speed = np.clip(0.5 * (steady.log.time_s - 4.0), 0.0, 0.3)[:, None] / 0.15 + 0.5
+    push_N = np.where((speed > 0.5) & (speed < 2.5), 0.5, 0.0) * [np.cos(np.radians(20)), np.sin(np.radians(20)), 0.0]
+    current = steady.log.motor_current_A + inertial_forces(OMNI, push_N) * 0.036 / (0.8 * 16 * 0.0514)
+    log = replace(steady.log, wheel_speed_rad_s=speed * steady.log.wheel_speed_rad_s, motor_current_A=current)
+    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(log)
+    assert track.crossings == []
+    assert track.floor_probability[60:, :, 0].min() > 0.9
 
 
 def test_standing_wheels_have_no_slip_ratio():

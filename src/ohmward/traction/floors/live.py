@@ -106,7 +106,7 @@ class FloorSlipEstimator:
         if speed.shape != (robot.driven,) or current.shape != (robot.driven,):
             raise InputError(
                 f"a sample must have {robot.driven} wheel speeds and {robot.driven} motor currents, one for each "
-                f"driven wheel of robot {robot.name!r}, got {speed.size} and {current.size}; nan stands for what did not come"
+                f"driven wheel of {robot.name!r}, got {speed.size} and {current.size}; nan stands for what did not come"
             )
         return WheelSample(float(sample.dt_s), speed, current)
 

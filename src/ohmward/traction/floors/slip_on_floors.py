@@ -45,7 +45,7 @@ from ohmward.traction.robot import Robot
 #: to no better than this share of it.
 SLOWEST_M_S, UNSURE_SHARE = 0.02, 0.5
 #: Time constant [s] of each of two filters that the rims' acceleration is taken from.
-_RATE_S = 0.075
+RATE_S = 0.075
 _TINY = 1e-6
 
 
@@ -53,7 +53,7 @@ class FloorState(NamedTuple):
     """All that is carried from sample to sample: plain numbers.
 
     wheels: of the filter.
-    slow_rim: (2, freedoms) motion of the rims, `_RATE_S` late and twice as late.
+    slow_rim: (2, freedoms) motion of the rims, `RATE_S` late and twice as late.
     combinations: (C,) probability of each combination of floors.
     crossing: of the test.
     encoders: as watched.
@@ -131,8 +131,7 @@ class SlipOnFloors:
         safe, watch, flags = read(sample, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, safe)
         belief = with_friction(robot, belief)
-        slow_rim = followed(state.slow_rim, belief.rim, safe.dt_s)
-        rate = (slow_rim[0] - slow_rim[1]) / _RATE_S
+        slow_rim, rate = followed(state.slow_rim, belief.rim, safe.dt_s)
         moving = knows_motion(belief)
         likelihood = self.recognition.log_likelihood(belief.rim, rate, belief.force_N, belief.force_std_N)
         combinations = self.recognition.step(state.combinations, where(moving, likelihood, 0.0), safe.dt_s)
@@ -229,11 +228,13 @@ def with_friction(robot: Robot, belief: WheelBelief) -> WheelBelief:
     return belief._replace(force_std_N=sqrt(belief.force_std_N**2 + open_N**2))
 
 
-def followed(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Any) -> np.ndarray:
-    """The rims' motion (2, freedoms) after two filters of the first order, one behind the other."""
-    share = 1.0 - exp(-dt_s / _RATE_S)
+def followed(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The rims' motion (2, freedoms) after two filters of the first order, one behind the other, and its rate."""
+    share = 1.0 - exp(-dt_s / RATE_S)
     first = slow_rim[0] + share * (rim - slow_rim[0])
-    return np.array([first, slow_rim[1] + share * (first - slow_rim[1])])
+    behind = first - slow_rim[1]
+    rate = behind * where(dt_s > _TINY, share / maximum(dt_s, _TINY), 1.0 / RATE_S)
+    return np.array([first, slow_rim[1] + share * behind]), rate
 
 
 def knows_motion(belief: WheelBelief) -> Any:
