@@ -5,7 +5,7 @@ static const float @NAME@_walk[N] = {@WALK@};
 /* Rows of the states: what sigma point k differs from the mean, then what the images of the pair differ, in `odd`; and
    their sum about twice the mean, last the central point's, in `even`. States that are kept have no such sums. */
 typedef struct {
-    float odd[N][N], even[N][N + 1];
+    float odd[N][N], even[MOVED][N + 1];
 } @NAME@_points;
 
 /* Columns that are sqrt(c) standard deviations long: the lower factor of c P, every pivot kept above a floor. */
@@ -51,11 +51,11 @@ static void @NAME@_propagate(float *mean, const @NAME@_reading *reading, @NAME@_
         }
         for (int i = 0; i < MOVED; ++i) {
             points->odd[KEPT + i][k] = y[0][i] - y[1][i];
-            points->even[KEPT + i][k] = y[0][i] + y[1][i];
+            points->even[i][k] = y[0][i] + y[1][i];
         }
     }
     for (int i = 0; i < MOVED; ++i) {
-        float *const even = points->even[KEPT + i], sum = 0.0f;
+        float *const even = points->even[i], sum = 0.0f;
         for (int k = 0; k < N; ++k) {
             sum += even[k];
         }
@@ -82,7 +82,7 @@ static float @NAME@_covariance(const @NAME@_points *points, int i, int j)
 {
     const bool kept = j < KEPT;
     const float sum = @NAME@_dot(points->odd[i], points->odd[j], N);
-    return @PAIR@ * (sum + (kept ? sum : @NAME@_dot(points->even[i], points->even[j], N + 1)));
+    return @PAIR@ * (sum + (kept ? sum : @NAME@_dot(points->even[i - KEPT], points->even[j - KEPT], N + 1)));
 }
 
 void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output *output)
