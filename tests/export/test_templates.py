@@ -4,9 +4,11 @@ import os
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 
+from markdown_pages import programs
 from ohmward.battery.chemistries import generic_battery
 from ohmward.export import battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
@@ -43,6 +45,13 @@ def test_the_example_of_the_readme_compiles_as_pasted_and_runs(soc):
     (soc / "main.c").write_text(example + MAIN)
     assert do("gcc", *STRICT, "-Werror", "-o", "app", "main.c", "soc.c", "-lm", cwd=soc) == ""
     do("./app", cwd=soc)
+
+
+@needs_gcc
+def test_the_example_of_the_page_compiles_as_pasted(soc):
+    (example,) = programs(Path(__file__).parents[2] / "docs" / "export.md", "c")
+    (soc / "example.c").write_text(example)
+    assert do("gcc", *STRICT, "-Werror", "-Wno-int-to-pointer-cast", "-c", "example.c", cwd=soc) == ""
 
 
 @needs_gcc
