@@ -26,7 +26,7 @@ _ONE_AT_A_TIME = Lock()
 _CHUNK = 1 << 16
 #: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
 _CACHE = 1 << 20
-#: Fewer steps at a time would load and store the state too often: 16 cost a seventh more for 1024 logs and seven states.
+#: Fewer steps at a time would load and store the state too often: 16 cost a seventh more with 1024 logs, 7 states.
 _LEAST_STEPS = 64
 
 
