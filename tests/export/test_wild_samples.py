@@ -40,7 +40,7 @@ def wild(rng, good):
     """Samples near the good one of which every third value has any bits at all."""
     shape = (WILD_STEPS, len(good))
     bits = rng.integers(0, 2**32, shape, dtype=np.uint64).astype(np.uint32).view(np.float32)
-    near = good * rng.normal(1.0, 0.2, shape)
+    near = good * rng.normal(1.0, 1.0, shape)
     return np.where(rng.random(shape) < 0.3, bits, near)
 
 
