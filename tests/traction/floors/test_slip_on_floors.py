@@ -69,8 +69,8 @@ def test_a_wheel_without_any_current_is_refused():
 
 def test_the_slip_on_doubtful_floors_is_that_of_floors_drawn_by_their_probability():
     floors, rng = slip_on_floors(OMNI, (SMOOTH, SOFT)), np.random.default_rng(8)
-    p = rng.dirichlet(np.ones(3), 3)
-    share, std = np.array([0.3, -0.2, 0.25]), np.array([0.02, 0.03, 0.01])
+    p = rng.dirichlet([1.0, 1.0, 4.0], 3)
+    share, std = np.array([0.4, -0.3, 0.35]), np.array([0.02, 0.03, 0.01])
     mean, cov = floors.mixture(share, std, p)
     drawn = np.array([rng.choice(3, 200_000, p=row) for row in p]).T
     slip = np.zeros(drawn.shape)
