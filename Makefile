@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test check accuracy bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark check accuracy bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
 	@echo "make test      every test"
+	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
@@ -27,13 +28,16 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test check accuracy bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-spark check accuracy bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab,fast.stamp
 	$(BIN)/ohmward demo --out demo
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n auto
+
+test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
+	$(BIN)/python -m pytest tests/fleet/test_spark.py
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
