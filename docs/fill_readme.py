@@ -1,9 +1,10 @@
-"""Fill the accuracy tables of README.md from benchmarks/accuracy.md: `python docs/fill_readme.py`.
+"""Fill the tables of README.md from the benchmarks: `python docs/fill_readme.py`.
 
 The excerpts follow a rule, so that nobody picks what looks good. Charge: of every data set the estimator and the starts
 for which the benchmark sets a goal, met or missed, beside coulomb counting from the same start; left out are twins, the
 opposite sign of an offset and other temperatures. Motion: of every robot or plant the first figure for which the
-benchmark sets a goal, and every goal that was missed.
+benchmark sets a goal, and every goal that was missed. Speed: the table of all packages on one log, and of the
+microcontroller the smallest build of a few filters from small to large.
 """
 
 from __future__ import annotations
@@ -13,6 +14,18 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 README, ACCURACY = ROOT / "README.md", ROOT / "benchmarks" / "accuracy.md"
+SPEED, FIRMWARE = ROOT / "benchmarks" / "speed.md", ROOT / "benchmarks" / "firmware.md"
+SPEED_BEGIN = "<!-- speed: written by docs/fill_readme.py from benchmarks/speed.md and benchmarks/firmware.md -->\n"
+SPEED_END = "<!-- /speed -->"
+OVERVIEW = "## One log, in short"
+ON_BOARD = (
+    "textbook-ekf, every 1 s",
+    "textbook-ukf, every 1 s, curve within 4 mV",
+    "textbook-joint, loops",
+    "RLMA slip-controller",
+    "ekf, every 1 s",
+    "RLMA speed, ekf",
+)
 BEGIN = "<!-- accuracy: written by docs/fill_readme.py from benchmarks/accuracy.md -->\n"
 END = "<!-- /accuracy -->"
 TWINS = ("-50 mA", "declared currentless", ", 5 degC", ", 45 degC")
@@ -26,13 +39,51 @@ def main() -> None:
 
 
 def filled(readme: str) -> str:
-    """The text of the README with its block made anew."""
-    before, rest = readme.split(BEGIN)
-    _, after = rest.split(END)
-    rows = list(read_rows(ACCURACY.read_text(encoding="utf-8"))) if ACCURACY.exists() else []
+    """The text of the README with its blocks made anew."""
+    rows = list(read_rows(_text(ACCURACY)))
     charge = [row for row in rows if START in row]
     motion = [row for row in rows if QUANTITY in row]
-    return before + BEGIN + "\n".join([*excerpt(charge), *motion_excerpt(motion), END]) + after
+    speed = [*overview(_text(SPEED)), *on_board(_text(FIRMWARE))]
+    return _block(
+        _block(readme, SPEED_BEGIN, SPEED_END, speed), BEGIN, END, [*excerpt(charge), *motion_excerpt(motion)]
+    )
+
+
+def _text(page: Path) -> str:
+    return page.read_text(encoding="utf-8") if page.exists() else ""
+
+
+def _block(text: str, begin: str, end: str, lines: list[str]) -> str:
+    """The text with these lines between two markers."""
+    before, rest = text.split(begin)
+    _, after = rest.split(end)
+    return before + begin + "\n".join([*lines, end]) + after
+
+
+def overview(page: str) -> list[str]:
+    """The table of all packages on one log, none where there is no page."""
+    _, found, rest = page.partition(OVERVIEW)
+    return [*rest.partition("\n## ")[0].strip().splitlines(), ""] if found else []
+
+
+def on_board(page: str) -> list[str]:
+    """What a few filters take on a microcontroller, none where there is no page."""
+    lines = [line for line in page.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    if not cells:
+        return []
+    header, _, *rows = cells
+    smallest = {row[0]: dict(zip(header, row, strict=True)) for row in rows if row[1] == "-Os"}
+    columns = ("code [bytes]", "tables [bytes]", "state [bytes]", "instructions", "time [us]")
+    table = [f"| {' | '.join((name, *(smallest[name][c] for c in columns)))} |" for name in ON_BOARD]
+    return [
+        "Exported to C, on an emulated Cortex-M4F; time of a step at 100 MHz, with flash from fast to slow:",
+        "",
+        f"| {' | '.join(('filter', *columns))} |",
+        "|---|---|---|---|---|---|",
+        *table,
+        "",
+    ]
 
 
 def read_rows(page: str) -> Iterator[dict[str, str]]:
