@@ -57,12 +57,14 @@ accuracy: $(VENV)/test.stamp
 bench:
 	@$(MAKE) --no-print-directory VENV=$(VENV)-bench $(VENV)-bench/bench.stamp
 	$(VENV)-bench/bin/python benchmarks/speed.py
+	$(VENV)-bench/bin/python docs/fill_readme.py
 
 slip-control: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/slip_control.py
 
 firmware: $(VENV)/test.stamp
 	$(BIN)/python firmware/measure.py $(LIBRARY) $(LOG) $(OPTIONS)
+	$(BIN)/python docs/fill_readme.py
 
 single-precision: $(VENV)/test.stamp
 	$(BIN)/python firmware/precision.py

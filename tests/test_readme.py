@@ -53,6 +53,8 @@ def test_it_has_programs_commands_and_links():
         "mission",
         "mission",
         "mission",
+        "export",
+        "twin",
     ]
     assert "CONTRIBUTING.md" in links(README)
 
