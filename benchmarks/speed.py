@@ -221,7 +221,7 @@ def head() -> list[str]:
         "<!-- tables -->",
         "",
         "Everything in one run, side by side, in turns: medians of one core's processor time, with the least and the "
-        f"most beside them, unless a table says wall time. {platform.machine()}, {os.cpu_count()} processors, Python "
+        f"most beside them, unless a table says wall time. {platform.machine()}, {os.cpu_count()} processors{load()}, Python "
         f"{platform.python_version()}, {versions()}.",
         "",
         "*Agrees to* is the largest difference from the matrices in NumPy after "
@@ -257,6 +257,11 @@ def plain(how: str) -> str:
 def cell(row: tuple[str, ...] | None) -> str:
     """Time and ratio; empty for who has no such filter or is not installed."""
     return f"{row[2]} ({row[4]})" if row and row[2] else ""
+
+
+def load() -> str:
+    """How busy the machine was: on a quiet one, this run alone is a load of about 1."""
+    return f" under a load of {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""
 
 
 def versions() -> str:
