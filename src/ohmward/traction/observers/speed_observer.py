@@ -40,6 +40,7 @@ from ohmward.traction.observers.fusion import (
     use_standstill,
 )
 from ohmward.traction.observers.late import History, empty_history, remember
+from ohmward.traction.observers.let_go import is_ambiguous, reconsider, unexplained_change
 from ohmward.traction.observers.model import Model
 from ohmward.traction.observers.noise import Noise
 from ohmward.traction.observers.reading import Reading, every, read
@@ -60,6 +61,7 @@ class ObserverState(NamedTuple):
     rest_s: how long wheels and motors have been at rest.
     doubtful_s: (driven,) how long each encoder has contradicted the model.
     speed_doubtful_s: since when the external speed has contradicted the estimate, without a break.
+    unexplained_m_s: how much the speed has changed of late without a force, see `let_go`.
     unobserved_s, stuck_s: as in `Known`.
     """
 
@@ -70,6 +72,7 @@ class ObserverState(NamedTuple):
     rest_s: Any
     doubtful_s: np.ndarray
     speed_doubtful_s: Any
+    unexplained_m_s: Any
     unobserved_s: Any
     stuck_s: Any
 
@@ -139,6 +142,11 @@ class SpeedObserver:
         """The robot as the filter sees it."""
         return Model(self.scene, self.states, self.noise)
 
+    @property
+    def free_wheels(self) -> bool:
+        """Whether nothing is learnt of the ground: then turns are the gyro's first, and what wheels add is slip."""
+        return self.states.friction == "known"
+
     def no_sample(self) -> Sample:
         """A sample without any measurement, to be filled with `_replace`."""
         robot = self.scene.robot
@@ -152,7 +160,7 @@ class SpeedObserver:
         history = empty_history(0 if self.noise.speed_std_m_s is None else self.late_steps)
         matched = Matched(np.zeros(n), np.zeros(n))
         current_A = np.asarray(reading.current_A, dtype=float)
-        return ObserverState(pack(belief), matched, current_A, history, 0.0, np.zeros(n), 0.0, 0.0, 0.0)
+        return ObserverState(pack(belief), matched, current_A, history, 0.0, np.zeros(n), 0.0, 0.0, 0.0, 0.0)
 
     def step(self, state: ObserverState, sample: Sample) -> tuple[ObserverState, Estimate]:
         """The state after a sample, and what is known then."""
@@ -164,6 +172,8 @@ class SpeedObserver:
         prior = self.predict(before, reading)
         moved = self.model.moved(before.mean, reading)
         lag = self.model.encoder_lag(before.mean, prior.mean, moved)
+        if self.free_wheels:
+            prior = use_gyro(Fused(prior, 0.0, 0.0), sample, self.model, self.gate).belief
         fused, wheels = self.use_wheels(state, prior, lag, moved, reading)
         changed_m_s = speed_change(before, prior, fused, reading)
         history = remember(state.history, reading.dt_s, changed_m_s)
@@ -173,6 +183,11 @@ class SpeedObserver:
         ]
         fused, speed_doubtful_s = self.use_body(fused, lag, state, sample, reading, history)
         fused = use_standstill(fused, resting, self.model)
+        unexplained_m_s = state.unexplained_m_s
+        if is_ambiguous(self.model):
+            step = before, prior, fused.belief
+            unexplained_m_s = unexplained_change(unexplained_m_s, *step, reading, self.model)
+            fused, unexplained_m_s = reconsider(fused, unexplained_m_s, reading, self.model, self.gate)
 
         agrees = np.array([w.agrees for w in wheels])
         estimate, known = conclude(
@@ -188,6 +203,7 @@ class SpeedObserver:
             rest_s,
             np.array(doubtful_s),
             speed_doubtful_s,
+            unexplained_m_s,
             *known,
         )
         return after, estimate._replace(flags=estimate.flags + reading.flags + healthy)
@@ -213,7 +229,8 @@ class SpeedObserver:
 
     def use_wheels(self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: Reading) -> Any:
         """The prior corrected with the encoders of the driven wheels."""
-        settings = self.model, self.surprise, self.patience_s, self.method == "ukf"
+        jumps_teach = self.method == "ukf" and not self.free_wheels
+        settings = self.model, self.surprise, self.patience_s, jumps_teach
         noise = self.model.torque_noise_rad_s(moved, reading)
         return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, *settings)
 
@@ -222,7 +239,8 @@ class SpeedObserver:
     ) -> tuple[Fused, Any]:
         """With all that measures the body; and how long the external speed has contradicted the estimate."""
         fused = use_passive_wheels(fused, lag, reading, self.model, self.gate)
-        fused = use_gyro(fused, sample, self.model, self.gate)
+        if not self.free_wheels:
+            fused = use_gyro(fused, sample, self.model, self.gate)
         fused = use_pitch(fused, sample, self.model, self.gate)
         fused = use_accelerometer(fused, sample, reading, self.model, self.gate)
         if self.noise.speed_std_m_s is None:
