@@ -221,8 +221,8 @@ def head() -> list[str]:
         "<!-- tables -->",
         "",
         "Everything in one run, side by side, in turns: medians of one core's processor time, with the least and the "
-        f"most beside them, unless a table says wall time. {platform.machine()}, {os.cpu_count()} processors{load()}, Python "
-        f"{platform.python_version()}, {versions()}.",
+        f"most beside them, unless a table says wall time. {platform.machine()}, {os.cpu_count()} processors{load()}, "
+        f"Python {platform.python_version()}, {versions()}.",
         "",
         "*Agrees to* is the largest difference from the matrices in NumPy after "
         f"{filter_speed.CHECK_STEPS} samples: of means in their sigmas, of covariances in products of two. *Points "
