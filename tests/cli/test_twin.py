@@ -44,6 +44,17 @@ def test_it_is_near_the_estimator_of_soc(library, as_json):
     assert firmware["compared_with"] is None and firmware["differences"] is None
 
 
+def test_the_comparison_is_with_what_was_exported(here, as_json, capsys):
+    options = ("--filter", "textbook-ukf", "--sample-time", "2", "--curve-error", "5")
+    assert main(["export", "battery.toml", *options, "--name", "soc", "-o", "firmware"]) == 0
+    capsys.readouterr()
+    words = ("twin", "firmware", "day.csv", "--battery", "battery.toml")
+    found = as_json(*words, *options)
+    assert found["differences"]["soc"] < 1e-4
+    for other in (options[:4], options[:2] + options[4:]):
+        assert as_json(*words, *other)["differences"]["soc"] > 10 * found["differences"]["soc"]
+
+
 def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys):
     assert main(["twin", "firmware", "day.csv", "--battery", "battery.toml", "--filter", "textbook-ekf"]) == 0
     text = capsys.readouterr().out

@@ -49,6 +49,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     group = parser.add_argument_group("what was exported")
     group.add_argument("--filter", metavar="NAME", help="as in `ohmward export`: compare with it in double precision")
     group.add_argument("--battery", metavar="FILE.toml", help="battery file of that filter")
+    group.add_argument("--sample-time", type=positive, metavar="S", help="as in `ohmward export`, if it was given there")
+    group.add_argument("--curve-error", type=positive, metavar="MV", help="the same")
     group.add_argument("--robot", metavar="FILE.toml", help="robot file, rlma or robotino; needed for logs of drives")
     group.add_argument(
         "--terrain", default=DEFAULT_TERRAIN, metavar="NAME", help="as in `ohmward export` (default %(default)s)"
@@ -121,7 +123,10 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         from ohmward.battery.battery_file import load_battery
         from ohmward.export.battery import battery_export
 
-        export = battery_export(load_battery(args.battery), args.filter, twin.name, **given)
+        battery = load_battery(args.battery)
+        curve_V = 1e-3 * battery.n_series * args.curve_error if args.curve_error else None
+        rate = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
+        export = battery_export(battery, args.filter, twin.name, **given, **rate)
     return Replay(log, samples_of(log), arguments, export)
 
 
