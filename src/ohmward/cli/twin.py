@@ -49,7 +49,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     group = parser.add_argument_group("what was exported")
     group.add_argument("--filter", metavar="NAME", help="as in `ohmward export`: compare with it in double precision")
     group.add_argument("--battery", metavar="FILE.toml", help="battery file of that filter")
-    group.add_argument("--sample-time", type=positive, metavar="S", help="as in `ohmward export`, if it was given there")
+    group.add_argument("--sample-time", type=positive, metavar="S", help="as given to `ohmward export`")
     group.add_argument("--curve-error", type=positive, metavar="MV", help="the same")
     group.add_argument("--robot", metavar="FILE.toml", help="robot file, rlma or robotino; needed for logs of drives")
     group.add_argument(
