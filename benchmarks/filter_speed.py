@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import peers_numpy
 from machine_speed import Machine, flops_of, measured_again
 from ohmward.battery.estimate import Sample
 from ohmward.battery.textbook_filter import TextbookFilter
@@ -24,7 +23,7 @@ from ohmward.trace.critical_path import least_step_s
 from ohmward.trace.llvm.run import MachineStep
 from ohmward.trace.scan import state_row, state_tree
 from ohmward.trace.structure import scalar_names, size
-from peers import Absent, Contestant, contestants
+from peers import Absent, Contestant, contestants, numpy_by_hand
 from timing import Goal, Section, Times, duration, measure, ratio, share, spread
 from workloads import (
     BareCell,
@@ -179,8 +178,8 @@ def agreement(problem: CellProblem | JointProblem, contestant: Contestant) -> st
 
 def reference(problem: CellProblem | JointProblem, redrawn: bool, steps: int = CHECK_STEPS) -> Posterior:
     if isinstance(problem, CellProblem):
-        return peers_numpy.run_cell(problem, steps)
-    return peers_numpy.run_joint(problem, steps, redrawn)
+        return numpy_by_hand.run_cell(problem, steps)
+    return numpy_by_hand.run_joint(problem, steps, redrawn)
 
 
 def latency_bound(case: Case, machine: Machine) -> float:
@@ -253,7 +252,7 @@ def lanes_row(problem: CellProblem | JointProblem, c: Contestant, times: Times, 
 
 def lane_reference(problem: CellProblem | JointProblem, c: Contestant) -> Posterior:
     """The first log by itself."""
-    run = peers_numpy.run_cell if isinstance(problem, CellProblem) else peers_numpy.run_joint
+    run = numpy_by_hand.run_cell if isinstance(problem, CellProblem) else numpy_by_hand.run_joint
     return run(problem, c.steps)
 
 

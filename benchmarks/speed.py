@@ -29,10 +29,10 @@ import filter_speed
 import fleet_speed
 import machine_speed
 import peers
-import peers_battery
 import scaling
 from observer_speed import step_times
 from ohmward.report.svg import to_svg
+from peers.battery_packages import battery_packages
 from timing import Goal, Picture, Section, Times, duration, goal_rows, page, spread, table, wall
 
 PAGE = Path(__file__).resolve().parent / "speed.md"
@@ -88,7 +88,7 @@ def all_sections(effort: Effort) -> Iterator[Section]:
     machine = machine_speed.measured_again(machine)
     yield from filter_speed.many_logs(machine, effort.repeats, effort.steps, effort.logs)
     machine = machine_speed.measured_again(machine)
-    yield battery_packages(effort.repeats)
+    yield own_filters(effort.repeats)
     yield machine_speed.public_section(machine, effort.repeats, effort.steps)
     yield observers(effort.repeats)
     yield machine_speed.live_section(effort.repeats)
@@ -103,10 +103,10 @@ def all_sections(effort: Effort) -> Iterator[Section]:
     yield machine_speed.machine_section(machine)
 
 
-def battery_packages(repeats: int) -> Section:
+def own_filters(repeats: int) -> Section:
     """Other packages' own filters on their own models."""
     rows = []
-    for title, how, found in peers_battery.battery_packages(repeats):
+    for title, how, found in battery_packages(repeats):
         if isinstance(found, Times):
             rows.append((title, how, duration(found.median), spread(found)))
         else:

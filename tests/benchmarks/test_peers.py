@@ -69,15 +69,15 @@ def test_every_peer_agrees_on_many_logs(case):
 def test_another_result_is_called_so():
     problem = CASES[2].problem
     wrong = problem._replace(R=1.01 * problem.R)
-    c = peers.Contestant("someone", "", 1000, partial(script("peers_numpy").run_cell, wrong))
+    c = peers.Contestant("someone", "", 1000, partial(script("peers.numpy_by_hand").run_cell, wrong))
     assert "another result" in filter_speed.agreement(problem, c)
 
 
 def test_a_peer_that_is_not_installed_is_said(monkeypatch):
-    monkeypatch.setattr(peers, "PEERS", (peers.Peer("NoSuch", "nosuch", "peers_filterpy"),))
+    monkeypatch.setattr(peers, "PEERS", (peers.Peer("NoSuch", "nosuch", "in_filterpy"),))
     monkeypatch.setitem(sys.modules, "filterpy", None)
     monkeypatch.setitem(sys.modules, "filterpy.kalman", None)
-    monkeypatch.delitem(sys.modules, "peers_filterpy", raising=False)
+    monkeypatch.delitem(sys.modules, "peers.in_filterpy", raising=False)
     (absent,) = peers.contestants(CASES[1].problem)
     assert filter_speed.absent_row(absent, 3) == ("NoSuch", "not installed: pip install nosuch", "")
 

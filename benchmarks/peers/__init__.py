@@ -40,14 +40,14 @@ class Peer(NamedTuple):
 
 
 PEERS = (
-    Peer("NumPy by hand", "numpy", "peers_numpy"),
-    Peer("FilterPy", "filterpy", "peers_filterpy"),
-    Peer("pykalman", "pykalman", "peers_pykalman"),
-    Peer("Stone Soup", "stonesoup", "peers_stonesoup"),
-    Peer("CasADi", "casadi", "peers_casadi"),
-    Peer("Numba", "numba", "peers_numba"),
-    Peer("JAX", "jax", "peers_jax"),
-    Peer("dynamax", "dynamax", "peers_dynamax"),
+    Peer("NumPy by hand", "numpy", "numpy_by_hand"),
+    Peer("FilterPy", "filterpy", "in_filterpy"),
+    Peer("pykalman", "pykalman", "in_pykalman"),
+    Peer("Stone Soup", "stonesoup", "in_stonesoup"),
+    Peer("CasADi", "casadi", "in_casadi"),
+    Peer("Numba", "numba", "in_numba"),
+    Peer("JAX", "jax", "in_jax"),
+    Peer("dynamax", "dynamax", "in_dynamax"),
 )
 
 
@@ -63,7 +63,7 @@ def contestants(problem: CellProblem | JointProblem, lanes: bool = False) -> Ite
     name = ("cell" if isinstance(problem, CellProblem) else "joint") + ("_lanes" if lanes else "")
     for peer in PEERS:
         try:
-            make: Any = getattr(import_module(peer.module), name, None)
+            make: Any = getattr(import_module(f"peers.{peer.module}"), name, None)
         except ModuleNotFoundError as error:
             if str(error.name).startswith("peers"):
                 raise

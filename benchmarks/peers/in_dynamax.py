@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator
 
-import peers_jax
+from peers import in_jax
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -26,7 +26,7 @@ from ohmward.filters.unscented import DEFAULT
 from peers import Contestant
 from workloads import CellProblem, Posterior
 
-STEPS = peers_jax.STEPS
+STEPS = in_jax.STEPS
 
 
 def cell(problem: CellProblem) -> Iterator[Contestant]:

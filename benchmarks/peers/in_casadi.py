@@ -11,8 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-import c_code
-from peers import Contestant
+from peers import Contestant, c_code
 from workloads import CellProblem, JointProblem, Posterior
 
 STEPS = 5000

@@ -1,4 +1,4 @@
-"""The filters in JAX: the matrix form of `peers_numpy` with `jit` and `scan`, `vmap` over logs; double precision."""
+"""The filters in JAX: the matrix form of `numpy_by_hand` with `jit` and `scan`, `vmap` over logs; double precision."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import peers_numpy
-from peers import Contestant
+from peers import Contestant, numpy_by_hand
 from workloads import CellProblem, JointProblem, Posterior
 
 jax.config.update("jax_enable_x64", True)
@@ -40,7 +39,7 @@ def joint_lanes(problem: JointProblem) -> Iterator[Contestant]:
 
 
 def cell_step(problem: CellProblem) -> tuple[Callable, tuple]:
-    step = {"ekf": peers_numpy.extended_step, "ukf": peers_numpy.unscented_step}[problem.method]
+    step = {"ekf": numpy_by_hand.extended_step, "ukf": numpy_by_hand.unscented_step}[problem.method]
 
     def scanned(state: tuple, sample: tuple) -> tuple:
         after = step(jnp, *state, *sample, problem)
@@ -52,10 +51,10 @@ def cell_step(problem: CellProblem) -> tuple[Callable, tuple]:
 def joint_step(problem: JointProblem) -> tuple[Callable, tuple]:
     def scanned(state: tuple, sample: tuple) -> tuple:
         _, mean_A, y = sample
-        after = peers_numpy.joint_step(jnp, state, mean_A, y, problem)
+        after = numpy_by_hand.joint_step(jnp, state, mean_A, y, problem)
         return after, after[0]
 
-    return scanned, peers_numpy.joint_start(jnp, problem)
+    return scanned, numpy_by_hand.joint_start(jnp, problem)
 
 
 def compiled(
