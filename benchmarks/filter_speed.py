@@ -40,7 +40,7 @@ from workloads import (
     joint_start,
 )
 
-STEPS, LOGS, LANE_STEPS = 20_000, 1024, 200
+STEPS, LOGS, LANE_STEPS = 100_000, 1024, 200
 CHECK_STEPS, AGREED = 1000, 1e-5
 #: Operations of a step of the AUKF written out, with triangular covariances and nothing of the model's structure used.
 TEMPLATE_FLOPS = {"AUKF, 7 states": 2111, "UKF, 3 states": 443}

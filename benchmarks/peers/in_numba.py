@@ -11,7 +11,7 @@ from numba import njit
 from peers import Contestant
 from workloads import CellProblem, JointProblem, Posterior
 
-STEPS, LANE_STEPS = 20_000, 50
+STEPS, LANE_STEPS = 100_000, 50
 #: What takes less was compiled before.
 LEAST_COMPILING_S = 0.02
 fast = njit(fastmath={"contract"}, error_model="numpy")

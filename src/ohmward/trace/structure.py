@@ -1,5 +1,6 @@
 """Nested tuples, NamedTuples, arrays and numbers as a flat row of scalars, and back."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,7 @@ class Leaf:
     @property
     def size(self) -> int:
         """Number of scalars."""
-        return int(np.prod(self.shape, dtype=int))
+        return math.prod(self.shape)
 
     @property
     def dtype(self) -> type:
