@@ -148,3 +148,8 @@ def test_it_stays_small():
 def test_settings_are_checked(change, named):
     with pytest.raises(InputError, match=named):
         TextbookJoint(**({"nominal": TRUE} | change))
+
+
+def test_a_start_without_a_voltage_is_refused():
+    with pytest.raises(InputError, match="no voltage"):
+        JOINT.init(Sample(0.0, 0.0, NAN, NAN))

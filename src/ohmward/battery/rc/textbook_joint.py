@@ -120,7 +120,13 @@ class TextbookJoint:
         require_between("window", self.window, 1.0, math.inf)
 
     def init(self, first: Sample, bulk_std_V: float = 0.05) -> TextbookJointState:
-        """State before the first sample: at rest at its voltage, give or take `bulk_std_V`."""
+        """State before the first sample: at rest at its voltage, give or take `bulk_std_V`.
+
+        Raises:
+            InputError: the first sample has no voltage.
+        """
+        if not math.isfinite(first.voltage_V):
+            raise InputError("the first sample has no voltage, which this filter starts from; begin with one that has")
         return self.start(first, bulk_std_V)
 
     def start(self, first: Sample, bulk_std_V: Any) -> TextbookJointState:
