@@ -57,6 +57,12 @@ class Nominal(NamedTuple):
     r_terminal_ohm: float
 
 
+def require_nominal(nominal: Nominal) -> None:
+    """Refuse values of the circuit that are not > 0."""
+    for name, value in zip(Nominal._fields, nominal, strict=True):
+        require_positive(f"nominal.{name}", value)
+
+
 class JointState(NamedTuple):
     """All that the filter carries from sample to sample: plain numbers.
 
@@ -141,8 +147,7 @@ class RcJoint:
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)
 
     def __post_init__(self) -> None:
-        for name, value in zip(Nominal._fields, self.nominal, strict=True):
-            require_positive(f"nominal.{name}", value)
+        require_nominal(self.nominal)
         require_positive("voltage_std_V", self.voltage_std_V)
         for name in ("start_std", "current_std_A", "disturbance_V", "parameter_walk"):
             require_between(name, getattr(self, name), 0.0, math.inf)

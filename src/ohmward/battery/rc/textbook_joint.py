@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.estimate import Sample
-from ohmward.battery.rc.joint import PARAMETERS, Nominal
+from ohmward.battery.rc.joint import PARAMETERS, Nominal, require_nominal
 from ohmward.battery.reading import first_input, is_current, is_voltage
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
@@ -110,8 +110,7 @@ class TextbookJoint:
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)
 
     def __post_init__(self) -> None:
-        for name, value in zip(Nominal._fields, self.nominal, strict=True):
-            require_positive(f"nominal.{name}", value)
+        require_nominal(self.nominal)
         require_positive("start_std", self.start_std)
         if len(self.walk) != STATES:
             raise InputError(f"walk must have {STATES} numbers, one for each state, got {len(self.walk)}")
