@@ -123,10 +123,10 @@ def _is_robot(file: str) -> bool:
 
 def _battery_export(args: argparse.Namespace) -> Export:
     from ohmward.battery.battery_file import load_battery
-    from ohmward.export.battery import battery_export
+    from ohmward.export.battery import battery_export, curve_error_of_pack_V
 
     battery, start = load_battery(args.file), (args.initial_soc, args.initial_soc_std)
-    curve_V = 1e-3 * battery.n_series * args.curve_error if args.curve_error else None
+    curve_V = curve_error_of_pack_V(battery, args.curve_error)
     return battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
 
 

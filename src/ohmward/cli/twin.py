@@ -121,12 +121,12 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
     export = None
     if args.battery:
         from ohmward.battery.battery_file import load_battery
-        from ohmward.export.battery import battery_export
+        from ohmward.export.battery import battery_export, curve_error_of_pack_V
 
         battery = load_battery(args.battery)
-        curve_V = 1e-3 * battery.n_series * args.curve_error if args.curve_error else None
-        rate = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
-        export = battery_export(battery, args.filter, twin.name, **given, **rate)
+        curve_V = curve_error_of_pack_V(battery, args.curve_error)
+        exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
+        export = battery_export(battery, args.filter, twin.name, **given, **exported)
     return Replay(log, samples_of(log), arguments, export)
 
 

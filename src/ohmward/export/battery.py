@@ -97,6 +97,11 @@ def battery_export(
     )
 
 
+def curve_error_of_pack_V(battery: Battery, cell_mV: float | None) -> float | None:
+    """The `curve_error_V` of a pack whose cells may be so many millivolts off; None stays None."""
+    return None if cell_mV is None else 1e-3 * battery.n_series * cell_mV
+
+
 def require_style(style: str, filter_name: str) -> None:
     """Refuse a style that there is not, or not of this filter."""
     if style not in get_args(Style):
