@@ -138,10 +138,10 @@ class Kernel:
 
     def _run(self, in_machine_code: Callable[[], Any], otherwise: Callable[[], Any], worth: bool) -> Any:
         """The first where it is asked for, or left open and worth it; where it cannot be had, that is said once."""
-        from ohmward.trace.llvm.machine_code import NoMachineCodeError
-
         if self.lowering == "python" or (self.lowering == "auto" and not worth):
             return otherwise()
+        from ohmward.trace.llvm.machine_code import NoMachineCodeError
+
         try:
             return in_machine_code()
         except NoMachineCodeError as error:

@@ -369,11 +369,12 @@ def _extremum(predicate: str) -> _Speller:
     opposite = {"olt": "ogt", "ogt": "olt"}[predicate]
 
     def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
-        first, missing, taken = w.new(), w.new(), w.new()
+        first = w.new()
         if isinstance(args[1], float) and args[1] and not math.isnan(args[1]):  # of zeros the sign could be lost
             yield w.compare(first, opposite, *args)
             yield w.select(result, first, args[1], args[0])
             return
+        missing, taken = w.new(), w.new()
         yield w.compare(first, predicate, *args)
         yield w.compare(missing, "uno", args[0], args[0])
         yield w.line(taken, "or", w.target.flag, first, missing)
