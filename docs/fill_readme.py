@@ -68,8 +68,7 @@ def overview(page: str) -> list[str]:
 
 def on_board(page: str) -> list[str]:
     """What a few filters take on a microcontroller, none where there is no page."""
-    lines = [line for line in page.splitlines() if line.startswith("|")]
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    cells = [_cells(line) for line in page.splitlines() if line.startswith("|")]
     if not cells:
         return []
     header, _, *rows = cells
@@ -90,13 +89,18 @@ def read_rows(page: str) -> Iterator[dict[str, str]]:
     """The rows of the benchmark's tables, by the names in their headers."""
     header: list[str] = []
     for line in page.splitlines():
-        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        cells = _cells(line)
         if not line.startswith("|") or set(line) <= set("|-: "):
             continue
         if DATA in cells:
             header = cells
         else:
             yield dict(zip(header, cells, strict=True))
+
+
+def _cells(line: str) -> list[str]:
+    """The cells of a row of a table."""
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
 
 
 def excerpt(rows: list[dict[str, str]]) -> list[str]:

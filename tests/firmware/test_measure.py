@@ -75,12 +75,18 @@ def test_a_wrong_bit_of_the_log_is_seen_and_named(monkeypatch, capsys):
     assert "sample 0: soc_std is " in capsys.readouterr().err
 
 
+def replayed(folder):
+    """The image of the textbook filter in a folder, and what it said of its vectors."""
+    measure.write_library(measure.library(TEXTBOOK), folder)
+    emulator.compile_library(folder, "filter", "-O2")
+    image = emulator.link(folder, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
+    answer, _ = emulator.run(image, measure.MACHINES[0])
+    return image, answer
+
+
 @needs_tools
 def test_the_painted_stack_is_what_the_compiler_says(tmp_path):
-    measure.write_library(measure.library(TEXTBOOK), tmp_path)
-    emulator.compile_library(tmp_path, "filter", "-O2")
-    image = emulator.link(tmp_path, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
-    answer, _ = emulator.run(image, measure.MACHINES[0])
+    _, answer = replayed(tmp_path)
     command = ["arm-none-eabi-gcc", *emulator.MACHINE_CODE, *emulator.ARITHMETIC, "-std=c99", "-O2", "-fstack-usage"]
     subprocess.run([*command, "-c", "-o", tmp_path / "x.o", tmp_path / "filter.c"], check=True)
     usage = {line.split("\t")[0].split(":")[-1]: line.split("\t")[1] for line in (tmp_path / "x.su").open()}
@@ -89,10 +95,7 @@ def test_the_painted_stack_is_what_the_compiler_says(tmp_path):
 
 @needs_tools
 def test_executed_instructions_are_those_of_the_clock(tmp_path):
-    measure.write_library(measure.library(TEXTBOOK), tmp_path)
-    emulator.compile_library(tmp_path, "filter", "-O2")
-    image = emulator.link(tmp_path, "filter", TEXTBOOK.arguments, "-O2", measure.MACHINES[0])
-    answer, _ = emulator.run(image, measure.MACHINES[0])
+    image, answer = replayed(tmp_path)
     found = cycles.cycles(image, "filter", measure.MACHINES[0])
     assert answer.vectors.least - 20 <= found.instructions <= answer.vectors.most
     assert found.instructions < found.fewest < found.most < 4 * found.fewest
