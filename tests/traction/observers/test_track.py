@@ -120,6 +120,14 @@ def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
     live.update(sample)
 
 
+def test_the_clock_stands_where_a_step_cannot_be_true():
+    live, sample = SlipEstimator(OBSERVER), rows(samples_of(drive(), OBSERVER))[0]
+    for dt_s in (0.5, math.nan, math.inf, -1.0, 1e9, 0.25):
+        live.update(sample._replace(dt_s=dt_s))
+    assert live.time_s == 0.75
+    json.dumps(live.snapshot(), allow_nan=False)
+
+
 @pytest.mark.parametrize("lowering", ["python", "machine"])
 def test_a_live_restart_goes_on_to_the_bit(lowering):
     samples = rows(samples_of(faulty_drive(60), OBSERVER))

@@ -22,7 +22,7 @@ from ohmward.traction.floors.slip_on_floors import (
     wheel_samples,
 )
 from ohmward.traction.floors.wheel_filter import WheelSample
-from ohmward.traction.observers.reading import LONGEST_STEP_S
+from ohmward.traction.observers.reading import clock_after
 
 #: With more combinations of floors the step is not compiled to machine code by itself: it would take half a minute.
 MOST_COMPILED = 216
@@ -67,7 +67,7 @@ class FloorSlipEstimator:
         if self._live is None:
             state = self.floors.init(sample) if self._state is None else self._state
             self._live = self.kernel.live(state)
-        self.time_s = _later(self.time_s, sample.dt_s)
+        self.time_s = clock_after(self.time_s, sample.dt_s)
         return self._live.step(sample)
 
     def run(self, log: DriveLog) -> SlipTrack:
@@ -116,8 +116,3 @@ class FloorSlipEstimator:
         if self._kernel is None:
             self._kernel = self.floors.compiled(self.lowering)
         return self._kernel
-
-
-def _later(time_s: float, dt_s: float) -> float:
-    """The clock after a step; it begins at 0, and a step that cannot be true does not move it."""
-    return (dt_s if 0.0 <= dt_s <= LONGEST_STEP_S else 0.0) + (0.0 if math.isnan(time_s) else time_s)

@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.trace import logical_not, where
 from ohmward.traction.floors.estimate import FloorFlag
 from ohmward.traction.floors.wheel_filter import WheelSample
-from ohmward.traction.observers.reading import LONGEST_STEP_S, every, some, within
+from ohmward.traction.observers.reading import every, is_step, some, within
 
 #: Numbers beyond these are of no wheel [rad/s] and of no motor [A].
 MOST_RAD_S, MOST_A = 500.0, 200.0
@@ -46,7 +46,7 @@ def watch_from(driven: int) -> EncoderWatch:
 
 def read(sample: WheelSample, before: EncoderWatch) -> Reading:
     """The sample made safe."""
-    time_good = (sample.dt_s >= 0) & (sample.dt_s <= LONGEST_STEP_S)
+    time_good = is_step(sample.dt_s)
     dt_s = where(time_good, sample.dt_s, 0.0)
     turning = [within(w, MOST_RAD_S) for w in sample.wheel_speed_rad_s]
     pushing = [within(i, MOST_A) for i in sample.current_A]

@@ -42,12 +42,22 @@ class Reading(NamedTuple):
     flags: Any
 
 
+def is_step(dt_s: Any) -> Any:
+    """Whether so much time can lie between two samples."""
+    return (dt_s >= 0.0) & (dt_s <= LONGEST_STEP_S)
+
+
+def clock_after(time_s: float, dt_s: float) -> float:
+    """The clock [s] of an estimator after a live sample; it begins at 0, and stands where `dt_s` is no step."""
+    return (0.0 if math.isnan(time_s) else time_s) + (dt_s if is_step(dt_s) else 0.0)
+
+
 def read(
     sample: Sample, before_A: np.ndarray, gap_s: float, current_limit_A: float, wheel_speed_limit_rad_s: float
 ) -> Reading:
     """The sample made safe; before_A: (driven,) the last currents."""
     driven = len(before_A)
-    time_good = (sample.dt_s >= 0) & (sample.dt_s <= LONGEST_STEP_S)
+    time_good = is_step(sample.dt_s)
     dt_s = where(time_good, sample.dt_s, 0.0)
     known = [within(i, current_limit_A) for i in sample.current_A]
     kept = exp(-dt_s / HOLD_S)

@@ -17,6 +17,7 @@ from ohmward.trace import Kernel, maximum, snapshot
 from ohmward.trace.live import Live
 from ohmward.trace.structure import check
 from ohmward.traction.observers.estimate import Estimate, Flag, Sample
+from ohmward.traction.observers.reading import clock_after
 from ohmward.traction.observers.slow_channel import held
 from ohmward.traction.observers.speed_observer import ObserverState, SpeedObserver
 from ohmward.traction.robot import Robot
@@ -96,7 +97,7 @@ class SlipEstimator:
         except (TypeError, ValueError):
             check(self.kernel.program.argument_structure, (self.state, sample))
             raise
-        self.time_s = _later(self.time_s, sample.dt_s)
+        self.time_s = clock_after(self.time_s, sample.dt_s)
         return estimate
 
     def run(self, log: DriveLog, progress: Progress | None = None) -> Track:
@@ -187,8 +188,3 @@ def _first_known(values: np.ndarray) -> np.ndarray:
     """(N,) of each column of (T, N) the first finite value, nan where there is none."""
     rows = np.argmax(np.isfinite(values), axis=0)
     return values[rows, np.arange(values.shape[1])]
-
-
-def _later(time_s: float, dt_s: float) -> float:
-    """The clock after a step; it begins at 0 and does not run backwards."""
-    return max(dt_s, 0.0) + (0.0 if math.isnan(time_s) else time_s)
