@@ -16,13 +16,13 @@ import numpy as np
 from figure import data_file, verdict
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model, start_noise
-from ohmward.battery.estimators import ESTIMATORS, Settings, available, make_estimator
 from ohmward.battery.identification import identify
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.score import Score, score
-from ohmward.battery.simulation import simulate_voltage
-from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import ESTIMATORS, Settings, available, make_estimator
+from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
+from ohmward.simulate.voltage import simulate_voltage
 
 DEFAULT_METHODS = ("coulomb", "ekf", "ukf")
 HOUR = 3600.0

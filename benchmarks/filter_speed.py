@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from machine_speed import Machine, flops_of, measured_again
-from ohmward.battery.estimate import Sample
-from ohmward.battery.textbook_filter import TextbookFilter
+from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters.belief import PackedBelief, unpack
 from ohmward.trace import Kernel, trace
 from ohmward.trace.critical_path import least_step_s

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ohmward.battery.battery_file import dump_battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.file import dump_battery
 from ohmward.fleet import Job, in_processes, run_fleet
 from ohmward.logs import Log, write_log
+from ohmward.simulate.voltage import simulate_voltage
 
 LOGS, STEPS, FLEET = 2048, 36_000, 10_000
 BAR_S = 60.0

@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery_file import save_battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.file import save_battery
 from ohmward.logs import Log, write_log
+from ohmward.simulate.voltage import simulate_voltage
 
 SIZES = 100_000, 1_000_000, 10_000_000
 CSV_SAMPLES = 1_000_000

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery import rc
 from ohmward.battery.chemistries import start_noise
-from ohmward.battery.estimate import Sample
-from ohmward.battery.rc.adaptive_soc import adaptive_soc_of
-from ohmward.battery.soc_estimator import SocEstimator
-from ohmward.battery.textbook_filter import TextbookFilter
-from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.battery.models import rc
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.textbook import TextbookFilter
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 from ohmward.trace import Kernel, trace
 from ohmward.trace.critical_path import least_step_s
 from ohmward.trace.llvm import machine_code

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.textbook_filter import TextbookFilter
+from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters import Belief, extended, unscented
 from ohmward.report import Figure, Series
 from ohmward.trace import Kernel

@@ -16,20 +16,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ohmward.battery import rc
 from ohmward.battery.chemistries import start_model
-from ohmward.battery.estimate import Sample
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc.joint import Nominal
-from ohmward.battery.rc.textbook_joint import LEAST, TextbookJoint
-from ohmward.battery.simulation import simulate_voltage
-from ohmward.battery.textbook_filter import PAIR_SHARE, TextbookFilter
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models import rc
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gating import apply_gain
 from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
+from ohmward.published.rc_joint import Nominal
+from ohmward.published.textbook_joint import LEAST, TextbookJoint
+from ohmward.simulate.voltage import simulate_voltage
 from ohmward.trace import sign, table
 
 CAPACITY_AH, START_SOC = 2.0, 0.95

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ohmward import Battery, Estimate, Log, SocEstimator, identify, make_estimator, make_robot_day
-from ohmward.battery.score import BAND_95
+from ohmward.battery.soc.score import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.report.svg import to_svg

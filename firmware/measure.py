@@ -27,8 +27,8 @@ from emulator import INSTALL, MACHINES, TOOLS, Answer, Machine, Sizes, compile_l
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.rc import Circuit, RcModel, capacitance_for
-from ohmward.battery.soc_estimator import samples_of
+from ohmward.battery.models.rc import Circuit, RcModel, capacitance_for
+from ohmward.battery.soc.estimator import samples_of
 from ohmward.cli import twin as twin_command
 from ohmward.cli.main import build_parser
 from ohmward.errors import OhmwardError

@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from measure import FILTERS, OBSERVERS, Case, battery_and_hour, drive, title_of
 
-from ohmward.battery import rc
 from ohmward.battery.battery import Battery
-from ohmward.battery.estimate import Sample
-from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.models import rc
+from ohmward.battery.soc.sample import Sample
 from ohmward.export import Twin, battery_export, library, observer_export, write_library
 from ohmward.export.battery import JOINT
 from ohmward.export.comparison import in_double_precision
 from ohmward.logs import Log
+from ohmward.simulate.voltage import simulate_voltage
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain

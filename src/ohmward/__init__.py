@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery as Battery
-    from ohmward.battery.battery_file import load_battery as load_battery
-    from ohmward.battery.battery_file import save_battery as save_battery
-    from ohmward.battery.estimate import Estimate as Estimate
-    from ohmward.battery.estimate import Flag as Flag
-    from ohmward.battery.estimate import Sample as Sample
-    from ohmward.battery.estimators import Settings as Settings
-    from ohmward.battery.estimators import available as available
-    from ohmward.battery.estimators import make_estimator as make_estimator
+    from ohmward.battery.file import load_battery as load_battery
+    from ohmward.battery.file import save_battery as save_battery
     from ohmward.battery.identification import identify as identify
-    from ohmward.battery.score import score as score
-    from ohmward.battery.soc_estimator import SocEstimator as SocEstimator
+    from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
+    from ohmward.battery.soc.registry import Settings as Settings
+    from ohmward.battery.soc.registry import available as available
+    from ohmward.battery.soc.registry import make_estimator as make_estimator
+    from ohmward.battery.soc.sample import Estimate as Estimate
+    from ohmward.battery.soc.sample import Flag as Flag
+    from ohmward.battery.soc.sample import Sample as Sample
+    from ohmward.battery.soc.score import score as score
     from ohmward.errors import InputError as InputError
     from ohmward.errors import OhmwardError as OhmwardError
     from ohmward.logs import Log as Log
@@ -33,23 +33,23 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Battery": "battery.battery",
-    "Estimate": "battery.estimate",
-    "Flag": "battery.estimate",
+    "Estimate": "battery.soc.sample",
+    "Flag": "battery.soc.sample",
     "InputError": "errors",
     "Log": "logs",
     "OhmwardError": "errors",
-    "Sample": "battery.estimate",
-    "Settings": "battery.estimators",
-    "SocEstimator": "battery.soc_estimator",
-    "available": "battery.estimators",
+    "Sample": "battery.soc.sample",
+    "Settings": "battery.soc.registry",
+    "SocEstimator": "battery.soc.estimator",
+    "available": "battery.soc.registry",
     "examine": "logs",
     "identify": "battery.identification",
-    "load_battery": "battery.battery_file",
-    "make_estimator": "battery.estimators",
+    "load_battery": "battery.file",
+    "make_estimator": "battery.soc.registry",
     "make_robot_day": "simulate",
     "read_log": "logs",
-    "save_battery": "battery.battery_file",
-    "score": "battery.score",
+    "save_battery": "battery.file",
+    "score": "battery.soc.score",
     "write_log": "logs",
     "write_table": "logs",
 }

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.estimate import Sample
-from ohmward.battery.noise import Noise
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.battery.soc.sample import Sample
 from ohmward.trace import Kernel
 
 GRID = np.linspace(0.0, 1.0, 101)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from ohmward.battery import rc
-from ohmward.battery.estimate import Sample
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models import rc
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.sample import Sample
 from ohmward.logs import Log, read_log
 
 #: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.battery_file import dump_battery, parse_battery
 from ohmward.battery.chemistries import CHEMISTRIES, generic_battery, start_model, start_noise
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.soc_estimator import SocEstimator
-from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.battery.file import dump_battery, parse_battery
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scripts import script
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 
 workloads = script("workloads")
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.battery_file import save_battery
 from ohmward.battery.chemistries import start_model
-from ohmward.battery.noise import Noise
-from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.file import save_battery
+from ohmward.battery.models.noise import Noise
 from ohmward.logs import Log, write_log
+from ohmward.simulate.voltage import simulate_voltage
 
 CAPACITY_AH = 12.0
 MODEL = start_model("nmc", CAPACITY_AH, 3)

@@ -32,7 +32,7 @@ def small(monkeypatch, tmp_path):
 
     monkeypatch.setattr("ohmward.simulate.make_robot_day", make_robot_day)
     monkeypatch.setattr("ohmward.simulate.robot_drive.robot_drive", short_drive)
-    monkeypatch.setattr("ohmward.battery.estimators.available", lambda battery: ("ekf",))
+    monkeypatch.setattr("ohmward.battery.soc.registry.available", lambda battery: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)
     return tmp_path

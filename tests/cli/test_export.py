@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from ohmward.battery.battery_file import save_battery
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.traction import ROBOTINO, save_robot
 

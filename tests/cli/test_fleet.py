@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from ohmward.battery.battery_file import save_battery
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
 

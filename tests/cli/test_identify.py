@@ -1,7 +1,7 @@
 import pytest
 
 from cli.examples import CAPACITY_AH, MODEL
-from ohmward.battery.battery_file import load_battery
+from ohmward.battery.file import load_battery
 from ohmward.cli.main import main
 
 IDENTIFY = ("identify", "test.csv", "--capacity-ah", "12", "--model", "thevenin-1rc", "--n-series", "3", "--name", "A")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from cli.examples import MODEL, battery
-from ohmward.battery.battery_file import load_battery, save_battery
-from ohmward.battery.estimators import Settings, make_estimator
-from ohmward.battery.simulation import simulate_voltage
-from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.file import load_battery, save_battery
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import Settings, make_estimator
 from ohmward.logs import Log, read_log, write_log
+from ohmward.simulate.voltage import simulate_voltage
 
 pytest.importorskip("pyarrow")
 resource = pytest.importorskip("resource")

@@ -9,8 +9,8 @@ import pytest
 
 import ohmward
 from ohmward.battery.chemistries import CHEMISTRIES
-from ohmward.battery.estimators import DEFAULT, ESTIMATORS
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
+from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS
 from ohmward.cli import demo, doctor, identify, main, soc
 from ohmward.cli.parser import count, pair, share
 from ohmward.errors import OhmwardError

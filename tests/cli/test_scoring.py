@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.estimate import Estimate
+from ohmward.battery.soc.sample import Estimate
 from ohmward.cli.scoring import soc_scores, voltage_score
 from ohmward.logs import Log
 

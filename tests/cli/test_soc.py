@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cli.examples import CAPACITY_AH, START_SOC, drive
-from ohmward.battery.score import score
+from ohmward.battery.soc.score import score
 from ohmward.cli.main import main
 from ohmward.logs import read_log
 

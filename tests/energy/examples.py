@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.energy.consumption import Consumption, Variance, begin_drive, learn, start, with_terrain
 from ohmward.energy.consumption_prior import Prior
 from ohmward.energy.leg import Leg, stretch_of

@@ -6,12 +6,11 @@ from hypothesis import strategies as st
 from energy.examples import battery
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc import RcModel
-from ohmward.battery.rc.model import next_state, voltage
-from ohmward.battery.thevenin import Input, Thevenin
-from ohmward.battery.thevenin import next_state as thevenin_next
-from ohmward.battery.thevenin import voltage as thevenin_voltage
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import RcModel, next_state, voltage
+from ohmward.battery.models.thevenin import Input, Thevenin
+from ohmward.battery.models.thevenin import next_state as thevenin_next
+from ohmward.battery.models.thevenin import voltage as thevenin_voltage
 from ohmward.energy.points import normal_points
 from ohmward.energy.usable_energy import Charge, discharge, rc_resistance, soc_after, usable_energy, usable_J
 from ohmward.errors import InputError

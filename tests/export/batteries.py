@@ -4,8 +4,8 @@ import dataclasses
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc import RcModel
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import RcModel
 
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)
 WITH_RC = dataclasses.replace(

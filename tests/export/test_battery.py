@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from export.batteries import BATTERY, WITH_RC
-from ohmward.battery.estimate import Flag, Sample
-from ohmward.battery.estimators import available, make_estimator
+from ohmward.battery.soc.registry import available, make_estimator
+from ohmward.battery.soc.sample import Flag, Sample
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from export.batteries import BATTERY, WITH_RC
-from ohmward.battery.estimate import Sample
+from ohmward.battery.soc.sample import Sample
 from ohmward.errors import InputError
 from ohmward.export import Twin, battery_export, library, write_library
 from ohmward.export.battery import WITH_LOOPS

@@ -12,7 +12,7 @@ import pytest
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.estimate import Sample
+from ohmward.battery.soc.sample import Sample
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import Twin, battery_export, controller_export, library, observer_export, twin, write_library
 from ohmward.export.comparison import compare, in_double_precision

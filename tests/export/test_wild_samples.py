@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from export.batteries import WITH_RC
-from ohmward.battery.estimators import available
+from ohmward.battery.soc.registry import available
 from ohmward.export import Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.export.traction import CONTROLLERS
 from ohmward.traction import RLMA, hard_terrain

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.estimate import Sample
+from ohmward.battery.soc.sample import Sample
 from ohmward.cli.main import main as ohmward
 from ohmward.export import battery_export, controller_export, observer_export
 from ohmward.logs import Log, write_log

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ohmward.battery.battery_file import dump_battery
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import dump_battery
 from ohmward.fleet import Job, Reading
 from ohmward.logs import Log, write_log
 

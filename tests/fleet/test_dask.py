@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fleet import examples
-from ohmward.battery.battery_file import parse_battery, save_battery
+from ohmward.battery.file import parse_battery, save_battery
 from ohmward.cli.main import main
 from ohmward.errors import InputError
 from ohmward.fleet import Job, on_dask, run_fleet

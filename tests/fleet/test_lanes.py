@@ -8,12 +8,12 @@ import pytest
 
 from battery.examples import NMC, drive, samples, simulate
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.coulomb import CoulombCounting
-from ohmward.battery.estimators import ESTIMATORS, make_estimator
-from ohmward.battery.noise import Noise
-from ohmward.battery.rc import RcModel
-from ohmward.battery.soc_estimator import SocEstimator
-from ohmward.battery.thevenin_filter import TheveninFilter
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.rc import RcModel
+from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import ESTIMATORS, make_estimator
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fleet import examples
-from ohmward.battery.battery_file import parse_battery
-from ohmward.battery.estimators import make_estimator
-from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.file import parse_battery
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import make_estimator
 from ohmward.errors import InputError
 from ohmward.fleet.spark import ESTIMATED, soc_stream
 

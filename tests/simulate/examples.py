@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.simulate.cells import SimulatedBattery
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.battery.thevenin import Input
+from ohmward.battery.models.thevenin import Input
 from ohmward.errors import InputError
 from ohmward.simulate import BATTERIES, Profile, resting_state, simulate
 from ohmward.simulate.plant import Demand, current_at, fine_times, step, stored_energy_J

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ohmward.battery.noise import Noise
-from ohmward.battery.rc import RcModel
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.noise import Noise
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 

@@ -14,7 +14,7 @@ from ohmward.cli.progress import progress
 from ohmward.errors import InputError
 
 if TYPE_CHECKING:
-    from ohmward.battery.soc_estimator import Run
+    from ohmward.battery.soc.estimator import Run
 
 _EXAMPLES = """\
   ohmward compare day.csv --battery battery.toml
@@ -89,7 +89,7 @@ def tables_of(task: Task, figures: Mapping[str, Any]) -> list[tuple[list[str], l
 
 
 def _names(task: Task, wanted: str | None) -> tuple[str, ...]:
-    from ohmward.battery.estimators import available
+    from ohmward.battery.soc.registry import available
 
     names = tuple(name.strip() for name in wanted.split(",")) if wanted else available(task.battery)
     if not names:

@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery
-    from ohmward.battery.soc_estimator import Run
+    from ohmward.battery.soc.estimator import Run
     from ohmward.cli.truth import Truth
     from ohmward.logs import Log
 
@@ -72,7 +72,7 @@ def add_task_options(parser: argparse.ArgumentParser) -> None:
 
 def make_task(args: argparse.Namespace, report: Report | None = None) -> Task:
     """Read what the options of `add_task_options` name."""
-    from ohmward.battery.battery_file import load_battery
+    from ohmward.battery.file import load_battery
     from ohmward.cli.truth import read_truth
 
     battery = load_battery(args.battery)
@@ -108,8 +108,8 @@ def within_range(log: Log, battery: Battery) -> Log:
 
 def estimate(task: Task, name: str, args: argparse.Namespace, report: Report | None = None) -> Run:
     """Run the estimator called `name` over the log."""
-    from ohmward.battery.estimators import Settings, make_estimator
-    from ohmward.battery.soc_estimator import SocEstimator
+    from ohmward.battery.soc.estimator import SocEstimator
+    from ohmward.battery.soc.registry import Settings, make_estimator
 
     rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
     settings = Settings(idle_current_A=None if rest == UNKNOWN else rest)

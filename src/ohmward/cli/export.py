@@ -122,7 +122,7 @@ def _is_robot(file: str) -> bool:
 
 
 def _battery_export(args: argparse.Namespace) -> Export:
-    from ohmward.battery.battery_file import load_battery
+    from ohmward.battery.file import load_battery
     from ohmward.export.battery import battery_export, curve_error_of_pack_V
 
     battery, start = load_battery(args.file), (args.initial_soc, args.initial_soc_std)

@@ -53,8 +53,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
-    from ohmward.battery.battery_file import load_battery
-    from ohmward.battery.estimators import make_estimator
+    from ohmward.battery.file import load_battery
+    from ohmward.battery.soc.registry import make_estimator
     from ohmward.fleet import Job, Reading, run_fleet
 
     if args.where:

@@ -30,8 +30,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Write the battery file."""
     check_output("--output", args.output, (".toml",))
-    from ohmward.battery.battery_file import save_battery
     from ohmward.battery.chemistries import generic_battery
+    from ohmward.battery.file import save_battery
 
     battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
     save_battery(battery, args.output)

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> Outcome:
     found = _identify(logs, args)
     seconds = time.perf_counter() - began
     if args.output:
-        from ohmward.battery.battery_file import save_battery
+        from ohmward.battery.file import save_battery
 
         save_battery(found.battery, args.output)
 

@@ -134,7 +134,7 @@ def make_task(args: argparse.Namespace) -> Task:
     Raises:
         InputError: neither a log nor a plan, no battery, nothing known of the robot, no state of charge.
     """
-    from ohmward.battery.battery_file import load_battery
+    from ohmward.battery.file import load_battery
     from ohmward.energy.plan_file import load_plan
 
     _check(args)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ohmward.battery.battery import Battery
-    from ohmward.battery.estimate import Estimate
+    from ohmward.battery.soc.sample import Estimate
     from ohmward.energy.power_split import DriveEnergy, PowerSplit
     from ohmward.energy.recorded import Driven
     from ohmward.logs import DriveLog, Log
@@ -91,8 +91,8 @@ def _battery_arguments(args: argparse.Namespace) -> argparse.Namespace:
 
 
 def _soc(args: argparse.Namespace, battery: Battery, log: Log) -> Estimate:
-    from ohmward.battery.estimators import Settings, make_estimator
-    from ohmward.battery.soc_estimator import SocEstimator
+    from ohmward.battery.soc.estimator import SocEstimator
+    from ohmward.battery.soc.registry import Settings, make_estimator
 
     estimator = make_estimator(args.filter, battery, Settings(idle_current_A=battery.idle_current_A))
     return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(log).estimates

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.battery.estimate import Estimate
-from ohmward.battery.score import BAND_95, Score, score
+from ohmward.battery.soc.sample import Estimate
+from ohmward.battery.soc.score import BAND_95, Score, score
 from ohmward.logs.log import Log
 
 #: A start that was not known is found within the first hour or not at all.

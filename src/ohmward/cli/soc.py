@@ -15,7 +15,7 @@ from ohmward.cli.progress import Report, counting, progress
 if TYPE_CHECKING:
     import numpy as np
 
-    from ohmward.battery.soc_estimator import Run
+    from ohmward.battery.soc.estimator import Run
 
 _EXAMPLES = """\
   ohmward soc day.csv --battery battery.toml
@@ -90,7 +90,7 @@ def summary(task: Task, name: str, answer: Run) -> dict[str, Any]:
 
 def describe(task: Task, figures: dict[str, Any]) -> str:
     """The same for people."""
-    from ohmward.battery.estimators import ESTIMATORS
+    from ohmward.battery.soc.registry import ESTIMATORS
 
     title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
     assumed = [note.removeprefix("info: ") for note in task.notes]

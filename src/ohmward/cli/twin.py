@@ -109,7 +109,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
 
 
 def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
-    from ohmward.battery.soc_estimator import samples_of
+    from ohmward.battery.soc.estimator import samples_of
     from ohmward.cli.reading import read
 
     log = read(args.log, args, extra=())
@@ -120,7 +120,7 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         raise InputError("--battery and --filter go together: they name the estimator to compare with")
     export = None
     if args.battery:
-        from ohmward.battery.battery_file import load_battery
+        from ohmward.battery.file import load_battery
         from ohmward.export.battery import battery_export, curve_error_of_pack_V
 
         battery = load_battery(args.battery)

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery import thevenin
 from ohmward.battery.battery import Battery
-from ohmward.battery.rc import RcModel
+from ohmward.battery.models import thevenin
+from ohmward.battery.models.rc import RcModel
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from ohmward.battery.estimate import Flag, Sample
-from ohmward.battery.estimators import ESTIMATORS, make_estimator, require_thevenin
-from ohmward.battery.ocv_on_lines import on_lines
-from ohmward.battery.rc.adaptive_soc import even
-from ohmward.battery.rc.textbook_joint import TextbookJoint
-from ohmward.battery.reading import ROOM_DEGC
+from ohmward.battery.models.ocv_on_lines import on_lines
+from ohmward.battery.soc.clean_sample import ROOM_DEGC
+from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, require_thevenin
+from ohmward.battery.soc.sample import Flag, Sample
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.loops import joint_loops, textbook_loops
+from ohmward.published.rc_adaptive_soc import even
+from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import trace
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.estimate import Sample
-from ohmward.battery.rc.joint import PARAMETERS
-from ohmward.battery.rc.textbook_joint import TextbookJoint
-from ohmward.battery.textbook_filter import TextbookFilter
+from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.export.template import filled, template
 from ohmward.filters import unscented
 from ohmward.filters.linear_algebra import PIVOT_FLOOR, TINY
+from ohmward.published.rc_joint import PARAMETERS
+from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import linearize, trace
 from ohmward.trace.c_operations import literal
 from ohmward.trace.c_source import Function, Loops, members, places

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery_file import parse_battery
-from ohmward.battery.estimate import Estimate, Flag
-from ohmward.battery.estimators import DEFAULT, make_estimator
-from ohmward.battery.score import score
+from ohmward.battery.file import parse_battery
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
+from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.battery.soc.score import score
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.logs import Log, read_log, write_table

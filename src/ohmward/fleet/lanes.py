@@ -14,8 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.estimate import Estimate, Sample
-from ohmward.battery.soc_estimator import Estimator, samples_of
+from ohmward.battery.soc.estimator import Estimator, samples_of
+from ohmward.battery.soc.sample import Estimate, Sample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten, structure_of, unflatten

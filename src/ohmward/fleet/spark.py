@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from ohmward.battery.battery_file import parse_battery
-from ohmward.battery.estimators import DEFAULT, make_estimator
-from ohmward.battery.soc_estimator import SocEstimator
+from ohmward.battery.file import parse_battery
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_positive
 
 #: 2 R T / F at 25 degC [V]: overpotential of one electrode reaction per unit of arcsinh(i / 2 i_0), symmetry 1/2.

@@ -15,7 +15,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.thevenin import KELVIN, Input, next_state, ohmic_resistance, pair_resistances, voltage, warmth
+from ohmward.battery.models.thevenin import (
+    KELVIN,
+    Input,
+    next_state,
+    ohmic_resistance,
+    pair_resistances,
+    voltage,
+    warmth,
+)
 from ohmward.errors import InputError
 from ohmward.simulate.cells import SimulatedBattery
 from ohmward.simulate.profile import Profile

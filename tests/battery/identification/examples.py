@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from ohmward.battery import identification
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Input, Thevenin, next_state, voltage
 from ohmward.logs import Log, read_log
 
 RESISTANCE_GRID = np.linspace(0, 1, 21)

@@ -16,13 +16,13 @@ from battery.identification.examples import (
     pulse_log,
     steps,
 )
-from ohmward.battery.battery_file import dump_battery, parse_battery
+from ohmward.battery.file import dump_battery, parse_battery
 from ohmward.battery.identification import MODELS, Settings
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc import equivalent_thevenin
-from ohmward.battery.simulation import simulate_voltage
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import equivalent_thevenin
 from ohmward.errors import InputError
 from ohmward.logs import Log
+from ohmward.simulate.voltage import simulate_voltage
 
 SOC = np.linspace(0.1, 0.95, 30)
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.thevenin import Input
+from ohmward.battery.models.thevenin import Input
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.power_limit import affordable_share, available_torque
 from ohmward.simulate.closed_loop.supply import Load, Pack, Supply, current_for_power, step

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.samples import Samples
-from ohmward.battery.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
 
 
 def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import REST_RATE, find_rests, is_rest
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 

@@ -11,8 +11,8 @@ from ohmward.battery.identification.circuit_solve import Problem, Solution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
 from ohmward.battery.identification.samples import Samples
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 
 _SHAPE_SMOOTHING = 11
 _SMALLEST_SHAPE = 0.3

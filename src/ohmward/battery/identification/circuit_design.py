@@ -17,8 +17,8 @@ import numpy as np
 
 from ohmward.battery.identification.along import hysteresis_decay, scan
 from ohmward.battery.identification.samples import Samples
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import KELVIN
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import KELVIN
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 OCV_KNOTS = np.concatenate(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, Layout
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 
 CELL_V = 3.7
 

@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Layout, Rates, design
 from ohmward.battery.identification.circuit_prior import CELL_V, Gaussian, Prior, nuisance_prior, resistance_prior
 from ohmward.battery.identification.samples import Samples
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 
 VOLTAGE_STD_V = 0.003
 CORRELATION_S = 60.0

@@ -24,16 +24,16 @@ from ohmward.battery.identification.edges import Edge, edge_notes, find_edges
 from ohmward.battery.identification.noise import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import Branch, branch_notes, find_branches, ocv_from_branches
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
+from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
+from ohmward.battery.identification.rc_samples import samples_of as outside_long_charges
 from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
 from ohmward.battery.identification.samples import COARSEST_S, Samples, thin
 from ohmward.battery.identification.segments import Phase, find_pulses
-from ohmward.battery.noise import Noise
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.rc import RcModel
-from ohmward.battery.rc.identification import RcIdentification, identify_rc
-from ohmward.battery.rc.samples import samples_of as outside_long_charges
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note

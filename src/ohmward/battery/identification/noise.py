@@ -10,9 +10,9 @@ from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_
 from ohmward.battery.identification.circuit_solve import Problem, Solution, last_direction
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.samples import COARSEST_S, Samples
-from ohmward.battery.noise import Noise
-from ohmward.battery.ocv import OcvCurve
-from ohmward.battery.thevenin import Thevenin
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
 
 OFFSET_SHARE = 0.025
 SOC_AXIS_STD = 0.01

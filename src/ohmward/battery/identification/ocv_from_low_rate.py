@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import LOW_RATE, Phase
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 

@@ -10,7 +10,7 @@ import numpy as np
 from ohmward.battery.identification.ocv_from_low_rate import monotone
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import find_rests, is_rest
-from ohmward.battery.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 
 SHORTEST_REST_S = 600.0

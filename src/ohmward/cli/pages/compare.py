@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ohmward.battery import pictures
-from ohmward.battery.estimators import ESTIMATORS
-from ohmward.battery.soc_estimator import Run
+from ohmward.battery.soc.estimator import Run
+from ohmward.battery.soc.registry import ESTIMATORS
+from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.compare import tables_of
 from ohmward.cli.estimating import Task
 from ohmward.cli.pages.common import FOOTER, with_assumptions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ohmward.battery import pictures
+from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.doctor import contents
 from ohmward.cli.pages.common import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, grouped, sentence

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery import pictures
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification import Identified, LogDetails
+from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.identify import FITS, PARAMETERS, fit_rows, parameter_rows
 from ohmward.cli.pages.common import FOOTER, with_assumptions
 from ohmward.report import Page

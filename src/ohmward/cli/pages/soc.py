@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ohmward.battery import pictures
-from ohmward.battery.soc_estimator import Run
+from ohmward.battery.soc.estimator import Run
+from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.estimating import Task
 from ohmward.cli.pages.common import FOOTER, with_assumptions
 from ohmward.cli.soc import result

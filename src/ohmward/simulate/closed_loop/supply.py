@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.thevenin import Input, next_state, ohmic_resistance, voltage, warmth
+from ohmward.battery.models.thevenin import Input, next_state, ohmic_resistance, voltage, warmth
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery

@@ -1,0 +1,179 @@
+"""The RC model from a whole log, by least squares that are linear but for one number.
+
+With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of the model is, exactly,
+
+    V = V_start + q / C + R_1 F[i] + R_0 i
+
+where q is the charge since the start, F a first-order filter of gain 1 and rate w, and
+
+    C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
+
+Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
+best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
+relaxation, and C is that of the straight line through the part of the curve that the log passes.
+
+It also says what no test can tell: five elements stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
+that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
+from ohmward.battery.identification.rc_samples import Samples
+from ohmward.battery.models import rc
+
+_LONGEST_WEIGHT_S = 60.0
+_LONGEST_TAU_S = 900.0
+_RATES = 40
+
+
+class VoltageFit(NamedTuple):
+    """The four numbers that the voltage of an RC model shows, see the top of the file.
+
+    start_V: (parts,) open-circuit voltage at the first sample of each part of the log.
+    capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
+    residual_V: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one.
+    """
+
+    start_V: np.ndarray
+    capacitance_F: float
+    r0_ohm: float
+    r1_ohm: float
+    tau_s: float
+    residual_V: np.ndarray
+
+    @property
+    def rms_V(self) -> float:
+        """Root of the mean square of the residual."""
+        return float(np.sqrt(np.mean(self.residual_V**2)))
+
+
+def fit_voltage(samples: Samples, ocv_V: np.ndarray | None = None) -> VoltageFit | None:
+    """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
+
+    Samples weigh as the time they stand for, up to 60 s. No number may be negative.
+
+    ocv_V: (T,) open-circuit voltage along the log where it is known [V].
+    """
+    from scipy.optimize import minimize_scalar
+
+    longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), _LONGEST_TAU_S)
+    grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
+    best = int(np.argmin([_solve(samples, ocv_V, tau)[1] for tau in grid]))
+    low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
+    found = minimize_scalar(
+        lambda log_tau: _solve(samples, ocv_V, math.exp(log_tau))[1], bounds=(low, high), method="bounded"
+    )
+    return _fit_at(samples, ocv_V, math.exp(found.x))
+
+
+def _fit_at(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> VoltageFit | None:
+    """The fit with this time constant."""
+    (r0, r1, per_C), _ = _solve(samples, ocv_V, tau_s)
+    if not (per_C > 0 and r0 > 0):
+        return None
+    over_V, charge_V = r0 * samples.current_A + r1 * filtered(samples, tau_s), per_C * charge_in_part(samples)
+    open_V = samples.voltage_V - over_V if ocv_V is None else ocv_V
+    start_V = _means(samples, open_V - charge_V)
+    fitted_V = (start_V[samples.part] + charge_V if ocv_V is None else ocv_V) + over_V
+    return VoltageFit(
+        start_V, 1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples), samples.voltage_V - fitted_V
+    )
+
+
+def _solve(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
+    """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
+    from scipy.optimize import nnls
+
+    currents = _centred(samples, np.column_stack([samples.current_A, filtered(samples, tau_s)]))
+    charge = _centred(samples, charge_in_part(samples))
+    if ocv_V is None:
+        (r0, r1, per_C), norm = nnls(np.column_stack([currents, charge]), _centred(samples, samples.voltage_V))
+    else:
+        (r0, r1), norm = nnls(currents, _centred(samples, samples.voltage_V - ocv_V))
+        per_C = charge @ _centred(samples, ocv_V) / max(charge @ charge, 1e-300)
+    return (float(r0), float(r1), float(per_C)), float(norm) ** 2
+
+
+def charge_in_part(samples: Samples) -> np.ndarray:
+    """Charge since the first sample of each part [A s], (T,)."""
+    _, first = np.unique(samples.part, return_index=True)
+    return samples.charge_As - samples.charge_As[first][samples.part]
+
+
+def filtered(samples: Samples, tau_s: float) -> np.ndarray:
+    """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step.
+
+    Each part starts from rest.
+    """
+    from scipy.linalg import solve_banded
+
+    first = np.diff(samples.part, prepend=-1) > 0
+    decay = np.where(first, 0.0, np.exp(-samples.dt_s / tau_s))
+    bands = np.array([np.ones_like(decay), np.append(-decay[1:], 0.0)])
+    return solve_banded((1, 0), bands, np.where(first, 0.0, (1 - decay) * samples.mean_A))
+
+
+def _weights(samples: Samples) -> np.ndarray:
+    """Root of the time that each sample stands for, (T,)."""
+    return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
+
+
+def _centred(samples: Samples, values: np.ndarray) -> np.ndarray:
+    """Weighted values (T,) or (T, n) without the mean of their part: what is left once each V_start is the best."""
+    columns = values.reshape(len(values), -1)
+    left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
+    return np.column_stack(left).reshape(values.shape)
+
+
+def _means(samples: Samples, values: np.ndarray) -> np.ndarray:
+    """Weighted mean (parts,) of values (T,) over each part."""
+    weights = _weights(samples) ** 2
+    return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
+
+
+def _shortest_s(samples: Samples) -> float:
+    """Half the typical step [s]: faster than that nothing can be told from R_0."""
+    return 0.5 * float(np.median(samples.dt_s[1:]))
+
+
+def circuit_of(fit: VoltageFit) -> rc.Circuit:
+    """Elements that show these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
+
+    Without a relaxation (R_1 = 0) the rule's shares, with a surface so fast that both resistances are seen as R_0.
+    With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
+    """
+    C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s
+    if r1 == 0.0:
+        return circuit_by_rule(r0 / (1 + BRANCH_SHARE / 2), tau, C)
+    r_e = 2 * (r1 + tau / C)
+    if r0 > r_e / 2:
+        s = 0.5 * (1 - math.sqrt(1 - 1 / (1 + r1 * C / tau)))
+        return rc.Circuit((1 - s) * C, s * C, r_e, r_e, r0 - r_e / 2)
+    return _uneven_circuit(C, (1 - TERMINAL_SHARE) * r0, r1, tau, TERMINAL_SHARE * r0)
+
+
+def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> rc.Circuit:
+    """Elements with R_b R_s / D = `parallel`: the root in s of a (1 - a) D = parallel, a = R_b / D = s + sqrt(R_1 / D).
+
+    The bulk has the larger share: s in (0, s_1], where a reaches 1 and the left side 0.
+    """
+    from scipy.optimize import brentq
+
+    def shares(s: float) -> tuple[float, float]:
+        D = tau / (s * (1 - s) * C)
+        return s + math.sqrt(r1 / D), D
+
+    def excess(s: float) -> float:
+        a, D = shares(s)
+        return a * (1 - a) * D - parallel
+
+    largest = tau / (tau + r1 * C)
+    s = float(brentq(excess, 1e-9 * largest, largest))
+    a, D = shares(s)
+    return rc.Circuit((1 - s) * C, s * C, a * D, (1 - a) * D, r_terminal)

@@ -1,0 +1,186 @@
+"""The RC model from a log: the rule of [P] 2.2 first, then least squares on the whole log."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.rc_fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
+from ohmward.battery.identification.rc_rule import (
+    FIRST_S,
+    Response,
+    TimeConstant,
+    circuit_by_rule,
+    find_response,
+    find_time_constant,
+)
+from ohmward.battery.identification.rc_samples import Samples, samples_of
+from ohmward.battery.models import rc
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import RcModel
+from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
+
+_LEAST_SOC_RANGE = 0.05
+_LEAST_VOLTAGE_STD_V = 0.001
+_LEAST_RESISTANCE_STD = 0.05
+_MODEL_SOC_LENGTH = 0.3  # a straight line errs in long bows
+_SOC_POINTS = 11
+
+
+class RcIdentification(NamedTuple):
+    """The model, how it was found, and what the log could not tell.
+
+    model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
+    noise: what a filter on this model should assume: voltage noise, and model error along SoC.
+    rule: by [P]'s rule alone.
+    response: at the edges.
+    fit: least squares on the whole log; None where it was not possible.
+    notes: how it was done.
+    not_identified: what could not be identified, and why.
+    """
+
+    model: RcModel
+    noise: Noise
+    rule: RcModel
+    response: Response
+    fit: VoltageFit | None
+    notes: tuple[str, ...]
+    not_identified: tuple[str, ...]
+
+
+def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: float | None = None) -> RcIdentification:
+    """The RC model of the battery in the log.
+
+    log: pulses or a drive, > 0 charges; the longer and the more of the SoC range, the better.
+    ocv: open-circuit voltage of the same battery; None takes the straight line that the log itself shows, which suits
+        a linear model best where the battery is nearly linear, as lead-acid is.
+    capacity_Ah: charge between full and empty.
+    start_soc: state of charge at the first sample of the log outside long charges; None takes it from the curve.
+
+    Raises:
+        InputError: no edge of current in the log, no current at all, a curve that does not rise, or neither curve nor
+            start_soc.
+    """
+    samples = samples_of(log, capacity_Ah)
+    response = find_response(samples, capacity_Ah)
+    tau = find_time_constant(response)
+    fit: VoltageFit | None
+    if ocv is None:
+        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc)
+        soc = _soc_along(samples, start, capacity_Ah)
+    else:
+        curve = ocv
+        soc = _soc_along(samples, _start_soc(samples, response, ocv, start_soc), capacity_Ah)
+        fit = fit_voltage(samples, ocv.mean_V(soc, ocv.reference_degC))
+    total_F = rc.capacitance_for(capacity_Ah, curve)
+    rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
+    model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
+    noise = Noise() if fit is None else _noise(fit, response, soc)
+    notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
+    return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit))
+
+
+def _fit_with_line(
+    samples: Samples, capacity_Ah: float, start_soc: float | None
+) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
+    """Least squares without a curve, the straight line between SoC 0 and 1 that it stands for, and SoC of each part."""
+    if start_soc is None:
+        raise InputError("identify_rc needs ocv, or start_soc to lay a straight line through the log; both are None")
+    soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
+    fit = fit_voltage(samples) if soc_range > _LEAST_SOC_RANGE else None
+    if fit is None:
+        raise InputError(
+            f"ocv is None, and the log, which moves SoC by {100 * soc_range:.2g} %, does not show an open-circuit "
+            "voltage that rises; give the battery's OCV curve"
+        )
+    slope_V = SECONDS_PER_HOUR * capacity_Ah / fit.capacitance_F
+    empty_V = float(fit.start_V[0]) - start_soc * slope_V
+    return fit, OcvCurve((empty_V, empty_V + slope_V)), (fit.start_V - empty_V) / slope_V
+
+
+def _start_soc(samples: Samples, response: Response, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
+    """SoC at the first sample of each part, from its voltage without the drop at R_total; `start_soc` for the first."""
+    first = np.flatnonzero(np.diff(samples.part, prepend=-1) > 0)
+    open_V = samples.voltage_V[first] - response.r_total_ohm * samples.current_A[first]
+    soc = np.array([ocv.soc_at(v, ocv.reference_degC) for v in open_V.tolist()])
+    return soc if start_soc is None else np.array([start_soc, *soc[1:]])
+
+
+def _soc_along(samples: Samples, start: np.ndarray, capacity_Ah: float) -> np.ndarray:
+    """SoC along the log (T,) from that of each part."""
+    return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
+
+
+def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> Noise:
+    """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
+    white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
+    doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
+    return Noise(
+        voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
+        model_std_V=_model_std_V(fit.residual_V, soc),
+        model_soc_length=_MODEL_SOC_LENGTH,
+        overpotential_share=doubt,
+        resistance_std=doubt,
+    )
+
+
+def _model_std_V(error_V: np.ndarray, soc: np.ndarray) -> tuple[float, ...]:
+    """Error of the model on a grid of SoC: root mean square, at least its median over the grid.
+
+    A fit has zeros, and another log has them elsewhere; hence the median. Where the log has not been: the largest.
+    """
+    nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
+    counts = np.bincount(nearest, minlength=_SOC_POINTS)
+    rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
+    known = counts > 0
+    along = np.where(known, np.maximum(rms_V, np.median(rms_V[known])), rms_V.max())
+    return tuple(along.tolist())
+
+
+def _resistance_doubt(response: Response, fit: VoltageFit) -> float:
+    """Standard deviation of the resistances as a share: edges and least squares know them independently."""
+    at_edges = response.r_total_ohm
+    fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
+    return abs(at_edges - fitted) / (at_edges + fitted)
+
+
+def _part_notes(samples: Samples, count: int) -> tuple[str, ...]:
+    left_out = 1 - len(samples.time_s) / count
+    if left_out == 0.0:
+        return ()
+    return (f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage",)
+
+
+def _response_notes(response: Response) -> tuple[str, ...]:
+    first = f"R_total = {1e3 * response.r_total_ohm:.3g} mohm from {response.edges} edges, seen after "
+    notes = [f"{first}{response.delay_s:g} s (what relaxes within is in it)"]
+    if response.window_s > FIRST_S:
+        notes.append(
+            f"the sampling is too slow for the first {1e3 * FIRST_S:g} ms after an edge; the time constant was sought "
+            f"in the first {response.window_s:g} s"
+        )
+    return tuple(notes)
+
+
+def _fit_notes(fit: VoltageFit | None, total_F: float) -> tuple[str, ...]:
+    if fit is None:
+        return ()
+    return (
+        f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms); C_b + C_s = {fit.capacitance_F:.4g} F along the log, "
+        f"{total_F:.4g} F by the ends of the OCV curve",
+    )
+
+
+def _missing(response: Response, tau: TimeConstant, fit: VoltageFit | None) -> tuple[str, ...]:
+    sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
+    if not tau.found:
+        sentences.append(f"tau by the rule: no exponential in the first {response.window_s:g} s after the edges")
+    if fit is None:
+        sentences.append("the whole log: its voltage does not rise with charge and current; the rule alone was used")
+    elif fit.r1_ohm == 0.0:
+        sentences.append("the relaxation: the log shows no exponential beside R_0 and the open-circuit voltage")
+    return tuple(sentences)

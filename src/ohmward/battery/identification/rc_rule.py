@@ -1,0 +1,146 @@
+"""The RC model from the edges of the current, by the rule of [P] 2.2.
+
+R_total is the sudden change of voltage over the change of current; R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2;
+the time constant tau of an exponential through the first 500 ms after the edges gives C_s = tau / (2 R_s).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.identification.rc_samples import Samples
+from ohmward.battery.models import rc
+from ohmward.errors import InputError
+
+BRANCH_SHARE = 0.75
+"""R_b and R_s as shares of R_total ([P] 2.2)."""
+
+TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
+"""R_t as a share of R_total by the same rule."""
+
+FIRST_S = 0.5
+"""Time after an edge in which [P] looks for the time constant [s]."""
+
+_FEWEST_POINTS = 5
+_EDGE_RATE = 1 / 20
+
+
+class Response(NamedTuple):
+    """What a change of current by one ampere does to the voltage, the mean of all edges.
+
+    edges: how many.
+    r_total_ohm: at once, or as soon as the sampling shows.
+    delay_s: how soon that is (median).
+    window_s: time after the edge that was looked at: 0.5, or what holds ten samples where the log is slower.
+    time_s, rise_ohm: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges.
+    """
+
+    edges: int
+    r_total_ohm: float
+    delay_s: float
+    window_s: float
+    time_s: np.ndarray
+    rise_ohm: np.ndarray
+
+
+class TimeConstant(NamedTuple):
+    """Of the exponential r (1 - e^(-t / tau)) through the rises after the edges.
+
+    tau_s: tau; the window where the rises show none.
+    found: whether they do.
+    """
+
+    tau_s: float
+    found: bool
+
+
+def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circuit:
+    """[P] 2.2: R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2, C_s = tau / (2 R_s), at most half of the total."""
+    branch = BRANCH_SHARE * r_total_ohm
+    c_surface_F = min(tau_s / (2 * branch), 0.5 * total_F)
+    return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, TERMINAL_SHARE * r_total_ohm)
+
+
+def find_response(samples: Samples, capacity_Ah: float) -> Response:
+    """Mean response of the voltage to the edges: changes of current by more than C/20 from one sample to the next.
+
+    Raises:
+        InputError: there is no such edge.
+    """
+    change_A = np.diff(samples.current_A)
+    edges = np.flatnonzero((np.abs(change_A) > _EDGE_RATE * capacity_Ah) & ~samples.gap[1:])
+    if not edges.size:
+        raise InputError(
+            f"the log has no edge of current above C/20 = {_EDGE_RATE * capacity_Ah:.3g} A, so no resistance can be "
+            "found; record a few pulses"
+        )
+    window_s = _window_s(samples)
+    before, after = _around(samples, edges)
+    r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
+    if not r_total > 0:
+        raise InputError(
+            f"the voltage falls when the current rises (R = {r_total:.3g} ohm at {edges.size} edges); currents must be "
+            "> 0 when they charge: turn the sign of the current"
+        )
+    times, rises = zip(*(_after_edge(samples, int(k) + 1, change_A[k], window_s) for k in edges), strict=True)
+    return Response(
+        edges.size,
+        r_total,
+        float(np.median(samples.time_s[after] - samples.time_s[before])),
+        window_s,
+        np.concatenate(times),
+        np.concatenate(rises),
+    )
+
+
+def _around(samples: Samples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Last sample a typical step before the new current and first a typical step after the old one, for each edge.
+
+    In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
+    same moment is understood too.
+    """
+    step_s = 0.99 * _typical_step_s(samples)
+    before = np.searchsorted(samples.time_s, samples.time_s[edges + 1] - step_s, "right") - 1
+    after = np.searchsorted(samples.time_s, samples.time_s[edges] + step_s, "left")
+    return np.maximum(before, 0), np.minimum(after, len(samples.time_s) - 1)
+
+
+def _after_edge(samples: Samples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time since sample `first` [s] and rise of the voltage since [ohm], while the current stays, up to a window."""
+    last = first + int(np.searchsorted(samples.time_s[first:], samples.time_s[first] + window_s, "right"))
+    moved = np.abs(samples.current_A[first:last] - samples.current_A[first]) > 0.1 * abs(change_A)
+    stays = slice(first, first + (int(np.argmax(moved)) if moved.any() else last - first))
+    rise_ohm = (samples.voltage_V[stays] - samples.voltage_V[first]) / change_A
+    return samples.time_s[stays] - samples.time_s[first], rise_ohm
+
+
+def _window_s(samples: Samples) -> float:
+    """The first 500 ms, or what holds ten samples where the log is slower."""
+    typical_s = _typical_step_s(samples)
+    return FIRST_S if typical_s * _FEWEST_POINTS <= FIRST_S else 2 * _FEWEST_POINTS * typical_s
+
+
+def _typical_step_s(samples: Samples) -> float:
+    return float(np.median(samples.dt_s[1:]))
+
+
+def find_time_constant(response: Response) -> TimeConstant:
+    """Least squares over a grid of tau between a twentieth of the window and ten windows, weighted alike.
+
+    It is not found where the best tau stands at an end of the grid or the exponential explains less than half of the
+    rises' scatter about their mean.
+    """
+    t, y = response.time_s, response.rise_ohm
+    taus = response.window_s * np.geomspace(0.05, 10.0, 200)
+    costs = [_cost_of(1 - np.exp(-t / tau), y) for tau in taus]
+    best = int(np.argmin(costs))
+    found = 0 < best < len(taus) - 1 and costs[best] < 0.5 * float(np.sum((y - y.mean()) ** 2))
+    return TimeConstant(float(taus[best]) if found else response.window_s, found)
+
+
+def _cost_of(column: np.ndarray, y: np.ndarray) -> float:
+    """Sum of squares that is left when the column is scaled to fit y, not downwards."""
+    scale = max(float(column @ y) / max(float(column @ column), 1e-300), 0.0)
+    return float(np.sum((y - scale * column) ** 2))

@@ -1,0 +1,1 @@
+"""Models of a battery: open-circuit voltage, Thevenin and RC circuits, noise."""

@@ -1,0 +1,221 @@
+"""The RC model (Saft): a bulk and a surface capacitor behind resistors ([T] 3.2, [P] 2.2).
+
+With D = R_b + R_s and current i > 0 charging:
+
+    dV_cb/dt = (V_cs - V_cb + R_s i) / (D C_b)
+    dV_cs/dt = (V_cb - V_cs + R_b i) / (D C_s)
+    V        = (R_s V_cb + R_b V_cs) / D + (R_t + R_b R_s / D) i
+
+State of charge is that of the bulk capacitor: V_cb is an open-circuit voltage, and the OCV curve says which charge it
+belongs to ([P] 3.1). The model is linear, and exact only as far as the curve is a straight line.
+
+[T] and [P] also carry V as a third state, driven by V and V_cb under the assumption di/dt = 0. Its deviation from the
+output above decays on its own,
+
+    d(V - h)/dt = A33 (V - h),   h = output above,   A33 = R_s / (C_b R_b D) - 1 / (C_s D),
+
+so that V as a state is the output plus a disturbance that the battery forgets with time constant -1/A33. This is how
+`next_state_with_voltage` steps it: exactly, and with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 drops.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.trace import minimum
+
+STATE_NAMES = ("bulk_V", "surface_V")
+STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
+
+
+class Circuit(NamedTuple):
+    """The five elements of the circuit, floats or traced scalars; the parameters `p` of every function here.
+
+    c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
+    r_bulk_ohm, r_surface_ohm: resistances R_b, R_s in front of them [ohm].
+    r_terminal_ohm: resistance R_t in front of both [ohm].
+    """
+
+    c_bulk_F: Any
+    c_surface_F: Any
+    r_bulk_ohm: Any
+    r_surface_ohm: Any
+    r_terminal_ohm: Any
+
+
+@dataclass(frozen=True)
+class RcModel:
+    """Parameters of the RC model of one cell or pack, and the curve that links it to state of charge.
+
+    Attributes:
+        c_bulk_F, c_surface_F: capacitances [F], > 0.
+        r_bulk_ohm, r_surface_ohm: resistances in front of the capacitors [ohm], > 0.
+        r_terminal_ohm: resistance in front of both [ohm], > 0.
+        ocv: open-circuit voltage of the same cell or pack.
+        capacity_Ah: charge between full and empty, > 0.
+    """
+
+    c_bulk_F: float
+    c_surface_F: float
+    r_bulk_ohm: float
+    r_surface_ohm: float
+    r_terminal_ohm: float
+    ocv: OcvCurve
+    capacity_Ah: float
+
+    def __post_init__(self) -> None:
+        for name in (*Circuit._fields, "capacity_Ah"):
+            require_positive(f"rc.{name}", getattr(self, name))
+        if self.r_surface_ohm * self.c_surface_F > self.r_bulk_ohm * self.c_bulk_F:
+            raise InputError(
+                f"rc: the surface must follow faster than the bulk, r_surface_ohm * c_surface_F <= r_bulk_ohm * "
+                f"c_bulk_F, got {self.r_surface_ohm * self.c_surface_F:g} s > {self.r_bulk_ohm * self.c_bulk_F:g} s; "
+                "exchange the two branches"
+            )
+
+    @property
+    def circuit(self) -> Circuit:
+        """The five elements alone."""
+        return Circuit(*(getattr(self, name) for name in Circuit._fields))
+
+    @property
+    def capacity_As(self) -> float:
+        """Capacity in ampere seconds."""
+        return 3600.0 * self.capacity_Ah
+
+    def at_rest(self, soc: float) -> np.ndarray:
+        """State (2,) of a battery that has rested at `soc`: both capacitors at open-circuit voltage."""
+        ocv = self.ocv.mean_V(soc, self.ocv.reference_degC)
+        return np.array([ocv, ocv])
+
+
+def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
+    """C_b + C_s = Q / (OCV(1) - OCV(0)) [F]: the straight line between full and empty holds the capacity ([P] 2.2).
+
+    Raises:
+        InputError: the curve does not rise from SoC 0 to 1.
+    """
+    span = ocv.voltage_V[-1] - ocv.voltage_V[0]
+    if not span > 0:
+        raise InputError(f"ocv.voltage_V must rise from SoC 0 to 1 to give a capacitance, but rises by {span:g} V")
+    return 3600.0 * capacity_Ah / span
+
+
+def next_state(x: np.ndarray, current_A: Any, p: Circuit | RcModel, dt_s: Any) -> np.ndarray:
+    """State after `dt_s` of constant current, exact for the coupled pair.
+
+    With the bulk's share of a common elastance, s = (1/C_b) / (1/C_b + 1/C_s), the charge raises the weighted mean
+    (1 - s) V_cb + s V_cs by i dt / (C_b + C_s), and the difference d = V_cs - V_cb relaxes at `relaxation_rate` towards
+    (R_b - s D) i.
+
+    x: (2,) [V_cb, V_cs] in V.  current_A: mean over the step.  dt_s: >= 0.
+    Returns: (2,), the same at the end of the step.
+    """
+    bulk, surface = x
+    d = surface - bulk
+    per_bulk, per_surface = 1 / p.c_bulk_F, 1 / p.c_surface_F
+    s = per_bulk / (per_bulk + per_surface)
+    decay = np.exp(relaxation_rate(p) * -dt_s)
+    change = (1 - decay) * ((p.r_bulk_ohm - s * (p.r_bulk_ohm + p.r_surface_ohm)) * current_A - d)
+    bulk_next = bulk + s * per_surface * (current_A * dt_s) - s * change
+    return np.array([bulk_next, bulk_next + (d + change)])
+
+
+def voltage(x: np.ndarray, current_A: Any, p: Circuit | RcModel) -> np.ndarray:
+    """Terminal voltage [V] in state x = [V_cb, V_cs] at the current of this instant, as (1,)."""
+    bulk, surface = x
+    bulk_share, _ = divider(p)
+    return np.array([bulk + bulk_share * (surface - bulk) + instant_resistance(p) * current_A])
+
+
+def divider(p: Circuit | RcModel) -> tuple[Any, Any]:
+    """R_b / D and R_s / D; a half each, without a division, where both are the very same object, as in [T]."""
+    if p.r_bulk_ohm is p.r_surface_ohm:
+        return 0.5, 0.5
+    per_D = 1 / (p.r_bulk_ohm + p.r_surface_ohm)
+    return p.r_bulk_ohm * per_D, p.r_surface_ohm * per_D
+
+
+def instant_resistance(p: Circuit | RcModel) -> Any:
+    """R_t + R_b R_s / D [ohm]: what a sudden change of current sees."""
+    return p.r_terminal_ohm + p.r_surface_ohm * divider(p)[0]
+
+
+def slow_resistance(p: Circuit | RcModel) -> Any:
+    """R_1 = (R_b - s D)^2 / D [ohm], s = C_s / (C_b + C_s): what a lasting current sees on top."""
+    D = p.r_bulk_ohm + p.r_surface_ohm
+    uneven = p.r_bulk_ohm - p.c_surface_F / (p.c_bulk_F + p.c_surface_F) * D
+    return uneven * uneven / D
+
+
+def next_state_with_voltage(
+    x: np.ndarray, before_A: Any, mean_A: Any, now_A: Any, p: Circuit | RcModel, dt_s: Any
+) -> np.ndarray:
+    """State with V as third element after a step, exact; V jumps with the current, which [T] and [P] leave out.
+
+    Where the surface is slower than the bulk (R_s C_s > R_b C_b) V as a state is unstable; the disturbance stays there
+    as it is instead of growing.
+
+    x: (3,) [V_cb, V_cs, V] in V.
+    before_A, mean_A, now_A: current at the start of the step, its mean over the step, and at the end.
+    Returns: (3,), the same at the end of the step.
+    """
+    after = next_state(x[:2], mean_A, p, dt_s)
+    disturbance = x[2] - voltage(x[:2], before_A, p)[0]
+    kept = np.exp(minimum(disturbance_rate(p) * dt_s, 0.0))
+    return np.array([*after, voltage(after, now_A, p)[0] + kept * disturbance])
+
+
+def disturbance_rate(p: Circuit | RcModel) -> Any:
+    """A33 [1/s], the rate at which V as a state returns to the circuit's output; negative while R_s C_s < R_b C_b."""
+    bulk_share, surface_share = divider(p)
+    ratio = surface_share / bulk_share
+    return (ratio * (1 / p.c_bulk_F) - 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
+
+
+def relaxation_rate(p: Circuit | RcModel) -> Any:
+    """Rate (1/C_b + 1/C_s) / D [1/s] at which the two capacitors come to the same voltage."""
+    return (1 / p.c_bulk_F + 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
+
+
+def transition(p: Circuit | RcModel, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
+    """F (2, 2) and B (2,) of the exact step x+ = F x + B i, for linear filters."""
+    columns = [next_state(e, 0.0, p, dt_s) for e in np.eye(2)]
+    return np.column_stack(columns), next_state(np.zeros(2), 1.0, p, dt_s)
+
+
+def equivalent_thevenin(model: RcModel) -> Thevenin:
+    """The circuit with one RC pair that has the same voltage where the OCV curve is a straight line.
+
+    Its SoC is that of both capacitors together; R_0 = `instant_resistance`, R_1 = `slow_resistance`,
+    tau_1 = 1 / `relaxation_rate`.
+    """
+    r0, r1 = instant_resistance(model), slow_resistance(model)
+    tau_s = 1 / relaxation_rate(model)
+    return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))
+
+
+def rates(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:
+    """A (2, 2) and B (2,) of dx/dt = A x + B i for x = [V_cb, V_cs]."""
+    D = p.r_bulk_ohm + p.r_surface_ohm
+    per_bulk, per_surface = 1 / (D * p.c_bulk_F), 1 / (D * p.c_surface_F)
+    A = np.array([[-per_bulk, per_bulk], [per_surface, -per_surface]])
+    return A, np.array([p.r_surface_ohm * per_bulk, p.r_bulk_ohm * per_surface])
+
+
+def rates_with_voltage(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:
+    """A (3, 3) and B (3,) of dx/dt = A x + B i for x = [V_cb, V_cs, V] while di/dt = 0 ([P] 2.2, signs restored)."""
+    R_b, R_s, R_t = p.r_bulk_ohm, p.r_surface_ohm, p.r_terminal_ohm
+    D = R_b + R_s
+    A33 = disturbance_rate(p)
+    surface = (R_b**2 / D + R_t + R_s * R_b / D) / (p.c_surface_F * D)
+    B31 = surface - R_s * R_t / (p.c_bulk_F * R_b * D)
+    A, B = rates(p)
+    return np.block([[A, np.zeros((2, 1))], [np.array([[-A33, 0.0, A33]])]]), np.array([*B, B31])

@@ -1,0 +1,197 @@
+"""Equivalent circuit with n RC pairs and one-state hysteresis ([P] eqs. (9)-(12), [T] 3.4).
+
+d soc/dt = eta i / Q            eta = 1 in discharge
+d v_j/dt = -v_j / tau_j + R_j i / tau_j
+h+       = e^(-a) h + (1 - e^(-a)) sign(i),  a = |gamma i dt / Q|
+V        = OCV(soc, T) + M(soc) h + sum v_j + R_0 i
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.checks import require_between, require_length, require_positive
+from ohmward.errors import InputError
+from ohmward.trace import sign, table, where
+
+KELVIN = 273.15
+
+
+class Input(NamedTuple):
+    """What acts on the battery: current [A] (> 0 charges) and its temperature [degC]."""
+
+    current_A: Any
+    temperature_degC: Any
+
+
+class Health(NamedTuple):
+    """How far the battery has moved from its file: what its capacity and its resistances are multiplied by."""
+
+    capacity_share: Any = 1.0
+    resistance_share: Any = 1.0
+
+
+NEW = Health()
+
+
+@dataclass(frozen=True)
+class Thevenin:
+    """Parameters of the circuit. Resistances stand on a uniform grid of SoC from 0 to 1, ends included.
+
+    Attributes:
+        capacity_Ah: charge between full and empty, > 0.
+        ocv: the open-circuit voltage of the same cell or pack.
+        r0_discharge_ohm, r0_charge_ohm: (M,) ohmic resistance by direction of the current.
+        r_ohm: (n, M) resistance of each RC pair.
+        tau_s: (n,) time constant of each RC pair, increasing.
+        hysteresis_rate: gamma; the hysteresis state follows a full change of SoC with 1/gamma.
+        coulombic_efficiency: share of the charging current that is stored.
+        activation_K: resistances grow with exp(activation_K (1/T - 1/T_reference)).
+        reference_degC: temperature at which the resistances hold.
+    """
+
+    capacity_Ah: float
+    ocv: OcvCurve
+    r0_discharge_ohm: tuple[float, ...]
+    r0_charge_ohm: tuple[float, ...]
+    r_ohm: tuple[tuple[float, ...], ...]
+    tau_s: tuple[float, ...]
+    hysteresis_rate: float = 20.0
+    coulombic_efficiency: float = 1.0
+    activation_K: float = 0.0
+    reference_degC: float = 25.0
+
+    def __post_init__(self) -> None:
+        require_positive("thevenin.capacity_Ah", self.capacity_Ah)
+        grid = len(self.r0_discharge_ohm)
+        if grid < 2:
+            raise InputError(f"thevenin.r0_discharge_ohm needs at least 2 points from SoC 0 to 1, got {grid}")
+        require_length("thevenin.r0_charge_ohm", self.r0_charge_ohm, grid, "as many as r0_discharge_ohm")
+        require_length("thevenin.tau_s", self.tau_s, len(self.r_ohm), "one for each row of r_ohm")
+        for name, values in (("r0_discharge_ohm", self.r0_discharge_ohm), ("r0_charge_ohm", self.r0_charge_ohm)):
+            require_between(f"thevenin.{name}", values, 0.0, np.inf)
+        for j, row in enumerate(self.r_ohm, start=1):
+            require_length(f"thevenin.r{j}_ohm", row, grid, "as many as r0_discharge_ohm")
+            require_between(f"thevenin.r{j}_ohm", row, 0.0, np.inf)
+        require_positive("thevenin.tau_s", self.tau_s)
+        if any(b <= a for a, b in zip(self.tau_s, self.tau_s[1:], strict=False)):
+            raise InputError(f"thevenin.tau_s must increase from pair to pair, got {list(self.tau_s)}")
+        require_between("thevenin.hysteresis_rate", self.hysteresis_rate, 0.0, np.inf)
+        require_between("thevenin.coulombic_efficiency", self.coulombic_efficiency, 0.5, 1.0)
+
+    @property
+    def pairs(self) -> int:
+        """Number of RC pairs n."""
+        return len(self.tau_s)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the state, in order: soc, one voltage for each RC pair [V], hysteresis in [-1, 1]."""
+        return ("soc", *(f"v{j}_V" for j in range(1, self.pairs + 1)), "hysteresis")
+
+    @property
+    def capacity_As(self) -> float:
+        """Capacity in ampere seconds."""
+        return 3600.0 * self.capacity_Ah
+
+    def in_series(self, cells: int) -> Thevenin:
+        """The pack of `cells` equal cells in series: the same capacity, `cells` times each voltage and resistance."""
+        if cells < 1:
+            raise InputError(f"cells in series must be at least 1, got {cells}")
+
+        def times(row: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(cells * r for r in row)
+
+        return Thevenin(
+            self.capacity_Ah,
+            self.ocv.scaled(cells),
+            times(self.r0_discharge_ohm),
+            times(self.r0_charge_ohm),
+            tuple(times(row) for row in self.r_ohm),
+            self.tau_s,
+            self.hysteresis_rate,
+            self.coulombic_efficiency,
+            self.activation_K,
+            self.reference_degC,
+        )
+
+
+def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any, health: Health = NEW) -> np.ndarray:
+    """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
+
+    x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
+    """
+    soc, *v, h = x
+    i = u.current_A
+    drive = health.resistance_share * i
+    v_next = [
+        decay * vj + (1 - decay) * rj * drive
+        for decay, vj, rj in zip(pair_decays(p, dt_s), v, pair_resistances(soc, u, p), strict=True)
+    ]
+    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.capacity_share)
+    return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
+
+
+def voltage(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> np.ndarray:
+    """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
+    return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
+
+
+def open_circuit(x: np.ndarray, u: Input, p: Thevenin) -> Any:
+    """Voltage [V] that would remain after a very long rest, hysteresis included."""
+    soc, h = x[0], x[-1]
+    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
+
+
+def overpotentials(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> list[Any]:
+    """What the current of the past and of this instant adds [V]: v_1 ... v_n, then the ohmic drop."""
+    soc, *v, _ = x
+    return [*v, ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)]
+
+
+def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:
+    """What is left of each RC pair's voltage after `dt_s` without current."""
+    return [np.exp(dt_s * (-1.0 / tau)) for tau in p.tau_s]
+
+
+def charge(current_A: Any, dt_s: Any, p: Thevenin) -> Any:
+    """Charge stored [A s] by `dt_s` of current; charging loses a share to side reactions."""
+    if p.coulombic_efficiency == 1.0:
+        return current_A * dt_s
+    return where(current_A > 0, p.coulombic_efficiency * current_A, current_A) * dt_s
+
+
+def next_hysteresis(h: Any, current_A: Any, dt_s: Any, p: Thevenin) -> Any:
+    """Hysteresis state after `dt_s` of current: it moves with the charge that flows, not with time."""
+    decay = np.exp(-abs(current_A) * (dt_s * p.hysteresis_rate / p.capacity_As))
+    return decay * h + (1 - decay) * sign(current_A)
+
+
+def ohmic_resistance(soc: Any, u: Input, p: Thevenin) -> Any:
+    """R_0 [ohm] at this SoC, direction of current and temperature."""
+    charging = _on_grid(p.r0_charge_ohm, soc)
+    if p.r0_charge_ohm == p.r0_discharge_ohm:
+        return warmth(u, p) * charging
+    return warmth(u, p) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
+
+
+def pair_resistances(soc: Any, u: Input, p: Thevenin) -> list[Any]:
+    """R_1 ... R_n [ohm] at this SoC and temperature."""
+    return [warmth(u, p) * _on_grid(row, soc) for row in p.r_ohm]
+
+
+def warmth(u: Input, p: Thevenin) -> Any:
+    """Factor of all resistances at this temperature (Arrhenius), 1 at the reference."""
+    if p.activation_K == 0.0:
+        return 1.0
+    return np.exp(p.activation_K * (1 / (u.temperature_degC + KELVIN) - 1 / (p.reference_degC + KELVIN)))
+
+
+def _on_grid(values: tuple[float, ...], soc: Any) -> Any:
+    """Value at soc, constant beyond the ends (a resistance has no reason to go on growing there)."""
+    held = (values[0], *values, values[-1])
+    return table(held, -1.0 / (len(values) - 1), 1.0 / (len(values) - 1), soc)

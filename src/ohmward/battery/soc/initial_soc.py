@@ -1,0 +1,98 @@
+"""State of charge before the first step: from a value, from the first voltage, or from both.
+
+On a grid of SoC the first voltage is weighed with all that can be wrong about it; mean and standard deviation of the
+result start the filter. A value that the voltage contradicts is overruled: the prior keeps a small share for "the value
+is wrong". Without a value the prior is flat. This is a Bayesian update without linearisation, where it matters most:
+an OCV curve is flat here and steep there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.soc.clean_sample import finite_or
+from ohmward.checks import require_between, require_positive
+
+#: Share of the prior that says: the value given is wrong, and nothing is known.
+DOUBT = 0.02
+
+#: How far the grid goes beyond empty and full. A value at an end is a claim about the end, not about the middle: cut
+#: off there, "full" would come out as full minus 0.8 sigma.
+MARGIN = 0.2
+
+#: Share by which a first voltage may lie beyond the curve before it is taken for a fault of its sensor.
+BEYOND = 0.25
+
+
+class InitialSoc(NamedTuple):
+    """State of charge and its standard deviation, before the first step."""
+
+    soc: float
+    std: float
+
+
+def initial_soc(
+    voltage_V: float, u: Input, p: Thevenin, noise: Noise, soc: float | None = None, soc_std: float = 0.03
+) -> InitialSoc:
+    """Mean and standard deviation of SoC given the first voltage and, where there is one, a value.
+
+    voltage_V: first terminal voltage; nan when there is none.
+    u: current and temperature at that sample.
+    soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
+    soc_std: standard deviation of that value.
+    """
+    if soc is not None:
+        require_between("initial_soc", soc, 0.0, 1.0)
+        require_positive("initial_soc_std", soc_std)
+    grid = _grid_through(0.5 if soc is None else soc)
+    density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
+    density /= density.sum()
+    mean = float(density @ grid)
+    return InitialSoc(min(max(mean, 0.0), 1.0), max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
+
+
+def _grid_through(soc: float) -> np.ndarray:
+    """Steps of 0.25 %, one of them on the value: a peak narrower than a step would fall between two."""
+    grid = np.linspace(-MARGIN, 1.0 + MARGIN, 561)
+    return grid + (soc - grid[np.argmin(np.abs(grid - soc))])
+
+
+def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
+    """Density on the grid, up to a factor: around the value, with some doubt; flat without a value."""
+    possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
+    if soc is None:
+        return possible
+    peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
+    return (1 - DOUBT) * peak / peak.sum() + DOUBT * possible
+
+
+def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+    """Likelihood of the voltage at each SoC, up to a factor; flat without a credible voltage.
+
+    A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
+    """
+    if not np.isfinite(voltage_V):
+        return np.ones_like(grid)
+    u = Input(finite_or(u.current_A, 0.0), u.temperature_degC)
+    expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_resistance(grid, u, p) * u.current_A
+    lowest_V, highest_V = np.interp((0.0, 1.0), grid, expected)
+    if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
+        return np.ones_like(grid)
+    voltage_V = np.clip(voltage_V, lowest_V, highest_V)
+    std = first_voltage_std(grid, u, p, noise)
+    with np.errstate(under="ignore"):
+        scaled = 0.5 * ((voltage_V - expected) / std) ** 2 + np.log(std)
+        return np.exp(-(scaled - scaled.min()))
+
+
+def first_voltage_std(soc: np.ndarray, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+    """How far the first voltage [V] may be from OCV + R_0 i: sensor, model, OCV axis, hysteresis, unknown past."""
+    slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
+    model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
+    past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)
+    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, 0.7 * p.ocv.half_gap_V(soc), 0.5 * past)
+    return np.sqrt(sum(np.square(t) for t in terms))

@@ -1,0 +1,286 @@
+"""Figures that people look at when they judge a battery: measured, estimated, reference, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.battery.soc.score import BAND_95
+from ohmward.logs.log import Log
+from ohmward.report import TIME, Band, Figure, Series, Span
+from ohmward.report.palette import CYCLE, Meaning
+
+if TYPE_CHECKING:
+    from ohmward.battery.identification import LogDetails
+    from ohmward.battery.identification.circuit_fit import CircuitFit
+    from ohmward.battery.identification.edges import Edge
+    from ohmward.battery.identification.ocv_from_low_rate import Branch
+    from ohmward.battery.identification.ocv_from_rests import RestPoint
+    from ohmward.battery.identification.relaxation import ExponentialFit, Relaxation
+
+SOC_AXIS = "State of charge [%]"
+FAULTS = Flag.NO_CURRENT | Flag.NO_VOLTAGE | Flag.BAD_TIME | Flag.GAP | Flag.VOLTAGE_REJECTED
+_MOST_SPANS = 300
+
+
+def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
+    """Measured current over time."""
+    series = [Series(log.time_s, log.current_A, "measured", role="estimate")]
+    return Figure("Current", TIME, "Current [A], > 0 charges", series, spans=spans, height_px=200)
+
+
+def voltage_figure(log: Log, estimates: Estimate | None = None) -> Figure:
+    """Measured voltage, and what the estimator expected before it saw it."""
+    series = [Series(log.time_s, log.voltage_V, "measured", role="quiet")]
+    if estimates is not None and np.isfinite(estimates.voltage_V).any():
+        series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
+    return Figure("Voltage", TIME, "Voltage [V]", series)
+
+
+def temperature_figure(log: Log) -> Figure:
+    """Measured temperature over time."""
+    values = np.full(len(log), np.nan) if log.temperature_degC is None else log.temperature_degC
+    series = [Series(log.time_s, values, "measured", role="comparison")]
+    return Figure("Temperature", TIME, "Temperature [°C]", series, height_px=160)
+
+
+def interval_figure(log: Log) -> Figure:
+    """Time from each sample to the next, on a logarithmic axis: gaps and jitter at one glance."""
+    dots = [Series(log.time_s[1:], log.dt_s, "to the sample before", "points", "quiet")]
+    return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
+
+
+def soc_figure(log: Log, estimates: Estimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()) -> Figure:
+    """Estimated state of charge with its 95 % band, and the reference.
+
+    truth: (T,) in [0, 1], nan where there is none.
+    """
+    soc, std = 100 * estimates.soc, 100 * estimates.soc_std
+    series = [Series(log.time_s, soc, "estimate", role="estimate")]
+    if truth is not None:
+        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
+    band = _band(log.time_s, soc, std, (0.0, 100.0))
+    return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
+
+
+def soc_error_figure(log: Log, estimates: Estimate, truth: np.ndarray) -> Figure:
+    """Estimate minus reference, inside (or outside) the 95 % band that the estimator claimed around zero."""
+    error, std = 100 * (estimates.soc - truth), 100 * estimates.soc_std
+    series = [Series(log.time_s, error, "estimate - reference", role="comparison")]
+    band = _band(log.time_s, np.zeros_like(std), std)
+    limit = _usual(np.concatenate([error, BAND_95 * std]))
+    return Figure(
+        "Error of the state of charge", TIME, "Error [% of capacity]", series, [band], y_limits=(-limit, limit)
+    )
+
+
+def offset_figure(log: Log, estimates: Estimate) -> Figure:
+    """Estimated offset of the current sensor."""
+    series = [Series(log.time_s, 1e3 * estimates.current_offset_A, "estimate", role="estimate")]
+    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, height_px=180)
+
+
+def health_figure(log: Log, estimates: Estimate) -> Figure:
+    """Estimated capacity and resistance as shares of the battery file's."""
+    series = [
+        Series(log.time_s, 100 * estimates.capacity_share, "capacity", role="estimate"),
+        Series(log.time_s, 100 * estimates.resistance_share, "resistance", role="comparison"),
+    ]
+    return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, height_px=180)
+
+
+def voltage_error_figure(log: Log, estimates: Estimate) -> Figure:
+    """Measured minus expected voltage over time."""
+    series = [Series(log.time_s, 1e3 * (log.voltage_V - estimates.voltage_V), "measured - expected", role="estimate")]
+    return Figure("Error of the voltage", TIME, "Error [mV]", series, height_px=180)
+
+
+def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray | None = None) -> Figure:
+    """State of charge by every estimator, and the reference."""
+    series = _side_by_side(log.time_s, {name: 100 * e.soc for name, e in estimates.items()})
+    if truth is not None:
+        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
+    return Figure("State of charge", TIME, SOC_AXIS, series, height_px=320)
+
+
+def soc_errors_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray) -> Figure:
+    """Estimate minus reference of every estimator."""
+    series = _side_by_side(log.time_s, {name: 100 * (e.soc - truth) for name, e in estimates.items()})
+    limit = _usual(np.concatenate([s.y for s in series]))
+    return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
+
+
+def flag_spans(log: Log, flags: np.ndarray, wanted: Flag = Flag.REST | FAULTS) -> list[Span]:
+    """Stretches of samples that carry a flag, rests in grey and faults in red; the longest where there are many.
+
+    flags: (T,) sums of `Flag` values.
+    """
+    spans = []
+    for flag in wanted:
+        label = str(flag.name).lower().replace("_", " ")
+        role: Meaning = "quiet" if flag is Flag.REST else "alert"
+        spans += [
+            Span(float(log.time_s[a]), float(log.time_s[b]), label, role)
+            for a, b in _runs(flags.astype(int) & flag != 0)
+        ]
+    return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
+
+
+def ocv_figure(
+    ocv: OcvCurve,
+    branches: Sequence[Branch] = (),
+    rests: Sequence[RestPoint] = (),
+    fit: CircuitFit | None = None,
+) -> Figure:
+    """Open-circuit voltage: mean curve and branches, the tests and rests behind it, the fit's 95 % interval."""
+    soc = np.linspace(0.0, 1.0, 401)
+    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.half_gap_V(soc))
+    series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "quiet") for b in branches]
+    series.append(Series(100 * soc, mean, "mean", role="estimate"))
+    if half.any():
+        series.append(Series(100 * soc, mean + half, "charge branch", "dashed", "comparison"))
+        series.append(Series(100 * soc, mean - half, "discharge branch", "dashed"))
+    if rests:
+        x, y = np.array([(r.soc, r.voltage_V) for r in rests]).T
+        series.append(Series(100 * x, y, "at the end of a rest", "points", "reference"))
+    bands = [] if fit is None else [_band(100 * soc, mean, _ocv_std_V(fit, soc))]
+    return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
+
+
+def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
+    """Every resistance of the circuit against state of charge, with the fit's 95 % intervals."""
+    names = ["R0 discharge", "R0 charge", *(f"R{j}, {seconds_text(tau)}" for j, tau in enumerate(model.tau_s, 1))]
+    rows = [model.r0_discharge_ohm, model.r0_charge_ohm, *model.r_ohm]
+    roles: tuple[Meaning, ...] = ("estimate", "quiet", "comparison", "reference", "alert")
+    soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
+    labelled = list(zip(names, rows, roles, strict=False))
+    series = [Series(soc, 1e3 * np.asarray(r), name, role=role) for name, r, role in labelled]
+    bands = []
+    if fit is not None:
+        stds = [1e3 * _std(fit, fit.solution.layout.block(j)) for j in range(len(labelled))]
+        bands = [
+            _band(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
+            for (name, r, role), std in zip(labelled, stds, strict=True)
+        ]
+    return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series, bands)
+
+
+def edge_figure(edges: Sequence[Edge]) -> Figure:
+    """Resistance seen by each jump of the current, by direction."""
+    series = []
+    for sign, label in ((-1.0, "discharge"), (1.0, "charge")):
+        points = [(e.soc, e.resistance_ohm) for e in edges if e.current_A * sign > 0]
+        x, y = np.array(points or np.empty((0, 2))).T
+        series.append(Series(100 * x, 1e3 * y, label, "points"))
+    return Figure("Ohmic resistance at the edges of the current", SOC_AXIS, "dV/dI [mΩ]", series, height_px=220)
+
+
+def relaxation_figure(rest: Relaxation) -> Figure:
+    """One rest, and the fits with one and with two time constants."""
+    single, double = rest.single, rest.double
+    series = [
+        Series(rest.time_s, rest.voltage_V, "measured", "points", "reference"),
+        Series(rest.time_s, single.voltage_V, f"{_taus(single)}, {1e3 * single.rms_V:.2g} mV RMS", role="comparison"),
+        Series(rest.time_s, double.voltage_V, f"{_taus(double)}, {1e3 * double.rms_V:.2g} mV RMS", role="estimate"),
+    ]
+    title = f"Rest at {max(100 * rest.soc, 0.0):.0f} % after {rest.before_A:.3g} A"
+    return Figure(title, TIME, "Voltage [V]", series, height_px=220)
+
+
+def fit_figures(log: LogDetails) -> list[Figure]:
+    """Measured and simulated voltage, residual, current and state of charge of one log, on one clock."""
+    whole, time_s = log.record.log, _joined([part.time_s for part in log.parts], hold=True)
+    measured, simulated = _joined([part.voltage_V for part in log.parts]), _joined(log.simulated_V)
+    rests = [phase for phase in log.record.phases if phase.kind == "rest"][:_MOST_SPANS]
+    spans = [Span(float(whole.time_s[p.first]), float(whole.time_s[p.last]), "rest") for p in rests]
+    voltage = [
+        Series(time_s, measured, "measured", role="quiet"),
+        Series(time_s, simulated, "simulated", role="estimate"),
+    ]
+    residual = [Series(time_s, 1e3 * (measured - simulated), "measured - simulated", role="comparison")]
+    soc = [Series(whole.time_s, 100 * log.axis.soc, "counted", role="estimate")]
+    return [
+        Figure("Voltage", TIME, "Voltage [V]", voltage, spans=spans),
+        Figure("Residual", TIME, "Residual [mV]", residual, height_px=180),
+        current_figure(whole),
+        Figure("State of charge", TIME, SOC_AXIS, soc, height_px=180),
+    ]
+
+
+def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 80) -> Figure:
+    """How often each value occurs, beside the normal distribution of the same mean and deviation.
+
+    values: (N,) in the unit of `x_label`; nan is left out, and the outermost 0.1 % on either side are not drawn.
+    """
+    known = values[np.isfinite(values)]
+    low, high = np.quantile(known, [0.001, 0.999])
+    density, edges = np.histogram(known, bins, (low, high if high > low else low + 1e-9), density=True)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    mean, std = known.mean(), max(known.std(), 1e-12)
+    normal = np.exp(-0.5 * ((middle - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
+    series = [
+        Series(edges, np.append(density, density[-1]), "residuals", "step", "estimate"),
+        Series(middle, normal, "normal", "dashed", "reference"),
+    ]
+    return Figure(title, x_label, "Density", series, height_px=220)
+
+
+def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
+    """A line each; those beyond the number of hues are dashed."""
+    return [Series(x, y, name, "line" if k < len(CYCLE) else "dashed") for k, (name, y) in enumerate(lines.items())]
+
+
+def _band(
+    x: np.ndarray,
+    mean: np.ndarray,
+    std: np.ndarray,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    label: str = "95 % band",
+    role: Meaning = "estimate",
+) -> Band:
+    """The 95 % band, cut where the quantity ends."""
+    low, high = mean - BAND_95 * std, mean + BAND_95 * std
+    return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
+
+
+def _ocv_std_V(fit: CircuitFit, soc: np.ndarray) -> np.ndarray:
+    """Standard deviation [V] of the fit's correction of the curve at soc."""
+    from ohmward.battery.identification.circuit_design import OCV_KNOTS
+
+    return np.interp(soc, OCV_KNOTS, _std(fit, fit.solution.layout.correction))
+
+
+def _std(fit: CircuitFit, rows: slice) -> np.ndarray:
+    return np.sqrt(np.diag(fit.solution.cov)[rows])
+
+
+def seconds_text(seconds: float) -> str:
+    """A time constant with three digits, or to the second: "48.1 s", "1240 s"."""
+    return f"{seconds:.0f} s" if seconds >= 100 else f"{seconds:.3g} s"
+
+
+def _taus(fit: ExponentialFit) -> str:
+    return " and ".join(map(seconds_text, fit.tau_s))
+
+
+def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:
+    """The parts one after the other with a gap, nan or (for a time) the last value, after each."""
+    return np.concatenate([np.append(part, part[-1] if hold else np.nan) for part in parts])
+
+
+def _usual(values: np.ndarray) -> float:
+    """A limit that all but the largest 2 % of the sizes stay below; the first seconds must not flatten the rest."""
+    size = values[np.isfinite(values)]
+    np.abs(size, out=size)
+    return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of every stretch of True."""
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]

@@ -1,0 +1,209 @@
+"""The RC model from a log: exact recovery, the rule, slow sampling, long charges, and what cannot be known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
+from ohmward.battery.identification.rc_fit import VoltageFit, circuit_of, filtered, fit_voltage
+from ohmward.battery.identification.rc_identification import identify_rc
+from ohmward.battery.identification.rc_rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
+from ohmward.battery.identification.rc_samples import samples_of
+from ohmward.battery.models import rc
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+LINE = model_of(EVEN).ocv
+
+
+def four_numbers(p):
+    """C, R_0, R_1 and tau of a circuit, as in the equivalent Thevenin circuit."""
+    return p.c_bulk_F + p.c_surface_F, rc.instant_resistance(p), rc.slow_resistance(p), 1 / rc.relaxation_rate(p)
+
+
+def pulses(circuit, dt_s=0.02, count=4):
+    """Log of pulses of 5 A for 2 s from rest, each followed by 20 s of rest."""
+    time_s = np.arange(0, count * 22.0, dt_s)
+    current_A = np.where(time_s % 22.0 >= 20.0, -5.0, 0.0)
+    x, voltage_V = model_of(circuit).at_rest(0.9), []
+    for k, i in enumerate(current_A):
+        x = rc.next_state(x, i, circuit, dt_s if k else 0.0)
+        voltage_V.append(rc.voltage(x, i, circuit)[0])
+    return Log("pulses", time_s, current_A, np.array(voltage_V))
+
+
+@pytest.mark.parametrize("ocv", [LINE, None], ids=["with curve", "without curve"])
+def test_recovers_a_circuit_with_equal_resistors_exactly(ocv):
+    run = simulate(EVEN, 2000)
+    found = identify_rc(log_of(run.samples), ocv, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(found.model.circuit, EVEN, rtol=1e-4)
+    np.testing.assert_allclose(found.model.ocv.voltage_V, LINE.voltage_V, atol=1e-5)
+    assert found.fit is not None
+    assert found.fit.rms_V < 1e-6
+
+
+def test_recovers_the_four_numbers_of_any_circuit():
+    run = simulate(UNEVEN, 2000)
+    found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(four_numbers(found.model), four_numbers(UNEVEN), rtol=1e-4)
+    assert any("R_t apart from R_b and R_s" in sentence for sentence in found.not_identified)
+
+
+def test_noise_leaves_the_parameters_and_is_measured():
+    run = simulate(EVEN, 4000, voltage_std_V=0.003)
+    found = identify_rc(log_of(run.samples), LINE, CAPACITY_AH)
+    np.testing.assert_allclose(found.model.circuit, EVEN, rtol=0.05)
+    assert found.noise.voltage_std_V == pytest.approx(0.003, rel=0.1)
+    assert max(found.noise.model_std_V) < 0.01
+
+
+def test_irregular_sampling_and_missing_voltages_do_not_matter():
+    rng = np.random.default_rng(4)
+    run = simulate(EVEN, 3000, dt_s=rng.uniform(0.2, 3.0, 3000))
+    voltage_V = run.samples.voltage_V.copy()
+    voltage_V[rng.random(3000) < 0.2] = np.nan
+    found = identify_rc(log_of(run.samples._replace(voltage_V=voltage_V)), LINE, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(four_numbers(found.model), four_numbers(EVEN), rtol=0.02)
+
+
+@given(st.floats(5e3, 1e5), st.floats(0.005, 0.2), st.floats(1e-4, 0.3), st.floats(0.5, 900.0))
+def test_circuit_of_a_fit_shows_its_four_numbers(C, r0, r1, tau_s):
+    """Whatever the numbers: a circuit that the model accepts, with the same voltage."""
+    p = circuit_of(VoltageFit(np.array([12.0]), C, r0, r1, tau_s, np.zeros(1)))
+    np.testing.assert_allclose(four_numbers(p), (C, r0, r1, tau_s), rtol=1e-5)
+    assert min(p) > 0
+    assert rc.disturbance_rate(p) <= 0
+
+
+def test_curve_with_bends_is_not_taken_for_a_relaxation():
+    """A curve whose slope changes fourfold: with it the resistances come out, without it they do not."""
+    soc = np.linspace(0.0, 1.0, 21)
+    curve = OcvCurve(tuple(11.8 + 0.3 * soc + 1.2 * soc**4))
+    run = simulate(EVEN, 8000, 3)
+    bent_V = curve.mean_V(run.soc, 25.0) - np.interp(run.soc, [0, 1], LINE.voltage_V)
+    log = log_of(run.samples._replace(voltage_V=run.samples.voltage_V + bent_V))
+    found = identify_rc(log, curve, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(four_numbers(found.model)[1:], four_numbers(EVEN)[1:], rtol=0.01)
+
+
+def test_rule_shares_the_resistance_and_keeps_the_charge():
+    p = circuit_by_rule(0.04, 0.3, 20_000.0)
+    assert (p.r_bulk_ohm, p.r_surface_ohm) == (0.03, 0.03)
+    assert p.c_surface_F == pytest.approx(0.3 / 0.06)
+    assert p.c_bulk_F + p.c_surface_F == pytest.approx(20_000.0)
+    assert rc.instant_resistance(p) == pytest.approx(0.04)
+
+
+def test_rule_finds_resistance_and_time_constant_in_the_first_half_second():
+    """A surface capacitor of 3 F: tau = 0.18 s, as fast as [P] looks for it."""
+    fast = rc.Circuit(17_000.0, 3.0, 0.03, 0.03, 0.02)
+    response = find_response(samples_of(pulses(fast), CAPACITY_AH), CAPACITY_AH)
+    tau = find_time_constant(response)
+    assert response.window_s == FIRST_S
+    assert response.edges == 7
+    assert response.r_total_ohm == pytest.approx(rc.instant_resistance(fast), rel=0.05)
+    assert tau.found
+    assert tau.tau_s == pytest.approx(1 / rc.relaxation_rate(fast), rel=0.1)
+    found = identify_rc(pulses(fast), LINE, CAPACITY_AH)
+    assert found.rule.c_surface_F == pytest.approx(tau.tau_s / (2 * found.rule.r_surface_ohm))
+
+
+def test_slow_sampling_is_said_aloud():
+    found = identify_rc(log_of(simulate(EVEN, 2000).samples), LINE, CAPACITY_AH)
+    assert any("too slow for the first 500 ms" in note for note in found.notes)
+
+
+def test_logger_that_writes_both_currents_at_one_moment_is_understood():
+    """As telemetry does: at the edge two rows with the old and the new current and one voltage in between."""
+    log = pulses(EVEN, dt_s=1.0)
+    at = np.flatnonzero(np.diff(log.current_A))[0] + 1
+    time_s = np.insert(log.time_s, at, log.time_s[at] - 1e-3)
+    current_A = np.insert(log.current_A, at, log.current_A[at - 1])
+    voltage_V = np.insert(log.voltage_V, at, 0.5 * (log.voltage_V[at - 1] + log.voltage_V[at]))
+    voltage_V[at + 1] = voltage_V[at]
+    two_rows = Log("two rows", time_s[: at + 15], current_A[: at + 15], voltage_V[: at + 15])
+    response = find_response(samples_of(two_rows, CAPACITY_AH), CAPACITY_AH)
+    assert response.r_total_ohm == pytest.approx(rc.instant_resistance(EVEN), rel=0.2)
+
+
+def test_long_charges_are_left_out():
+    """A charge that no linear model follows stands between two discharges; each keeps its own start."""
+    first, second = simulate(EVEN, 3000, 1), simulate(EVEN, 3000, 2)
+    charge_A, charge_V = np.full(600, 6.0), np.full(600, 14.4)
+    current_A = np.concatenate([first.samples.current_A, charge_A, second.samples.current_A])
+    voltage_V = np.concatenate([first.samples.voltage_V, charge_V, second.samples.voltage_V])
+    log = Log("cycles", np.arange(6600.0), current_A, voltage_V)
+    samples = samples_of(log, CAPACITY_AH)
+    assert set(samples.part) == {0, 1}
+    assert 14.4 not in samples.voltage_V
+    found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(four_numbers(found.model), four_numbers(EVEN), rtol=0.02)
+    assert any("left out: long charges" in note for note in found.notes)
+
+
+def test_each_part_starts_from_rest():
+    samples = samples_of(log_of(simulate(EVEN, 100).samples), CAPACITY_AH)
+    parts = samples._replace(part=np.repeat([0, 1], 50), mean_A=np.ones(100))
+    alone = samples._replace(mean_A=np.ones(100))
+    np.testing.assert_allclose(filtered(parts, 10.0)[50:], filtered(alone, 10.0)[:50], atol=1e-12)
+
+
+def test_start_that_is_given_counts_more_than_the_first_voltage():
+    run = simulate(EVEN, 3000)
+    voltage_V = run.samples.voltage_V.copy()
+    voltage_V[0] -= 0.5
+    found = identify_rc(log_of(run.samples._replace(voltage_V=voltage_V)), LINE, CAPACITY_AH, start_soc=1.0)
+    assert np.median(found.noise.model_std_V) < 0.05
+
+
+def test_braking_is_no_long_charge():
+    run = simulate(EVEN, 2000)
+    assert run.samples.current_A.max() > 3.0
+    assert len(samples_of(log_of(run.samples), CAPACITY_AH).time_s) == 2000
+
+
+def test_model_error_is_large_where_the_log_has_not_been():
+    found = identify_rc(log_of(simulate(EVEN, 3000, voltage_std_V=0.003).samples), LINE, CAPACITY_AH)
+    along = np.array(found.noise.model_std_V)
+    assert along[0] == along.max() == along[1]
+
+
+def test_no_relaxation_in_the_log_is_said_and_modelled_as_resistance():
+    run = simulate(EVEN, 2000)
+    resistor_V = 12.0 + 0.05 * run.samples.current_A + np.cumsum(run.samples.current_A * run.samples.dt_s) / 20_000.0
+    found = identify_rc(log_of(run.samples._replace(voltage_V=resistor_V)), LINE, CAPACITY_AH, start_soc=1.0)
+    C, r0, r1, _ = four_numbers(found.model)
+    assert r0 + r1 == pytest.approx(0.05, rel=0.05)
+    assert pytest.approx(sum(EVEN[:2]), rel=0.05) == C
+
+
+def test_log_that_shows_no_battery_leaves_the_rule():
+    """Voltage that does not depend on current beyond the edges: the fit is refused and said so."""
+    samples = samples_of(log_of(simulate(EVEN, 500).samples), CAPACITY_AH)
+    assert fit_voltage(samples._replace(voltage_V=12.0 - 0.05 * samples.current_A)) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda log: replace(log, current_A=np.zeros(len(log))), "current is never other than zero"),
+        (lambda log: replace(log, current_A=0.2 * np.sin(log.time_s / 50)), r"no edge of current above C/20 = 0\.3 A"),
+        (lambda log: replace(log, current_A=-log.current_A), "turn the sign of the current"),
+        (lambda log: replace(log, current_A=np.full(len(log), 3.0)), "nothing but a long charge"),
+    ],
+)
+def test_useless_logs_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        identify_rc(change(log_of(simulate(EVEN, 1000).samples)), LINE, CAPACITY_AH)
+
+
+def test_straight_line_needs_a_start_and_a_range():
+    log = log_of(simulate(EVEN, 200).samples)
+    with pytest.raises(InputError, match="identify_rc needs ocv, or start_soc"):
+        identify_rc(log, None, CAPACITY_AH)
+    with pytest.raises(InputError, match=r"moves SoC by .* %, does not show .* give the battery's OCV curve"):
+        identify_rc(log, None, CAPACITY_AH, start_soc=1.0)

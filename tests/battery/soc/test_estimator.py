@@ -1,0 +1,190 @@
+"""Live, from logs, in lanes, and across a restart: the same numbers."""
+
+import json
+import math
+import time
+
+import numpy as np
+import pytest
+
+from battery.examples import LFP, NMC, drive, row, samples, simulate
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.estimator import Estimator, SocEstimator, samples_of
+from ohmward.battery.soc.rest_ocv import RestOcv
+from ohmward.battery.soc.sample import Flag
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.errors import InputError
+from ohmward.logs.log import Log
+from ohmward.trace import Kernel, snapshot
+
+NOISE = Noise()
+TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)
+COLUMNS = samples(TRUTH, 0.03, NOISE)
+LOG = Log("drive", TRUTH.time_s + 100.0, COLUMNS.current_A, COLUMNS.voltage_V)
+ESTIMATORS: dict[str, Estimator] = {
+    "ekf": TheveninFilter(LFP, NOISE, idle_current_A=0.0),
+    "ukf": TheveninFilter(LFP, NOISE, "ukf"),
+    "aekf": TheveninFilter(LFP, NOISE, "ekf", matching=True),
+    "aukf": TheveninFilter(LFP, NOISE, "ukf", matching=True),
+    "coulomb": CoulombCounting(LFP, NOISE),
+    "ocv": RestOcv(LFP, NOISE, settle_s=100.0),
+}
+each = pytest.mark.parametrize("estimator", ESTIMATORS.values(), ids=ESTIMATORS.keys())
+
+
+def live(estimator, log):
+    """Estimates (T,) of updates one by one."""
+    rows = zip(log.time_s, log.current_A, log.voltage_V, strict=True)
+    return list(zip(*(estimator.update(*map(float, r)) for r in rows), strict=True))
+
+
+@each
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_log_at_once_is_its_samples_one_by_one(estimator, lowering):
+    one_by_one = live(SocEstimator(estimator, 0.8, lowering=lowering), LOG)
+    at_once = SocEstimator(estimator, 0.8, lowering=lowering).run(LOG).estimates
+    assert np.array_equal(one_by_one, at_once, True)
+
+
+@each
+def test_compiled_is_with_floats(estimator):
+    state = estimator.init(row(COLUMNS, 0), 0.8)
+    kernel = Kernel(estimator.step, state, row(COLUMNS, 0))
+    compiled = state
+    for k in range(60):
+        state, expected = estimator.step(state, row(COLUMNS, k))
+        compiled, found = kernel(compiled, row(COLUMNS, k))
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12, nan_ok=True)
+
+
+@each
+def test_lanes_are_logs(estimator):
+    offsets = np.array([0.0, 0.05, -0.05])
+    lanes = COLUMNS._replace(current_A=COLUMNS.current_A[:, None] + offsets)
+    state = estimator.init(row(COLUMNS, 0), 0.8)
+    kernel = Kernel(estimator.step, state, row(COLUMNS, 0))
+    _, together = kernel.scan_lanes(state, lanes)
+    for lane, offset in enumerate(offsets):
+        _, alone = kernel.scan(state, COLUMNS._replace(current_A=COLUMNS.current_A + offset))
+        for found, expected in zip(together, alone, strict=True):
+            np.testing.assert_allclose(np.broadcast_to(found, (900, 3))[:, lane], expected, rtol=1e-7, atol=1e-9)
+
+
+@each
+def test_two_halves_are_the_whole(estimator):
+    halves = SocEstimator(estimator, 0.8)
+    parts = [halves.run(LOG.select(part)).estimates for part in (slice(0, 400), slice(400, None))]
+    whole = SocEstimator(estimator, 0.8).run(LOG).estimates
+    for first, second, expected in zip(*parts, whole, strict=True):
+        np.testing.assert_array_equal(np.concatenate([first, second]), expected)
+
+
+@each
+def test_a_restart_from_a_snapshot_goes_on_to_the_bit(estimator):
+    before = SocEstimator(estimator, 0.8)
+    before.run(LOG.select(slice(0, 400)))
+    stored = json.dumps(before.snapshot(), allow_nan=False)
+    after = SocEstimator(estimator)
+    after.restore(json.loads(stored))
+    rest = LOG.select(slice(400, None))
+    np.testing.assert_array_equal(live(after, rest), live(before, rest))
+
+
+def test_a_snapshot_tells_what_it_holds():
+    estimator = SocEstimator(ESTIMATORS["ekf"], 0.8)
+    estimator.run(LOG)
+    taken = estimator.snapshot()
+    assert taken["version"] == 1
+    assert taken["estimator"].startswith("TheveninFilter-")
+    assert taken["time_s"] == LOG.time_s[-1]
+    assert taken["state"]["belief.mean[0]"] == estimator.state.belief.mean[0]
+
+
+def test_there_is_no_snapshot_before_the_first_sample():
+    with pytest.raises(InputError, match="before the first sample; call update or run first"):
+        SocEstimator(ESTIMATORS["ekf"]).snapshot()
+
+
+def damaged(change):
+    """A snapshot after a change."""
+    estimator = SocEstimator(ESTIMATORS["ekf"], 0.8)
+    estimator.run(LOG.select(slice(0, 10)))
+    taken = estimator.snapshot()
+    change(taken)
+    return taken
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: s.update(version=0), "snapshot version must be 1, got 0; start a new estimator"),
+        (lambda s: s.clear(), "snapshot version must be 1, got None"),
+        (lambda s: s.update(estimator="RcKalman-1"), "the snapshot is of 'RcKalman-1', but the estimator is 'Thevenin"),
+        (lambda s: s.update(state=None), r"snapshot state must hold belief\.mean\[0\]"),
+        (lambda s: s["state"].pop("rest_s"), "snapshot state must hold"),
+        (lambda s: s["state"].update({"rest_s": "3"}), r"snapshot rest_s must be a number, got '3'"),
+        (lambda s: s.update(time_s=True), "snapshot time_s must be a number, got True"),
+    ],
+)
+def test_a_snapshot_that_does_not_fit_is_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        SocEstimator(ESTIMATORS["ekf"]).restore(damaged(change))
+
+
+@pytest.mark.parametrize("other", [TheveninFilter(NMC, NOISE), TheveninFilter(LFP, NOISE), ESTIMATORS["coulomb"]])
+def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
+    with pytest.raises(InputError, match="another kind, model or settings"):
+        SocEstimator(other).restore(damaged(lambda s: None))
+
+
+def test_the_identity_is_that_of_equal_settings():
+    again = TheveninFilter(LFP, Noise(), idle_current_A=0.0)
+    assert snapshot.identity(again) == snapshot.identity(ESTIMATORS["ekf"])
+
+
+def test_a_late_sample_takes_no_time_and_a_clock_that_was_set_goes_on():
+    estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
+    flags = [int(estimator.update(t, -1.0, 3.3).flags) for t in (0.0, 10.0, 4.0, 11.0, 1e9, 12.0, 13.0, math.nan, 14.0)]
+    late, clock_set = 2, (4, 5)
+    assert flags[late] == Flag.BAD_TIME
+    assert all(flags[k] & Flag.BAD_TIME for k in clock_set)
+    assert flags[6] == flags[3] == 0
+    assert flags[7] == Flag.BAD_TIME
+    assert estimator.state.elapsed_s == 10.0 + 1.0 + 1.0 + 1.0
+
+
+def test_the_first_time_may_be_missing():
+    estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
+    estimator.update(math.nan, -1.0, 3.3)
+    estimator.update(5.0, -1.0, 3.3)
+    assert estimator.update(6.0, -1.0, 3.3).flags == 0
+
+
+def test_samples_of_a_log_count_from_the_last_time():
+    assert samples_of(LOG).dt_s[0] == 0.0
+    assert samples_of(LOG, 97.0).dt_s[0] == 3.0
+    assert samples_of(LOG, 200.0).dt_s[0] == 0.0
+    assert np.isnan(samples_of(LOG).temperature_degC).all()
+
+
+def test_a_run_counts_its_flags():
+    estimates = SocEstimator(ESTIMATORS["ekf"], 0.8).run(LOG)
+    flags = estimates.estimates.flags.astype(int)
+    assert estimates.counts() == {"rest": int(np.count_nonzero(flags & Flag.REST))}
+    assert estimates.counts()["rest"] > 100
+    assert estimates.seconds > 0.0
+
+
+def test_per_cent_are_refused():
+    with pytest.raises(InputError, match=r"initial_soc must be between 0 and 1 \(0\.8 is 80 %\), got 80"):
+        SocEstimator(ESTIMATORS["ekf"], initial_soc=80.0)
+
+
+def test_a_step_takes_microseconds():
+    """A generous bound: a machine that is busy may be five times slower than one that is not."""
+    run = SocEstimator(ESTIMATORS["ekf"], 0.8)
+    run.run(LOG.select(slice(0, 2)))
+    began = time.perf_counter()
+    run.run(LOG.select(slice(2, None)))
+    assert (time.perf_counter() - began) / 898 < 100e-6

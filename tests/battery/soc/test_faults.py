@@ -1,0 +1,253 @@
+"""What sensors do when they fail: every sample is survived and flagged, and afterwards the estimate returns."""
+
+import math
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from battery.examples import LFP, NMC, drive, row, samples, simulate
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.estimator import Estimator
+from ohmward.battery.soc.rest_ocv import RestOcv
+from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.filters.belief import unpack
+from ohmward.trace import Kernel
+
+NOISE = Noise()
+NAN, INF = math.nan, math.inf
+LENGTH, FIRST, LAST = 5400, 1800, 3600
+OUTAGE, ONE = slice(FIRST, LAST), slice(FIRST, FIRST + 1)
+TRUTH = simulate(NMC, drive(np.random.default_rng(1), LENGTH, -0.3), 0.9)
+ESTIMATORS: dict[str, Estimator] = {
+    "ekf": TheveninFilter(NMC, NOISE, idle_current_A=0.0),
+    "ukf": TheveninFilter(NMC, NOISE, "ukf", idle_current_A=0.0),
+    "aekf": TheveninFilter(NMC, NOISE, "ekf", matching=True, idle_current_A=0.0),
+    "coulomb": CoulombCounting(NMC, NOISE),
+    "ocv": RestOcv(NMC, NOISE),
+}
+KERNELS: dict[str, Kernel] = {}
+
+
+def run(name, columns):
+    """Estimates (T,) of the estimator of this name over columns (T,)."""
+    estimator = ESTIMATORS[name]
+    state = estimator.init(row(columns, 0), 0.9)
+    kernel = KERNELS.setdefault(name, Kernel(estimator.step, state, row(columns, 0)))
+    return kernel.scan(state, columns)
+
+
+def broken(where, **changes):
+    """Samples of a good run in which some values are replaced, or changed by a function."""
+    columns = samples(TRUTH, 0.02, NOISE)
+    for name, new in changes.items():
+        column = getattr(columns, name)
+        column[where] = new(column[where]) if callable(new) else new
+    return columns
+
+
+def flagged(estimates, flag):
+    """Indices of the samples that carry the flag."""
+    return np.flatnonzero(estimates.flags.astype(int) & flag)
+
+
+def assert_sane(estimates):
+    assert np.all((estimates.soc >= 0.0) & (estimates.soc <= 1.0))
+    assert np.all(np.isfinite(estimates.soc_std) & (estimates.soc_std > 0.0))
+
+
+SINGLE: dict[str, tuple[dict[str, Any], Flag]] = {
+    "voltage nan": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
+    "voltage inf": ({"voltage_V": INF}, Flag.NO_VOLTAGE),
+    "voltage 0": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
+    "voltage +5 V": ({"voltage_V": lambda v: v + 5.0}, Flag.NO_VOLTAGE),
+    "voltage -5 V": ({"voltage_V": lambda v: v - 5.0}, Flag.NO_VOLTAGE),
+    "voltage +3 V": ({"voltage_V": lambda v: v + 3.0}, Flag.VOLTAGE_REJECTED),
+    "voltage -2 V": ({"voltage_V": lambda v: v - 2.0}, Flag.VOLTAGE_REJECTED),
+    "current nan": ({"current_A": NAN}, Flag.NO_CURRENT),
+    "current inf": ({"current_A": -INF}, Flag.NO_CURRENT),
+    "current 1000 A": ({"current_A": 1000.0}, Flag.NO_CURRENT),
+    "current -1000 A": ({"current_A": -1000.0}, Flag.NO_CURRENT),
+    "everything nan": ({"current_A": NAN, "voltage_V": NAN}, Flag.NO_CURRENT | Flag.NO_VOLTAGE),
+    "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
+    "time nan": ({"dt_s": NAN}, Flag.BAD_TIME),
+    "time 50 years on": ({"dt_s": 1.6e9}, Flag.BAD_TIME),
+    "temperature nan": ({"temperature_degC": NAN}, Flag(0)),
+    "temperature -127": ({"temperature_degC": -127.0}, Flag(0)),
+    "time stands": ({"dt_s": 0.0}, Flag(0)),
+}
+
+
+@pytest.mark.parametrize("fault", SINGLE)
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_one_bad_sample_is_flagged_and_changes_next_to_nothing(name, fault):
+    changes, expected = SINGLE[fault]
+    _, good = run(name, broken(ONE))
+    _, estimates = run(name, broken(ONE, **changes))
+    assert_sane(estimates)
+    added = int(estimates.flags[FIRST]) & ~int(good.flags[FIRST]) & ~int(Flag.REST)
+    assert Flag(added) == expected
+    assert np.max(np.abs(estimates.soc - good.soc)) < 0.002
+
+
+@pytest.mark.parametrize("name", ["coulomb", "ocv"])
+@pytest.mark.parametrize("current_A", [1000.0, NAN, INF])
+def test_one_bad_current_costs_counting_no_charge(name, current_A):
+    _, good = run(name, broken(ONE))
+    _, estimates = run(name, broken(ONE, current_A=current_A))
+    assert flagged(estimates, Flag.NO_CURRENT).tolist() == [FIRST]
+    assert np.max(np.abs(estimates.soc - good.soc)) < 0.001
+
+
+def test_flags_are_counted_sample_by_sample():
+    columns = broken(OUTAGE, voltage_V=NAN)
+    columns.current_A[10:15] = NAN
+    columns.dt_s[20] = -1.0
+    _, estimates = run("ekf", columns)
+    counts = Counter({flag: len(flagged(estimates, flag)) for flag in Flag})
+    assert counts[Flag.NO_VOLTAGE] == LAST - FIRST
+    assert counts[Flag.NO_CURRENT] == 5
+    assert counts[Flag.BAD_TIME] == 1
+
+
+LASTING: dict[str, dict[str, Any]] = {
+    "voltage nan": {"voltage_V": NAN},
+    "current nan": {"current_A": NAN},
+    "everything nan": {"voltage_V": NAN, "current_A": NAN},
+    "voltage stuck": {"voltage_V": float(TRUTH.voltage_V[FIRST])},
+    "voltage +0.2 V": {"voltage_V": lambda v: v + 0.2},
+    "voltage -0.2 V": {"voltage_V": lambda v: v - 0.2},
+    "voltage of another battery": {"voltage_V": 7.0},
+    "current stuck": {"current_A": 1.0},
+    "current with the wrong sign": {"current_A": lambda i: -i},
+}
+
+
+@pytest.mark.parametrize("fault", LASTING)
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_half_an_hour_of_a_fault_is_survived_and_the_estimate_returns(name, fault):
+    _, estimates = run(name, broken(OUTAGE, **LASTING[fault]))
+    error = estimates.soc - TRUTH.soc
+    assert_sane(estimates)
+    assert abs(error[-1]) < max(0.05, 3 * estimates.soc_std[-1])
+    assert abs(error[-1]) < 0.1
+
+
+@pytest.mark.parametrize("fault", ["voltage +0.2 V", "voltage -0.2 V", "voltage of another battery", "current stuck"])
+def test_a_lasting_contradiction_is_noticed_in_time(fault):
+    _, estimates = run("ekf", broken(OUTAGE, **LASTING[fault]))
+    lost = flagged(estimates, Flag.LOST)
+    assert lost.size
+    assert lost[0] >= FIRST + 60
+    assert estimates.soc_std[lost[0] : LAST].max() > 0.1
+
+
+def test_nothing_is_lost_without_a_fault():
+    _, estimates = run("ekf", broken(ONE))
+    assert not flagged(estimates, Flag.LOST | Flag.VOLTAGE_REJECTED).size
+
+
+@pytest.mark.parametrize("name", ["ekf", "ukf", "coulomb"])
+def test_without_a_current_sigma_grows_as_without_samples(name):
+    """An hour without a current is the same doubt, whether it comes as one step or as 3600."""
+    columns = broken(OUTAGE, current_A=NAN, voltage_V=NAN)
+    _, dark = run(name, columns)
+    keep = np.r_[0:FIRST, LAST - 1 : LENGTH]
+    short = Sample(*(column[keep] for column in columns))._replace(dt_s=np.diff(TRUTH.time_s[keep], prepend=0.0))
+    _, gap = run(name, short)
+    assert gap.soc_std[FIRST] == pytest.approx(dark.soc_std[LAST - 1], rel=0.02)
+    assert gap.soc_std[FIRST] > 0.14
+    assert int(gap.flags[FIRST]) & Flag.GAP
+
+
+@pytest.mark.parametrize("model", [NMC, LFP], ids=["nmc", "lfp"])
+@pytest.mark.parametrize("inside_A", [-1.0, 0.0, 0.3])
+def test_after_an_hour_off_sigma_covers_what_may_have_happened(model, inside_A):
+    current = np.concatenate([drive(np.random.default_rng(3), 1200), np.full(3600, inside_A), np.full(1200, -0.5)])
+    truth = simulate(model, current, 0.8)
+    keep = np.r_[0:1200, 4800:6000]
+    columns = Sample(*(column[keep] for column in samples(truth, 0.02, NOISE)))
+    columns = columns._replace(dt_s=np.diff(truth.time_s[keep], prepend=0.0))
+    estimator = TheveninFilter(model, NOISE)
+    state = estimator.init(row(columns, 0), 0.8)
+    _, estimates = Kernel(estimator.step, state, row(columns, 0)).scan(state, columns)
+    error = estimates.soc - truth.soc[keep]
+    assert np.all(np.abs(error) < 3 * estimates.soc_std)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize(
+    "first", [Sample(NAN, NAN, NAN, NAN), Sample(0.0, 1e300, 1e300, 1e300), Sample(-1.0, INF, 0.0, -INF)]
+)
+def test_a_first_sample_of_garbage_is_a_start_from_nothing(name, first):
+    estimator, sample = ESTIMATORS[name], Sample(*first)
+    _, estimate = estimator.step(estimator.init(sample), sample)
+    assert estimate.soc == pytest.approx(0.5, abs=0.01)
+    assert estimate.soc_std == pytest.approx(0.289, abs=0.01)
+
+
+anything = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.floats(-10.0, 10.0),
+    st.sampled_from([0.0, -0.0, 1e-300, 1e308, -1e308, NAN, INF, -INF, 3.7, 600.0, 601.0, 3e7]),
+)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.builds(Sample, anything, anything, anything, anything), min_size=1, max_size=60))
+def test_whatever_the_samples_hold_the_estimate_is_one(name, garbage):
+    columns = Sample(*(np.array(column) for column in zip(*garbage, strict=True)))
+    state, estimates = run(name, columns)
+    assert_sane(estimates)
+    if hasattr(state, "belief"):
+        assert_covariance(unpack(state.belief).cov)
+
+
+def assert_covariance(P):
+    """Finite and positive semidefinite, each state in its own unit."""
+    std = np.sqrt(np.diag(P))
+    assert np.all(np.isfinite(P))
+    assert np.all(std > 0.0)
+    assert np.linalg.eigvalsh(P / np.outer(std, std)).min() > -1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_a_hundred_thousand_samples_of_garbage(name):
+    rng = np.random.default_rng(1)
+    wild = np.array([NAN, INF, -INF, 0.0, 1e308, -1e308, 1e-308, -5.0, 700.0, 1e7])
+
+    def column(low, high):
+        plausible = rng.uniform(low, high, 100_000)
+        absurd = rng.choice(wild, 100_000) * rng.choice([1.0, 1.0, 1e-3, 1e3], 100_000)
+        return np.where(rng.random(100_000) < 0.3, absurd, plausible)
+
+    with np.errstate(all="ignore"):
+        columns = Sample(column(0.0, 3.0), column(-20.0, 20.0), column(2.0, 5.0), column(-20.0, 60.0))
+    state, estimates = run(name, columns)
+    assert_sane(estimates)
+    if hasattr(state, "belief"):
+        assert_covariance(unpack(state.belief).cov)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_a_million_steps(name):
+    """Eleven days at 1 Hz, a gentle cycle between 40 and 60 %."""
+    repeats = 185
+    swing = np.repeat([-0.4, 0.4], 2700)
+    current = np.concatenate([swing[1350:], swing[:1350]])
+    truth = simulate(NMC, current, 0.5)
+    one = samples(truth, 0.02, NOISE)
+    columns = Sample(*(np.tile(column, repeats) for column in one))
+    columns.dt_s[:] = 1.0
+    state, estimates = run(name, columns)
+    assert_sane(estimates)
+    assert_covariance(unpack(state.belief).cov)
+    assert np.abs(estimates.soc[-5400:] - truth.soc).max() < 0.03

@@ -1,0 +1,62 @@
+"""Measured cells with start values for their chemistry, which nobody fitted to them: coarse bounds."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import start_model, start_noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.logs.log import Log
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+def measured(name):
+    """Columns of a measured Parquet file by name."""
+    parquet = pytest.importorskip("pyarrow.parquet", reason="reading measured data needs pyarrow")
+    path = Path(os.environ.get("OHMWARD_DATA", REPOSITORY.parent / "shared" / "data")) / name
+    if not path.exists():
+        pytest.skip(f"measured data not found: {path} (set OHMWARD_DATA to the folder that holds it)")
+    return {key: np.array(values, dtype=float) for key, values in parquet.read_table(path).to_pydict().items()}
+
+
+@pytest.mark.parametrize("method", ["ekf", "ukf"])
+@pytest.mark.parametrize("offset_A", [0.0, 0.05])
+@pytest.mark.parametrize("start", [0.8, 0.45, None])
+def test_nmc_cell_on_a_drive_cycle(method, offset_A, start):
+    data = measured("calce_inr18650_20r/DST_25C_80SOC.parquet")
+    grid = np.linspace(0.0, 1.0, 201)
+    polynomial = [6.22208, -19.90939, 23.98139, -12.65667, 3.29470, 3.24331]
+    ocv = OcvCurve(tuple(np.maximum.accumulate(np.polyval(polynomial, grid))))
+    model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise(2.0, ocv_known=True)
+    estimator = TheveninFilter(model, noise, method, idle_current_A=0.0)
+    log = Log("20R", data["time_s"], offset_A - data["current_A"], data["voltage_V"])
+    check(SocEstimator(estimator, start).run(log).estimates, data["soc"])
+
+
+@pytest.mark.parametrize("offset_A", [0.0, 0.05])
+@pytest.mark.parametrize("start", [1.0, 0.65, None])
+def test_lfp_cell_through_its_plateau(offset_A, start):
+    data = measured("plett_a123_lfp/a123_dyn.parquet")
+    chosen = (data["temp_C"] == 25.0) & (data["script"] == 1.0)
+    time_s, current_A, voltage_V, charge_Ah, discharge_Ah = (
+        data[name][chosen] for name in ("time_s", "current_A", "voltage_V", "chg_Ah", "dis_Ah")
+    )
+    taken_Ah = discharge_Ah - charge_Ah
+    estimator = TheveninFilter(start_model("lfp", 2.03), start_noise(2.03), idle_current_A=0.0)
+    log = Log("A123", time_s, offset_A - current_A, voltage_V)
+    check(SocEstimator(estimator, start).run(log).estimates, 1.0 - (taken_Ah - taken_Ah[0]) / 2.03)
+
+
+def check(estimates, soc):
+    """After the first tenth: right to a few per cent, and inside a band that is not absurdly wide."""
+    settled = slice(len(soc) // 10, None)
+    error, std = (estimates.soc - soc)[settled], estimates.soc_std[settled]
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    assert np.abs(error).max() < 0.08
+    assert np.mean(np.abs(error) < 1.96 * std) > 0.85
+    assert std.mean() < 0.08

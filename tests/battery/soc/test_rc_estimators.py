@@ -1,0 +1,364 @@
+"""State of charge on the RC model: three estimators of one shape, on simulated and on measured batteries."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
+from ohmward.battery.identification.rc_identification import identify_rc
+from ohmward.battery.models import rc
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc import rc_linear
+from ohmward.battery.soc.clean_sample import read
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.rc_kalman import RcKalman
+from ohmward.battery.soc.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
+from ohmward.battery.soc.rc_soc import SOC, Parameters, RcSoc
+from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.errors import InputError
+from ohmward.filters import kalman
+from ohmward.filters.belief import unpack
+from ohmward.published.rc_adaptive_soc import adaptive_soc_of, even, lasting_resistance
+from ohmward.trace import Kernel
+
+NAN = math.nan
+MODEL = model_of(EVEN)
+SENSORS = Noise(
+    voltage_std_V=0.002,
+    model_std_V=(1e-4, 1e-4),
+    overpotential_share=0.0,
+    soc_axis_std=0.0,
+    correlation_s=0.0,
+    current_std_A=0.02,
+    current_offset_std_A=0.05,
+    capacity_std=0.0,
+    resistance_std=0.001,
+)
+ESTIMATORS: dict[str, Any] = {
+    "kalman": RcKalman(MODEL, SENSORS),
+    "soc": RcSoc(MODEL, SENSORS),
+    "scheme": adaptive_soc_of(MODEL, SENSORS),
+}
+ALL = pytest.mark.parametrize("name", ESTIMATORS)
+
+
+def simulated(seed=0, count=1500, **options):
+    return simulate(EVEN, count, seed, voltage_std_V=0.002, current_std_A=0.02, **options)
+
+
+@cache
+def kernel_of(name):
+    estimator = ESTIMATORS[name]
+    first = Sample(0.0, 0.0, 12.5, NAN)
+    return Kernel(estimator.step, estimator.init(first), first)
+
+
+def estimated(name, samples, soc=None, soc_std=0.03):
+    """Estimates (T,) of one log."""
+    return kernel_of(name).scan(ESTIMATORS[name].init(row(samples, 0), soc, soc_std), samples)[1]
+
+
+@ALL
+def test_wrong_start_is_overruled_by_the_voltage(name):
+    run = simulated(soc=0.6)
+    found = estimated(name, run.samples, soc=0.9)
+    assert np.abs(found.soc - run.soc)[200:].max() < 0.02
+    assert not np.any(found.flags)
+
+
+@ALL
+def test_current_offset_is_found_and_does_not_drag_the_charge(name):
+    run = simulated(count=6000, offset_A=0.06)
+    found = estimated(name, run.samples)
+    assert np.abs(found.soc - run.soc)[3000:].max() < 0.02
+    if name != "scheme":
+        assert found.current_offset_A[-1] == pytest.approx(0.06, abs=0.02)
+
+
+@ALL
+def test_sigma_covers_the_error(name):
+    """Start, offset and noise drawn from what the filter assumes: 95 % lie within two sigma, and not far within."""
+    rng, inside, sizes = np.random.default_rng(8), [], []
+    for seed in range(24):
+        run = simulated(seed, 800, offset_A=0.05 * rng.standard_normal(), soc=rng.uniform(0.5, 0.95))
+        found = estimated(name, run.samples, run.soc[0] + 0.03 * rng.standard_normal())
+        inside.append(np.abs(found.soc - run.soc)[[50, 200, 799]] < 2 * found.soc_std[[50, 200, 799]])
+        sizes.append(np.abs(found.soc - run.soc)[799] / found.soc_std[799])
+    assert np.mean(inside) > 0.85
+    assert np.mean(sizes) > 0.05
+
+
+def test_curve_and_state_agree_where_the_curve_is_straight():
+    """[P]'s inverse curve and [T]'s third state are the same filter on a battery with a straight OCV line.
+
+    But for the first surface voltage, whose uncertain charge is in the curve's SoC and not in the state's.
+    """
+    run = simulated(offset_A=0.05, soc=0.8)
+    by_curve, by_state = (estimated(name, run.samples, 0.75) for name in ("kalman", "soc"))
+    np.testing.assert_allclose(by_curve.soc, by_state.soc, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(by_curve.voltage_V, by_state.voltage_V, rtol=0, atol=1e-4)
+
+
+def test_without_doubts_it_is_the_textbook_filter():
+    """Offset, model error and resistance exact: what is left is the Kalman filter on [V_cb, V_cs]."""
+    noise = replace(
+        SENSORS,
+        model_std_V=(0.0, 0.0),
+        current_offset_std_A=0.0,
+        current_offset_walk_A=0.0,
+        resistance_std=0.0,
+        resistance_walk=0.0,
+    )
+    estimator, run = RcKalman(model_of(UNEVEN), noise), simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8)
+    state = estimator.init(row(run.samples, 0), soc=0.7, soc_std=0.1)
+    belief = unpack(state.belief)
+    belief = belief._replace(mean=belief.mean[:2], cov=belief.cov[:2, :2])
+    H, before_A = np.array([rc.divider(UNEVEN)[::-1]]), state.current_A
+    for k in range(300):
+        sample = row(run.samples, k)
+        F, B = rc.transition(UNEVEN, sample.dt_s)
+        path = (0.15 * (sample.current_A - before_A) * sample.dt_s) ** 2
+        variance_As2 = noise.current_std_A**2 * sample.dt_s + path
+        Q = np.full((2, 2), variance_As2 / sum(UNEVEN[:2]) ** 2)
+        belief = kalman.predict(belief, F, Q, B * 0.5 * (before_A + sample.current_A))
+        y = np.array([sample.voltage_V - rc.instant_resistance(UNEVEN) * sample.current_A])
+        belief, _ = kalman.update(belief, y, H, np.array([[noise.voltage_std_V**2]]))
+        state, _ = estimator.step(state, sample)
+        before_A = sample.current_A
+    mean, cov = unpack(state.belief)
+    np.testing.assert_allclose(mean[:2], belief.mean, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(cov[:2, :2], belief.cov, rtol=1e-9)
+
+
+def test_system_is_linear_in_offset_and_output_in_resistance():
+    """F, B and H against the model's own step and output."""
+    x = np.array([12.5, 12.4, 0.7, 0.3, 0.1])
+    F, B = rc_linear.transition(UNEVEN, 0.9, 2.0)
+    after = F @ x + B * 5.0
+    np.testing.assert_allclose(after[:2], rc.next_state(x[:2], 5.0 - 0.3, UNEVEN, 2.0), atol=1e-12)
+    np.testing.assert_allclose(after[2:], [0.63, 0.3, 0.1])
+    over_V = rc_linear.overpotential(x, 5.0, UNEVEN)
+    expected = rc.voltage(x[:2], 5.0 - 0.3, UNEVEN)[0] + 0.02 * 0.7 + 0.1 * over_V
+    found = rc_linear.output(UNEVEN, 0.02, over_V) @ x + rc.instant_resistance(UNEVEN) * 5.0
+    np.testing.assert_allclose(found, [expected])
+    assert over_V == pytest.approx(rc.voltage(x[:2], 4.7, UNEVEN)[0] - 12.5)
+
+
+def test_model_error_lives_along_charge():
+    """It stays at rest, and its variance is one whatever the charge that flows."""
+    noise = replace(SENSORS, model_soc_length=0.1)
+    assert rc_linear.error_kept(0.0, noise) == 1.0
+    assert rc_linear.error_kept(0.1, noise) == pytest.approx(math.exp(-1))
+    kept = rc_linear.error_kept(0.04, noise)
+    Q = rc_linear.process_noise(np.zeros((2, 2)), kept, 1.0, noise)
+    assert kept**2 + Q[MODEL_ERROR, MODEL_ERROR] == pytest.approx(1.0)
+
+
+def test_resistance_error_is_found():
+    """A battery with resistances 30 % above the file's."""
+    worn = rc.Circuit(*EVEN[:2], *(1.3 * r for r in EVEN[2:]))
+    noise = replace(SENSORS, resistance_std=0.3)
+    run = simulate(worn, 3000, 5, voltage_std_V=0.002, soc=0.9)
+    found = SocEstimator(RcKalman(MODEL, noise)).run(log_of(run.samples)).estimates
+    assert found.resistance_share[-1] == pytest.approx(1.3, rel=0.05)
+    assert np.abs(found.soc - run.soc)[500:].max() < 0.02
+
+
+def test_scheme_tells_capacity_and_resistance():
+    worn = rc.Circuit(0.85 * EVEN[0], 0.85 * EVEN[1], *(1.3 * r for r in EVEN[2:]))
+    run = simulate(worn, 5000, 6, voltage_std_V=0.002, soc=0.9)
+    found = (
+        SocEstimator(adaptive_soc_of(MODEL, replace(SENSORS, resistance_std=0.3))).run(log_of(run.samples)).estimates
+    )
+    assert found.resistance_share[-1] == pytest.approx(1.3, rel=0.03)
+    assert found.capacity_share[-1] == pytest.approx(0.85, rel=0.03)
+
+
+def test_scheme_starts_with_the_same_lasting_resistance():
+    nominal = even(model_of(UNEVEN))
+    p = rc.Circuit(nominal.c_bulk_F, nominal.c_surface_F, nominal.r_ohm, nominal.r_ohm, nominal.r_terminal_ohm)
+    assert lasting_resistance(p) == pytest.approx(lasting_resistance(UNEVEN), rel=0.05)
+    assert even(MODEL) == (*EVEN[:3], EVEN[4])
+
+
+FAULTS = {
+    "no voltage": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
+    "no current": ({"current_A": NAN}, Flag.NO_CURRENT),
+    "no time": ({"dt_s": NAN}, Flag.BAD_TIME),
+    "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
+    "gap": ({"dt_s": 1200.0, "voltage_V": NAN}, Flag.GAP | Flag.NO_VOLTAGE),
+    "voltage spike": ({"voltage_V": 20.0}, Flag.VOLTAGE_REJECTED),
+    "voltage wire off": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
+    "voltage of no such battery": ({"voltage_V": 40.0}, Flag.NO_VOLTAGE),
+    "current of no such battery": ({"current_A": -1e4}, Flag.NO_CURRENT),
+    "nothing": ({"dt_s": NAN, "current_A": NAN, "voltage_V": NAN}, Flag.BAD_TIME | Flag.NO_CURRENT | Flag.NO_VOLTAGE),
+    "repeated": ({"dt_s": 0.0}, Flag(0)),
+}
+
+
+@ALL
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_is_flagged_and_survived(name, fault):
+    changes, flag = FAULTS[fault]
+    run = simulated(soc=0.8)
+    samples = Sample(*(c.copy() for c in run.samples))
+    for column, value in changes.items():
+        getattr(samples, column)[705] = value
+    found = estimated(name, samples)
+    assert found.flags[705] == float(flag)
+    assert np.count_nonzero(found.flags.astype(int) & ~int(Flag.SOC_LIMITED)) == (1 if flag else 0)
+    assert np.isfinite(found.soc).all()
+    assert np.isfinite(found.voltage_V).all()
+    assert np.abs(found.soc - run.soc)[800:].max() < (0.05 if fault == "gap" else 0.02)
+
+
+@pytest.mark.parametrize("name", ["kalman", "soc"])
+def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
+    """The voltage of another battery in the middle of a log: rejected for a minute, then the filter doubts itself."""
+    run = simulated(soc=0.6)
+    samples = run.samples._replace(voltage_V=run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700))
+    found = estimated(name, samples)
+    rejected = (found.flags.astype(int) & Flag.VOLTAGE_REJECTED) > 0
+    assert rejected[700:760].all()
+    assert not rejected[770:].any()
+    assert np.count_nonzero(found.flags.astype(int) & Flag.LOST) <= 3
+    assert found.soc[-1] - run.soc[-1] > 0.1
+
+
+def test_scheme_survives_a_joint_filter_that_is_lost():
+    """Until the joint filter knows something again the model's own circuit serves."""
+    scheme, run = ESTIMATORS["scheme"], simulated(soc=0.6)
+    state = scheme.init(row(run.samples, 0))
+    lost = state.joint.belief._replace(mean=np.full(7, NAN), lower=np.full(28, NAN))
+    state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
+    assert estimate.flags == Flag.NOT_POSITIVE_DEFINITE
+    assert (estimate.capacity_share, estimate.resistance_share) == (1.0, 1.0)
+    _, found = kernel_of("scheme").scan(state, Sample(*(c[1:] for c in run.samples)))
+    assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
+
+
+@pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
+def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
+    estimator = RcSoc(MODEL, SENSORS)
+    state, sample = estimator.init(Sample(0.0, -5.0, 12.6, NAN)), Sample(10.0, -5.0, 12.6, NAN)
+    _, sure = estimator.step(state, sample, Parameters(EVEN))
+    _, unsure = estimator.step(state, sample, Parameters(EVEN, **{doubt: 0.5}))
+    assert unsure.voltage_std_V > 1.1 * sure.voltage_std_V
+
+
+def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
+    noise = replace(SENSORS, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
+    reading = read(Sample(10.0, 1.0, 12.0, NAN), 1.0, 25.0, 600.0)
+    once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
+    assert rc_linear.voltage_variance(reading, 0.5, 1.2, noise, 0.1) == pytest.approx(20 * once)
+    rarely = reading._replace(dt_s=300.0)
+    assert rc_linear.voltage_variance(rarely, 0.5, 1.2, noise, 0.1) == pytest.approx(once)
+
+
+@ALL
+def test_charge_beyond_full_is_limited_and_said(name):
+    run = simulated(soc=1.0)
+    samples = run.samples._replace(current_A=np.full(1500, 6.0), voltage_V=np.full(1500, NAN))
+    found = estimated(name, samples, soc=0.98)
+    assert found.soc.max() <= 1.0
+    assert int(found.flags[-1]) & Flag.SOC_LIMITED
+
+
+@ALL
+def test_traced_step_is_the_step(name):
+    samples = Sample(*(c[:80] for c in simulated(soc=0.7).samples))
+    estimator = ESTIMATORS[name]
+    state, by_float = estimator.init(row(samples, 0)), []
+    for k in range(80):
+        state, estimate = estimator.step(state, row(samples, k))
+        by_float.append(estimate)
+    found = estimated(name, samples)
+    for traced, floats in zip(found, zip(*by_float, strict=True), strict=True):
+        np.testing.assert_allclose(traced, np.array(floats, dtype=float), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [RcKalman, RcSoc])
+@pytest.mark.parametrize("name", ["gap_s", "gate", "current_limit_C"])
+def test_bad_settings_are_refused(kind, name):
+    with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):
+        kind(MODEL, SENSORS, **{name: 0.0})
+
+
+def test_names_belong_to_the_state():
+    first = Sample(0.0, 0.0, 12.5, NAN)
+    for estimator in (ESTIMATORS["kalman"], ESTIMATORS["soc"]):
+        assert len(estimator.state_names) == len(estimator.init(first).belief.mean)
+    names = ESTIMATORS["soc"].state_names
+    places = (names[BULK], names[MODEL_ERROR], names[OFFSET], names[RESISTANCE], names[SOC])
+    assert places == ("bulk_V", "model_error", "offset_A", "resistance", "soc")
+
+
+def test_inverse_curve_undoes_the_curve():
+    soc = np.linspace(0.0, 1.0, 21)
+    bent = RcKalman(replace(MODEL, ocv=OcvCurve(tuple(11.5 + soc + 0.3 * np.sin(3 * soc)))))
+    for s in np.linspace(0.01, 0.99, 37):
+        assert bent.soc(bent.ocv_V(s)) == pytest.approx(s, abs=1e-3)
+    assert bent.soc(5.0) == 0.0
+    assert bent.soc(20.0) == 1.0
+
+
+# ---- measured batteries --------------------------------------------------------------------------------------------
+
+#: Discharges of the lead-acid telemetry [h], the first apart; each ends at the cut-off or before a charge.
+LATER_DISCHARGES_H = ((23.5, 33.5), (47.0, 59.0), (72.3, 80.0), (88.8, 103.8))
+LEAD_ACID_AH = 19.7
+
+
+@pytest.fixture(scope="module")
+def lead_acid():
+    return measured_log("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
+
+
+def make(kind, found):
+    makers: dict[str, Any] = {"kalman": RcKalman, "soc": RcSoc, "scheme": adaptive_soc_of}
+    return makers[kind](found.model, found.noise)
+
+
+@pytest.mark.parametrize("first_h", [9.5, 33.5], ids=["from one discharge", "from the first day"])
+@pytest.mark.parametrize("initial_soc", [1.0, 0.7], ids=["right start", "wrong start"])
+@ALL
+def test_lead_acid_telemetry(lead_acid, name, initial_soc, first_h):
+    """The bar of [P] is 2.2 % mean error for RC + KF on sealed lead-acid; here on discharges never seen before."""
+    found = identify_rc(lead_acid.between(0, 3600 * first_h), None, LEAD_ACID_AH, start_soc=1.0)
+    for start_h, stop_h in (d for d in LATER_DISCHARGES_H if d[0] >= first_h):
+        log = lead_acid.between(3600 * start_h, 3600 * stop_h)
+        estimates = SocEstimator(make(name, found), initial_soc).run(log).estimates
+        error = estimates.soc - (1 + log.charge_Ah() / LEAD_ACID_AH)
+        assert np.abs(error).mean() < 0.022
+        assert np.mean(np.abs(error) < 2 * estimates.soc_std) > 0.9
+
+
+def test_iron_phosphate_is_survived_and_its_sigma_says_so():
+    """A plateau tells a linear model next to nothing: the error is large, and the sigma is too."""
+    dynamic = measured_log("plett_a123_lfp/a123_dyn.parquet", where={"temp_C": 25, "script": 1})
+    slow = [measured_log("plett_a123_lfp/a123_ocv.parquet", where={"temp_C": 25, "script": s}) for s in (1, 3)]
+    soc = 1 - (dynamic.extra["dis_Ah"] - dynamic.extra["chg_Ah"]) / 2.03
+    half = dynamic.select(slice(0, len(dynamic) // 2))
+    found = identify_rc(half, mean_curve(*slow), 2.03, start_soc=1.0)
+    assert rc.instant_resistance(found.model) == pytest.approx(0.0099, rel=0.1)
+    run = SocEstimator(RcKalman(found.model, found.noise), 1.0).run(dynamic).estimates
+    error = run.soc - soc
+    assert np.isfinite(run.soc).all()
+    assert np.abs(error).max() < 0.3
+    assert np.mean(np.abs(error) < 2 * run.soc_std) > 0.85
+
+
+def mean_curve(discharge, charge):
+    """OCV curve between a slow discharge and a slow charge."""
+    grid, branches = np.linspace(0.0, 1.0, 101), []
+    for log in (discharge, charge):
+        moved = log.charge_Ah()
+        soc = (moved - moved.min()) / np.ptp(moved)
+        order = np.argsort(soc)
+        branches.append(np.interp(grid, soc[order], log.voltage_V[order]))
+    return OcvCurve(tuple(np.maximum.accumulate(np.mean(branches, axis=0))))

@@ -1,0 +1,169 @@
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ohmward.battery.battery import Battery, Confidence, Fit, Identification
+from ohmward.battery.file import dump_battery, load_battery, parse_battery, save_battery
+from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.errors import InputError, OhmwardError
+
+OCV = OcvCurve((3.0, 3.5, 4.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
+THEVENIN = Thevenin(2.0, OCV, (0.05, 0.04), (0.05, 0.04), ((0.01, 0.02), (0.03, 0.01)), (10.0, 500.0))
+RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0)
+PROVENANCE = Identification(
+    2.0,
+    2.03,
+    (Fit("a", "pulses", 0.1, 1.0, 0.003, 0.02), Fit("b", "low-rate charge", 0.0, 1.0)),
+    (Confidence("tau1_s", 10.0, 8.0, 12.0),),
+    ("info: something", 'warning: "quoted", back\\slash, µ'),
+)
+FULL = Battery(
+    "cell A", 2.0, "lfp", 4, 8.0, 14.6, -0.12, THEVENIN, RC, Noise(), Noise(), PROVENANCE, ("hysteresis: none seen",)
+)
+PLAIN = Battery("plain", 2.0, thevenin=THEVENIN)
+
+
+@pytest.mark.parametrize("battery", [FULL, PLAIN, Battery("rc", 2.0, rc=RC)])
+def test_round_trip(battery, tmp_path):
+    save_battery(battery, tmp_path / "battery.toml")
+    assert load_battery(tmp_path / "battery.toml") == battery
+
+
+positive = st.floats(1e-9, 1e9)
+volts = st.floats(0.0, 1e3)
+
+
+@st.composite
+def batteries(draw):
+    points = draw(st.integers(2, 30))
+    curve = np.cumsum(draw(st.lists(volts, min_size=points, max_size=points)))
+    grid = draw(st.integers(2, 25))
+    row = st.lists(st.floats(0.0, 1e3), min_size=grid, max_size=grid).map(tuple)
+    pairs = draw(st.integers(0, 3))
+    tau_s = tuple(float(10.0 ** (2 * j) * draw(st.floats(1.0, 50.0))) for j in range(pairs))
+    p = Thevenin(
+        draw(positive),
+        OcvCurve(tuple(curve.tolist())),
+        draw(row),
+        draw(row),
+        tuple(draw(row) for _ in range(pairs)),
+        tau_s,
+        activation_K=draw(st.floats(-1e4, 1e4)),
+    )
+    name = draw(st.text(st.characters(codec="utf-8"), max_size=30))
+    return Battery(name, draw(positive), thevenin=p, not_identified=(name,), noise=Noise(model_std_V=draw(row)))
+
+
+@given(batteries())
+@settings(max_examples=60, deadline=None)
+def test_what_was_rounded_once_stays_as_it_is(battery):
+    text = dump_battery(battery)
+    again = parse_battery(text)
+    assert dump_battery(again) == text
+    assert again.name == battery.name
+    assert again.thevenin is not None
+    assert again.thevenin.tau_s == pytest.approx(battery.thevenin.tau_s, rel=1e-5)
+    assert again.thevenin.ocv.voltage_V == pytest.approx(battery.thevenin.ocv.voltage_V, rel=1e-5, abs=1e-12)
+
+
+def test_it_reads_like_a_document():
+    text = dump_battery(FULL)
+    assert text.startswith("# A battery as ohmward knows it.")
+    assert 'format = "ohmward-battery/1"' in text.splitlines()[4:6]
+    assert "[thevenin.ocv]" in text and "[[identification.logs]]" in text and "[noise]" in text
+    assert max(map(len, text.splitlines())) <= 140
+    assert tomllib.loads(text)["thevenin"]["tau_s"] == [10.0, 500.0]
+
+
+def edited(old, new):
+    text = dump_battery(FULL)
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def test_a_hand_edit_is_taken():
+    text = edited("idle_current_A = -0.12", "# measured at the bench\nidle_current_A = -1")
+    assert parse_battery(text).idle_current_A == -1.0
+
+
+def test_a_file_from_a_data_sheet_needs_little():
+    text = """
+        format = "ohmward-battery/1"
+        name = "sheet"
+        capacity_Ah = 7
+        [thevenin]
+        capacity_Ah = 7
+        r0_discharge_ohm = [0.02, 0.02]
+        r0_charge_ohm = [0.02, 0.02]
+        r_ohm = []
+        tau_s = []
+        [thevenin.ocv]
+        voltage_V = [11.8, 12.9]
+    """
+    battery = parse_battery(text)
+    assert battery.noise == Noise() and battery.identification is None
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ('format = "ohmward-battery/1"\n', "", "the key format is missing"),
+        ("ohmward-battery/1", "ohmward-battery/9", "format must be 'ohmward-battery/1', got 'ohmward-battery/9'"),
+        (
+            "capacity_Ah = 2.0\nchem",
+            "capacity_mAh = 2000\nchem",
+            "capacity_mAh is not a key .* did you mean capacity_Ah",
+        ),
+        ("tau_s = [10.0, 500.0]", "tau_ms = [1e4, 5e5]", r"thevenin\.tau_ms is not a key .* did you mean tau_s"),
+        ("tau_s = [10.0, 500.0]\n", "", r"thevenin\.tau_s is missing"),
+        ("tau_s = [10.0, 500.0]", "tau_s = [500.0, 10.0]", r"thevenin\.tau_s must increase"),
+        ("tau_s = [10.0, 500.0]", 'tau_s = [10.0, "500 s"]', r"thevenin\.tau_s\[1\]: expected `float`, got `str`"),
+        ("tau_s = [10.0, 500.0]", "tau_s = 10.0", r"thevenin\.tau_s: expected `array`"),
+        ("voltage_V = [3.0, 3.5, 4.1]", "voltage_V = [3.0, 4.5, 4.1]", r"ocv\.voltage_V must not fall with SoC"),
+        ("voltage_std_V = 0.005", "voltage_std_V = -0.005", r"noise\.voltage_std_V must be > 0, got -0.005"),
+        ("voltage_std_V = 0.005", "voltage_std_V = nan", r"noise\.voltage_std_V must be finite"),
+        ("n_series = 4", "n_series = 0", "n_series must be >= 1"),
+        ("n_series = 4", "n_series = 4.5", "n_series: expected `int`"),
+        ("idle_current_A = -0.12", "idle_current_A = 0.12", "idle_current_A must be between -2 and 0, got 0.12"),
+        ("voltage_max_V = 14.6", "voltage_max_V = 7", "voltage_min_V must be below voltage_max_V, got 8 and 7"),
+        ("[noise]", "[noises]", "noises is not a key of a battery file; did you mean noise"),
+        ('test = "pulses"', 'test = "pulses"\ncolour = 1', r"identification\.logs\[0\]\.colour is not a key"),
+        ("capacity_Ah = 2.0", "capacity_Ah = = 2.0", "is not valid TOML: .* line"),
+        ("name = ", "name = 3 #", "name: expected `str`, got `int`"),
+    ],
+)
+def test_refusals_name_key_rule_and_value(old, new, message):
+    with pytest.raises(InputError, match=message):
+        parse_battery(edited(old, new))
+
+
+def test_a_battery_without_a_model_is_refused():
+    with pytest.raises(InputError, match="has no model"):
+        parse_battery('format = "ohmward-battery/1"\nname = "x"\ncapacity_Ah = 1.0\n')
+    with pytest.raises(InputError, match="has no model"):
+        replace(PLAIN, thevenin=None)
+
+
+def test_unreadable_files_are_refused_by_name(tmp_path):
+    with pytest.raises(InputError, match=r"nothing\.toml: cannot be read"):
+        load_battery(tmp_path / "nothing.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_battery(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"PAR1\xff\xfe")
+    with pytest.raises(InputError, match=r"binary\.toml: is not text in UTF-8"):
+        load_battery(tmp_path / "binary.toml")
+    (tmp_path / "old.toml").write_text('format = "else/1"')
+    with pytest.raises(InputError, match=r"old\.toml: format must be"):
+        load_battery(tmp_path / "old.toml")
+
+
+def test_a_folder_that_is_not_there(tmp_path):
+    with pytest.raises(OhmwardError, match="cannot be written"):
+        save_battery(PLAIN, tmp_path / "no" / "battery.toml")

@@ -1,0 +1,110 @@
+"""What the figures show is what was given: the series, the bands, the stretches that carry a flag."""
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import start_model
+from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.cli import battery_pictures as pictures
+from ohmward.logs import Log
+
+T = 200
+TIME_S = np.arange(float(T))
+LOG = Log("x", TIME_S, np.sin(TIME_S), 12.0 + 0.0 * TIME_S, np.full(T, 25.0))
+NAN = np.full(T, np.nan)
+
+
+def estimates(**fields) -> Estimate:
+    values = dict.fromkeys(Estimate._fields, NAN) | {"soc": np.full(T, 0.5), "soc_std": np.full(T, 0.1)}
+    return Estimate(**(values | {"flags": np.zeros(T)} | fields))
+
+
+def series(figure) -> dict:
+    return {s.label: s for s in figure.series}
+
+
+def test_soc_is_shown_in_percent_with_a_band_of_1_96_sigma():
+    figure = pictures.soc_figure(LOG, estimates(), truth=np.full(T, 0.4))
+    assert series(figure)["estimate"].y == pytest.approx(50.0)
+    assert series(figure)["reference"].y == pytest.approx(40.0)
+    assert figure.bands[0].low == pytest.approx(50.0 - 19.59964)
+    assert figure.bands[0].high == pytest.approx(50.0 + 19.59964)
+
+
+def test_the_band_ends_where_the_charge_ends():
+    figure = pictures.soc_figure(LOG, estimates(soc=np.full(T, 0.95)))
+    assert figure.bands[0].high.max() == 100.0
+
+
+def test_the_error_is_estimate_minus_reference():
+    figure = pictures.soc_error_figure(LOG, estimates(), np.full(T, 0.45))
+    assert figure.series[0].y == pytest.approx(5.0)
+    assert figure.bands[0].high == pytest.approx(19.59964)
+
+
+def test_first_seconds_do_not_flatten_the_errors():
+    std = np.where(TIME_S < 2, 0.5, 0.01)
+    figure = pictures.soc_error_figure(LOG, estimates(soc_std=std), np.full(T, 0.5))
+    assert figure.y_limits == pytest.approx((-2.548, 2.548), rel=1e-3)
+
+
+def test_more_estimators_than_hues_can_still_be_told_apart():
+    figure = pictures.soc_comparison_figure(LOG, {f"filter {k}": estimates() for k in range(8)})
+    assert [s.style for s in figure.series] == ["line"] * 6 + ["dashed"] * 2
+
+
+def test_an_estimator_without_a_voltage_shows_none():
+    assert list(series(pictures.voltage_figure(LOG, estimates()))) == ["measured"]
+    expected = series(pictures.voltage_figure(LOG, estimates(voltage_V=np.full(T, 12.1))))
+    assert list(expected) == ["measured", "expected"]
+
+
+def test_flags_become_stretches():
+    flags = np.zeros(T)
+    flags[10:21] = Flag.REST
+    flags[15:18] += Flag.NO_VOLTAGE
+    flags[100] = Flag.VOLTAGE_REJECTED + Flag.SOC_LIMITED
+    spans = pictures.flag_spans(LOG, flags)
+    assert [(s.x_from, s.x_to, s.label, s.role) for s in spans] == [
+        (10.0, 20.0, "rest", "quiet"),
+        (15.0, 17.0, "no voltage", "alert"),
+        (100.0, 100.0, "voltage rejected", "alert"),
+    ]
+
+
+def test_branches_of_the_open_circuit_voltage():
+    ocv = start_model("lfp", 10.0).ocv
+    figure = pictures.ocv_figure(ocv)
+    mean, charge, discharge = (series(figure)[name].y for name in ("mean", "charge branch", "discharge branch"))
+    assert mean == pytest.approx(0.5 * (charge + discharge))
+    assert charge - mean == pytest.approx(0.010)
+
+
+def test_resistances_in_milliohm():
+    model = start_model("nmc", 10.0)
+    figure = pictures.resistance_figure(model)
+    assert list(series(figure)) == ["R0 discharge", "R0 charge", "R1, 20 s", "R2, 500 s"]
+    assert series(figure)["R0 discharge"].y == pytest.approx(10.0)
+
+
+def test_the_histogram_is_a_density_beside_its_normal_distribution():
+    values = 3.0 + 2.0 * np.random.default_rng(1).standard_normal(20_000)
+    figure = pictures.histogram_figure(np.append(values, np.nan), "Residuals", "[mV]")
+    density, normal = figure.series
+    assert np.sum(density.y[:-1] * np.diff(density.x)) == pytest.approx(1.0)
+    assert density.y[:-1] == pytest.approx(normal.y, abs=0.02)
+
+
+def test_a_constant_has_a_histogram_too():
+    assert pictures.histogram_figure(np.ones(10), "Residuals", "[mV]").series
+
+
+def test_intervals_are_drawn_at_the_later_sample():
+    figure = pictures.interval_figure(LOG)
+    assert figure.series[0].x[0] == 1.0
+    assert figure.series[0].y == pytest.approx(1.0)
+
+
+def test_a_log_without_temperature_has_an_empty_figure():
+    log = Log("x", TIME_S, np.ones(T), np.ones(T))
+    assert np.isnan(pictures.temperature_figure(log).series[0].y).all()
