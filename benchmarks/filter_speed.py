@@ -20,7 +20,7 @@ from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters.belief import PackedBelief, unpack
 from ohmward.trace import Kernel, trace
 from ohmward.trace.critical_path import least_step_s
-from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.scan import state_row, state_tree
 from ohmward.trace.structure import scalar_names, size
 from peers import Absent, Contestant, contestants, numpy_by_hand

@@ -22,10 +22,10 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 from ohmward.trace import Kernel, trace
 from ohmward.trace.critical_path import least_step_s
-from ohmward.trace.llvm import machine_code
 from ohmward.trace.llvm.latency import latencies
 from ohmward.trace.llvm.peak import peak_flops
-from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.lower import llvm_machine_code as machine_code
+from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.trace.c_source import literal
+from ohmward.trace.lower.c_source import literal
 
 HERE = Path(__file__).resolve().parent
 TOOLS = ("arm-none-eabi-gcc", "arm-none-eabi-size", "arm-none-eabi-objdump", "qemu-system-arm")

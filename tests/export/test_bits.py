@@ -21,7 +21,7 @@ EXPORTS = [
 
 @pytest.mark.parametrize(("name", "options"), EXPORTS)
 def test_machine_code_has_the_bits_of_the_vectors(name, options):
-    from ohmward.trace.llvm.run import MachineStep
+    from ohmward.trace.lower.llvm_run import MachineStep
 
     export = battery_export(WITH_RC, name, **options)
     samples = export.samples.astype(np.float32)

@@ -50,7 +50,7 @@ def rows(outputs):
 
 @pytest.mark.parametrize("name", ["coulomb", "textbook-ekf", "ekf"])
 def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path):
-    run = pytest.importorskip("ohmward.trace.llvm.run")
+    run = pytest.importorskip("ohmward.trace.lower.llvm_run")
     export, log = battery_export(BATTERY, name, "soc"), a_log(60)
     copy = made(export, tmp_path)
     copy.start(Sample(*log[0]), **dict(zip(copy.arguments, (0.7, 0.1), strict=False)))
@@ -141,7 +141,7 @@ def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):
 
 def test_double_precision_needs_no_machine_code(monkeypatch):
     from ohmward.export import comparison
-    from ohmward.trace.llvm.machine_code import NoMachineCodeError
+    from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError
 
     def none(*_):
         raise NoMachineCodeError("none")

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.trace import python_source, trace
+from ohmward.trace import trace
 from ohmward.trace.elementary import F32, F64, FORMULAS, expand
 from ohmward.trace.expression import Expression
+from ohmward.trace.lower import python_source
 from ohmward.trace.operations import OPERATIONS
 
 RNG = np.random.default_rng(0)

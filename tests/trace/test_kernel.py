@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.trace import Kernel, isfinite, lanes, scan, where
+from ohmward.trace import Kernel, isfinite, scan, where
 from ohmward.trace import kernel as kernel_module
-from ohmward.trace.llvm import machine_code
-from ohmward.trace.llvm import run as llvm_run
+from ohmward.trace.lower import lanes, llvm_run
+from ohmward.trace.lower import llvm_machine_code as machine_code
 
 
 class Tank(NamedTuple):

@@ -3,7 +3,7 @@ import pytest
 pytest.importorskip("llvmlite")
 
 from ohmward.trace.llvm.latency import CHAINS, FREE, SAME, latencies
-from ohmward.trace.llvm.source import _SPELLINGS
+from ohmward.trace.lower.llvm_source import _SPELLINGS
 
 
 def test_every_operation_of_machine_code_has_a_latency():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel, single_precision, table, tanh, trace, where
-from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.lower.llvm_run import MachineStep
 
 RNG = np.random.default_rng(4)
 

@@ -15,10 +15,10 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import flag_comments, member_comments
 from ohmward.export.template import filled, template, templates
 from ohmward.export.vectors import vectors_header
-from ohmward.trace.c_operations import literal
-from ohmward.trace.c_source import Loops, Member, c_source, members
-from ohmward.trace.constant_arrays import are_bytes, constant_arrays
 from ohmward.trace.elementary import F32, expand
+from ohmward.trace.lower.c_operations import literal
+from ohmward.trace.lower.c_source import Loops, Member, c_source, members
+from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays
 from ohmward.trace.program import Program
 
 #: Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted

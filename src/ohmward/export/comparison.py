@@ -9,11 +9,12 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.twin import Twin
-from ohmward.trace import python_source, scan
-from ohmward.trace.c_source import members
-from ohmward.trace.llvm.logs import run_log
-from ohmward.trace.llvm.machine_code import NoMachineCodeError
-from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace import scan
+from ohmward.trace.lower import python_source
+from ohmward.trace.lower.c_source import members
+from ohmward.trace.lower.llvm_logs import run_log
+from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError
+from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.structure import flatten, size
 
 

@@ -21,8 +21,8 @@ from ohmward.filters.linear_algebra import PIVOT_FLOOR, TINY
 from ohmward.published.rc_joint import PARAMETERS
 from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import linearize, trace
-from ohmward.trace.c_operations import literal
-from ohmward.trace.c_source import Function, Loops, members, places
+from ohmward.trace.lower.c_operations import literal
+from ohmward.trace.lower.c_source import Function, Loops, members, places
 from ohmward.trace.structure import Structure
 
 _EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)

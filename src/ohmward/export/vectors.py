@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.trace import single_precision
-from ohmward.trace.c_source import members
+from ohmward.trace.lower.c_source import members
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 

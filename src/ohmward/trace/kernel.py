@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.trace import lanes, numpy_source, python_source, scan
+from ohmward.trace import scan
 from ohmward.trace.live import Live, MachineLive, PythonLive
+from ohmward.trace.lower import lanes, numpy_source, python_source
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import Branch, Leaf, Structure, check, flatten, leaves, size
 
@@ -62,7 +63,7 @@ class Kernel:
         """
 
         def in_machine_code() -> tuple[Any, Any]:
-            from ohmward.trace.llvm.logs import run_log
+            from ohmward.trace.lower.llvm_logs import run_log
 
             return run_log(self.machine, self._step_structures, state, samples, progress)
 
@@ -85,7 +86,7 @@ class Kernel:
         """
 
         def in_machine_code() -> tuple[Any, Any]:
-            from ohmward.trace.llvm.logs import run_lanes
+            from ohmward.trace.lower.llvm_logs import run_lanes
 
             return run_lanes(self.machine, self._step_structures, state, samples, progress)
 
@@ -131,8 +132,8 @@ class Kernel:
 
     @cached_property
     def machine(self) -> Any:
-        """The step in machine code, an `ohmward.trace.llvm.run.MachineStep`."""
-        from ohmward.trace.llvm.run import MachineStep
+        """The step in machine code, an `ohmward.trace.lower.llvm_run.MachineStep`."""
+        from ohmward.trace.lower.llvm_run import MachineStep
 
         return MachineStep(self.program, size(self._step_structures[0]))
 
@@ -140,7 +141,7 @@ class Kernel:
         """The first where it is asked for, or left open and worth it; where it cannot be had, that is said once."""
         if self.lowering == "python" or (self.lowering == "auto" and not worth):
             return otherwise()
-        from ohmward.trace.llvm.machine_code import NoMachineCodeError
+        from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError
 
         try:
             return in_machine_code()
@@ -200,7 +201,7 @@ def _rebuild(function: Callable, examples: tuple, constants: tuple, lowering: st
 
 def _no_machine_code() -> str:
     """Why there is no machine code; empty if there is."""
-    from ohmward.trace.llvm.machine_code import llvm
+    from ohmward.trace.lower.llvm_machine_code import llvm
 
     try:
         llvm()

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ohmward.trace import python_source, scan
+from ohmward.trace import scan
+from ohmward.trace.lower import python_source
 from ohmward.trace.structure import Structure
 
 if TYPE_CHECKING:
-    from ohmward.trace.llvm.run import MachineStep
+    from ohmward.trace.lower.llvm_run import MachineStep
 
 
 class Live(Protocol):
@@ -44,7 +45,7 @@ class MachineLive:
     """In machine code: the state stays where it is used, only sample and output are moved."""
 
     def __init__(self, step: MachineStep, structure: Structure, state: Any):
-        from ohmward.trace.llvm.run import OneStep
+        from ohmward.trace.lower.llvm_run import OneStep
 
         self._structure = structure
         self._code = OneStep(step, np.array(scan.state_row(structure, state), dtype=float))

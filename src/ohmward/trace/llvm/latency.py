@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.trace.critical_path import FUSED
 from ohmward.trace.expression import apply
 from ohmward.trace.functions import floor, minimum, sqrt, where
-from ohmward.trace.llvm.run import MachineStep
+from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import trace
 
 _LINKS = 8

@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from ohmward.trace.elementary import PRECISIONS
-from ohmward.trace.llvm.machine_code import compile_scan, vector_bits
-from ohmward.trace.llvm.source import Target, signature
+from ohmward.trace.lower.llvm_machine_code import compile_scan, vector_bits
+from ohmward.trace.lower.llvm_source import Target, signature
 
 _CHAINS = 16
 _STEPS = 2_000_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.trace.bounds import bounds
-from ohmward.trace.constant_arrays import are_bytes
 from ohmward.trace.expression import Expression
+from ohmward.trace.lower.constant_arrays import are_bytes
 
 
 def is_whole(node: Expression) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.trace.numpy_source import Lanes
+from ohmward.trace.lower.numpy_source import Lanes
 from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
 
 #: Lanes that run together: a NumPy call costs as much as its work on 1000 to 2000 lanes, and the registers of a

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace import lanes, scan
-from ohmward.trace.llvm.run import MachineStep, processors
+from ohmward.trace import scan
+from ohmward.trace.lower import lanes
+from ohmward.trace.lower.llvm_run import MachineStep, processors
 from ohmward.trace.structure import Structure, leaves, unflatten
 
 Progress = Callable[[int, int], None]

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from ohmward.trace.llvm import machine_code
+from ohmward.trace.lower import llvm_machine_code as machine_code
 
 pytest.importorskip("llvmlite")
 SOURCE = "define void @nothing() {\n  ret void\n}\n"

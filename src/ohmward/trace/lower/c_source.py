@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.trace.bounds import bounds
-from ohmward.trace.c_operations import HELPERS, is_whole, literal, template
-from ohmward.trace.constant_arrays import are_bytes, constant_arrays, position
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
+from ohmward.trace.lower.c_operations import HELPERS, is_whole, literal, template
+from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays, position
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Branch, Leaf, Structure, leaves
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
-from ohmward.trace import python_source, trace
+from ohmward.trace import trace
 from ohmward.trace.elementary import F64, expand
-from ohmward.trace.llvm import run as llvm_run
-from ohmward.trace.llvm.machine_code import vector_bits
-from ohmward.trace.llvm.run import MachineStep, OneStep
+from ohmward.trace.lower import llvm_run, python_source
+from ohmward.trace.lower.llvm_machine_code import vector_bits
+from ohmward.trace.lower.llvm_run import MachineStep, OneStep
 
 pytest.importorskip("llvmlite")
 RNG = np.random.default_rng(1)

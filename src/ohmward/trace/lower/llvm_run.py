@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace.elementary import PRECISIONS, expand
-from ohmward.trace.llvm.machine_code import compile_scan, vector_bits
-from ohmward.trace.llvm.source import Target, scan_source
+from ohmward.trace.lower.llvm_machine_code import compile_scan, vector_bits
+from ohmward.trace.lower.llvm_source import Target, scan_source
 from ohmward.trace.program import Program
 
 _DOUBLE = 8
