@@ -19,11 +19,12 @@ from ohmward.report import TIME, Figure, Series
 from ohmward.report.svg import to_svg
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Input, RollingResistance, Terrain, next_state, scene
-from ohmward.traction.laws import WardIagnemma
-from ohmward.traction.observers import KNOWN_GROUND, quantisation_std_rad_s, wheel_speeds
-from ohmward.traction.observers.slip_step import Moved, slip_step
-from ohmward.traction.observers.states import Layout
-from ohmward.traction.robot import GRAVITY
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
+from ohmward.traction.speed_observer.slip_step import Moved, slip_step
+from ohmward.traction.speed_observer.states import KNOWN_GROUND, Layout
 
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE.parent / "docs" / "pictures"

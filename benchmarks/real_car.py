@@ -16,10 +16,11 @@ import numpy as np
 from figure import Figure, at_least, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Differential, Motor, Robot, RollingResistance, Wheel, hard_terrain
-from ohmward.traction.observers import Estimate, SlipTest
-from ohmward.traction.observers.observer_for import observer_for
-from ohmward.traction.observers.track import observe
 from ohmward.traction.score import DriveTruth, score_drive
+from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.track import observe
 from real_data import alarm_share, columns, false_alarms, held, once
 
 DATA = "comma2k19 car, no slip"

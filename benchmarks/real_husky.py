@@ -15,9 +15,9 @@ import numpy as np
 from figure import Figure, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
-from ohmward.traction.observers import Flag
-from ohmward.traction.observers.observer_for import observer_for
-from ohmward.traction.observers.track import Track, observe
+from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.track import Track, observe
 from real_data import columns
 
 DATA = "BorealTC Husky"

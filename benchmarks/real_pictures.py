@@ -12,12 +12,13 @@ import real_sand
 from figure import HERE
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.report.svg import to_svg
-from ohmward.traction.laws import Contact, SoftGround, contact
-from ohmward.traction.laws.fit import drawbar_N, fit_law
-from ohmward.traction.observers import Estimate
+from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.friction.fit import drawbar_N, fit_law
+from ohmward.traction.friction.law import Contact, contact
+from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward.traction.friction.terrain import SOILS
 from ohmward.traction.score import BAND_95
-from ohmward.traction.slip import slip_ratio
-from ohmward.traction.terrain import SOILS
+from ohmward.traction.speed_observer.estimate import Estimate
 
 SLIP, PULL = "Slip ratio [-]", "Drawbar pull [N]"
 PICTURES = HERE.parent / "docs" / "pictures"

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_most
-from ohmward.traction.laws import SoftGround, contact
-from ohmward.traction.laws.families import (
+from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.friction.families import (
     Family,
     brush,
     burckhardt,
@@ -23,10 +23,10 @@ from ohmward.traction.laws.families import (
     ward_iagnemma,
     ward_iagnemma_with_slope,
 )
-from ohmward.traction.laws.fit import ForceSlip, LawFit, fit_law, lack_of_fit, left_out_errors_N, select_law
-from ohmward.traction.laws.soft_ground import mean_shear
-from ohmward.traction.odd import direction_and_size
-from ohmward.traction.terrain import SOILS
+from ohmward.traction.friction.fit import ForceSlip, LawFit, fit_law, lack_of_fit, left_out_errors_N, select_law
+from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
+from ohmward.traction.friction.terrain import SOILS
 from real_data import columns
 
 DATA = "CMU wheel in sand"

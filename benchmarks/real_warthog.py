@@ -17,10 +17,10 @@ import numpy as np
 from figure import Figure, at_least, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
-from ohmward.traction.observers import Estimate
-from ohmward.traction.observers.observer_for import observer_for
-from ohmward.traction.observers.track import SlipEstimator
 from ohmward.traction.score import BAND_95
+from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.track import SlipEstimator
 from real_data import columns, false_alarms
 
 DATA = "Warthog, skid-steer"

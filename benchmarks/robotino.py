@@ -28,7 +28,9 @@ from ohmward.traction.calibration import (
 )
 from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
-from ohmward.traction.floors import Floor, SlipOnFloors, SlipTrack, slip_on_floors
+from ohmward.traction.friction.terrain import slip_on_floors
+from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, SlipTrack
 from robotino_live import live, looking_ahead
 
 FOLDER = "robotino_slip_tpu"

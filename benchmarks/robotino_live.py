@@ -17,9 +17,18 @@ import numpy as np
 from ohmward.filters.belief import unpack
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
-from ohmward.traction.floors import FloorEstimate, FloorState, SlipOnFloors, SlipTrack, WheelSample
-from ohmward.traction.floors.slip_on_floors import first_of, knows_motion, track_of, wheel_samples, with_friction
-from ohmward.traction.floors.wheel_filter import WheelBelief
+from ohmward.traction.terrain.estimate import FloorEstimate
+from ohmward.traction.terrain.slip_on_floors import (
+    FloorState,
+    SlipOnFloors,
+    SlipTrack,
+    first_of,
+    knows_motion,
+    track_of,
+    wheel_samples,
+    with_friction,
+)
+from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelSample
 
 
 class Seen(NamedTuple):

@@ -28,10 +28,12 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
-from ohmward.traction.laws import CoulombCreep
-from ohmward.traction.observers import AngleSample, MomentumEstimate, MomentumNoise, MomentumObserver, count_std_rad
-from ohmward.traction.robot import GRAVITY
-from ohmward.traction.rolling import RollingResistance
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
+from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward.traction.momentum_observer.observer import MomentumObserver
+from ohmward.traction.robot.robot import GRAVITY
 
 DT = 1e-3
 REST_S = 1.0

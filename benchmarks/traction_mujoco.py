@@ -18,10 +18,10 @@ from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Input, RollingResistance, hard_terrain, scene, step
-from ohmward.traction.laws import WardIagnemma
-from ohmward.traction.observers import Noise
-from ohmward.traction.power import losses
-from ohmward.traction.robot import GRAVITY
+from ohmward.traction.dynamics.power import losses
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.speed_observer.noise import Noise
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 

@@ -19,7 +19,8 @@ from ohmward.report.svg import to_svg
 from ohmward.simulate.closed_loop import drive_log, run
 from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
-from ohmward.traction.observers import Track, observe, observer_for
+from ohmward.traction.speed_observer import make_observer as observer_for
+from ohmward.traction.speed_observer.track import Track, observe
 
 PICTURES = Path(__file__).parent / "pictures"
 

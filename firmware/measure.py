@@ -36,9 +36,9 @@ from ohmward.export import Export, Twin, battery_export, controller_export, libr
 from ohmward.logs import DriveLog
 from ohmward.simulate import closed_loop, make_robot_day
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
-from ohmward.traction.dynamics import scene
-from ohmward.traction.observers import SpeedObserver
-from ohmward.traction.observers.track import samples_of as drive_samples_of
+from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
 OPTIONS = ("-O2", "-Os")

@@ -27,9 +27,9 @@ from ohmward.simulate.voltage import simulate_voltage
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
-from ohmward.traction.dynamics import scene
-from ohmward.traction.observers import SpeedObserver
-from ohmward.traction.observers.track import samples_of as drive_samples_of
+from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"
 STEPS = 100_000

@@ -49,9 +49,9 @@ ON_BOARD = [
     "ohmward.trace",
     "ohmward.logs",
     "ohmward.traction",
-    "ohmward.traction.observers",
+    "ohmward.traction.speed_observer",
     "ohmward.traction.control",
-    "ohmward.traction.floors",
+    "ohmward.traction.terrain",
     "ohmward.energy",
 ]
 

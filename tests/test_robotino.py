@@ -10,8 +10,8 @@ import pytest
 
 from markdown_pages import ROOT
 from ohmward.traction import RLMA
-from ohmward.traction.floors import slip_on_floors
-from traction.floors.drives import SMOOTH, SOFT
+from ohmward.traction.friction.terrain import slip_on_floors
+from traction.terrain.drives import SMOOTH, SOFT
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 robotino, robotino_live, figure = (import_module(name) for name in ("robotino", "robotino_live", "figure"))

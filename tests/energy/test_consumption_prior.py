@@ -7,8 +7,9 @@ from ohmward.energy.consumption import need, start, with_terrain
 from ohmward.energy.consumption_prior import heat_W_per_N2, prior_from_mass, prior_from_robot
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
-from ohmward.traction import RLMA, Input, forces, hard_terrain, power, scene
-from ohmward.traction.quasi_static import wheel_slip
+from ohmward.traction import RLMA, Input, forces, hard_terrain, scene
+from ohmward.traction.dynamics.forces import power
+from ohmward.traction.dynamics.quasi_static import wheel_slip
 from traction.examples import LOSSY
 
 ROBOT = replace(RLMA, idle_W=12.0)

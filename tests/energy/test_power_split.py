@@ -9,7 +9,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Input, forces, scene
-from ohmward.traction.implicit_step import step
+from ohmward.traction.dynamics.implicit_step import step
 from traction.examples import HARD, LOSSY, ROBOTS, SLIPPERY, TERRAINS
 
 ROBOT = replace(RLMA, motor=LOSSY, idle_W=8.0)

@@ -8,13 +8,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, uniform
-from ohmward.traction.chassis import Differential, SkidSteer
-from ohmward.traction.dynamics import Input, rates, scene
-from ohmward.traction.laws import CoulombCreep
-from ohmward.traction.motor import Motor
-from ohmward.traction.robot import Robot, Wheel
-from ohmward.traction.rolling import RollingResistance
-from ohmward.traction.terrain import Terrain
+from ohmward.traction.dynamics.forces import Input, rates, scene
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.chassis import Differential, SkidSteer
+from ohmward.traction.robot.motor import Motor
+from ohmward.traction.robot.robot import Robot, Wheel
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
 

@@ -12,7 +12,7 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmwa
 
 from ohmward.errors import InputError
 from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, switching, uniform, zones
-from ohmward.traction.robot import GRAVITY as G
+from ohmward.traction.robot.robot import GRAVITY as G
 
 FREE = RlmaParameters(rolling_resistance=0.0)
 M, R, J = FREE.mass_kg, FREE.wheel_radius_m, FREE.wheel_inertia_kg_m2

@@ -14,8 +14,11 @@ from ohmward.traction import (
     hard_terrain,
     soft_terrain,
 )
-from ohmward.traction.laws import Brush, CoulombCreep, SoftGround, WardIagnemma
-from ohmward.traction.terrain import ROADS, SOILS
+from ohmward.traction.friction.brush import Brush
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward.traction.friction.terrain import ROADS, SOILS
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 LOAD_N = 100.0
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ohmward.traction.episodes import immobilised_episodes, slip_episodes
-from ohmward.traction.observers import Estimate, Track
+from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.track import Track
 
 TIME = 0.1 * np.arange(100)
 

@@ -5,8 +5,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO
-from ohmward.traction.observers import Estimate
 from ohmward.traction.score import DriveTruth, score_drive, true_slip
+from ohmward.traction.speed_observer.estimate import Estimate
 
 T = 1000
 RADIUS = RLMA.wheel.radius_m

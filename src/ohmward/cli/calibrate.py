@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot
     from ohmward.traction.calibration import Drive, Parameter
-    from ohmward.traction.floors import Floor
+    from ohmward.traction.terrain.floor import Floor
 
 _EXAMPLES = """\
   ohmward calibrate drive.csv --robot start.toml --truth speed_true_m_s -o robot.toml
@@ -224,7 +224,7 @@ def weighed_robot(robot: Robot, loads: list[float] | None) -> Robot:
     """
     from dataclasses import replace
 
-    from ohmward.traction.robot import GRAVITY
+    from ohmward.traction.robot.robot import GRAVITY
 
     if loads is None:
         return robot
@@ -240,7 +240,7 @@ def weighed_robot(robot: Robot, loads: list[float] | None) -> Robot:
 def write(result: Result, args: argparse.Namespace) -> None:
     """The files that the options name."""
     from ohmward.traction import save_robot
-    from ohmward.traction.floors import Floors, load_floors, save_floors
+    from ohmward.traction.terrain.file import Floors, load_floors, save_floors
 
     if args.output:
         save_robot(result.robot, args.output)

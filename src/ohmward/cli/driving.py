@@ -87,7 +87,7 @@ def make_terrain(name: str, robot: Robot) -> Terrain:
     Raises:
         InputError: there is no ground of that name; lists all.
     """
-    from ohmward.traction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
+    from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
 
     if name in SOILS:
         return soft_terrain(name, robot.wheel.radius_m, robot.wheel.width_m)

@@ -343,7 +343,7 @@ def _drive(task: Task) -> dict[str, Any]:
 
 def cost_of_transport(c: Consumption, energy_J: float, distance_m: float) -> float | None:
     """Energy over weight and distance: a number without a unit."""
-    from ohmward.traction.robot import GRAVITY
+    from ohmward.traction.robot.robot import GRAVITY
 
     return energy_J / (c.prior.mass_kg * GRAVITY * distance_m) if distance_m else None
 

@@ -117,8 +117,9 @@ def _observed(args: argparse.Namespace, robot: Robot, drive: DriveLog, time_s: n
     """Speed and grade as an observer makes them of wheels, motors and whatever else there is."""
     import numpy as np
 
-    from ohmward.traction.observers import observe, observer_for
-    from ohmward.traction.terrain import ADHESION, ROADS, SOILS
+    from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
+    from ohmward.traction.speed_observer import make_observer as observer_for
+    from ohmward.traction.speed_observer.track import observe
 
     believed = args.terrain if args.terrain in {*ADHESION, *ROADS, *SOILS} else DEFAULT_TERRAIN
     chosen = observer_for(robot, drive, make_terrain(believed, robot))

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot
-    from ohmward.traction.floors import SlipTrack
-    from ohmward.traction.observers import Track
+    from ohmward.traction.speed_observer.track import Track
+    from ohmward.traction.terrain.slip_on_floors import SlipTrack
 
 
 #: What `ohmward slip --json` says of floors.
@@ -36,9 +36,10 @@ def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tupl
     Raises:
         InputError: no floors in the file, no such filter, or a driven wheel without encoder or motor current.
     """
-    from ohmward.traction.floors import load_floors, slip_on_floors
-    from ohmward.traction.floors.as_estimates import as_estimates
-    from ohmward.traction.observers import Track
+    from ohmward.traction.friction.terrain import slip_on_floors
+    from ohmward.traction.speed_observer.track import Track
+    from ohmward.traction.terrain.as_estimates import as_estimates
+    from ohmward.traction.terrain.file import load_floors
 
     began = time.perf_counter()
     known = load_floors(path)

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from ohmward.cli.on_floors import OnFloors
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
-    from ohmward.traction.observers import Estimate, Track
+    from ohmward.traction.speed_observer.estimate import Estimate
+    from ohmward.traction.speed_observer.track import Track
 
 _EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml
@@ -108,7 +109,8 @@ def make_task(args: argparse.Namespace) -> Task:
 def observe_task(task: Task, name: str) -> Answer:
     """Run the observer called `name` over the drive."""
     from ohmward.traction.drive_checks import check_drive
-    from ohmward.traction.observers import observe, observer_for
+    from ohmward.traction.speed_observer import make_observer as observer_for
+    from ohmward.traction.speed_observer.track import observe
 
     faults = check_drive(task.robot, task.log)
     chosen = observer_for(task.robot, task.log, task.terrain, name)
@@ -135,7 +137,7 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
     import numpy as np
 
     from ohmward.traction.episodes import immobilised_episodes, slip_episodes
-    from ohmward.traction.observers import Flag
+    from ohmward.traction.speed_observer.estimate import Flag
 
     log, track, e = task.log, answer.track, answer.track.estimates
     unobserved = e.flags.astype(int) & Flag.SPEED_UNOBSERVED != 0
@@ -169,7 +171,7 @@ def travel_speed_m_s(task: Task, answer: Answer) -> np.ndarray:
     """(T,) in whatever direction."""
     import numpy as np
 
-    from ohmward.traction.observers.track import motion_of
+    from ohmward.traction.speed_observer.track import motion_of
 
     estimates = answer.track.estimates
     if answer.on_floors:

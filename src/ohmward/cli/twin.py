@@ -133,9 +133,9 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
 def _drive_replay(args: argparse.Namespace) -> Replay:
     from ohmward.cli.driving import make_robot, make_terrain, read_drive_log
     from ohmward.export.traction import observer_export
-    from ohmward.traction.dynamics import scene
-    from ohmward.traction.observers import SpeedObserver
-    from ohmward.traction.observers.track import samples_of
+    from ohmward.traction.dynamics.forces import scene
+    from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+    from ohmward.traction.speed_observer.track import samples_of
 
     robot = make_robot(args.robot)
     terrain, log = make_terrain(args.terrain, robot), read_drive_log(args.log, robot, args, extra=())

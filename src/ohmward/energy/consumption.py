@@ -32,7 +32,7 @@ from ohmward.checks import require_between, require_finite
 from ohmward.energy.consumption_prior import Prior
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
-from ohmward.traction.robot import GRAVITY
+from ohmward.traction.robot.robot import GRAVITY
 
 #: What every terrain shares, in the order of the vector; then `force` and `own` of each terrain.
 SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regain", "heat_W_per_N2", "load")

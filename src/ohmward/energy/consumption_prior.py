@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ohmward.checks import require_between, require_positive
-from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Rolling resistance over load, as in handbooks of vehicles, taken for the small wheels of robots.
 RESISTANCE = {

@@ -16,10 +16,10 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.dynamics import Forces, Input, Scene, momentum_rates, normal_loads
-from ohmward.traction.motor import copper_loss, friction_torque, ideal_torque
-from ohmward.traction.power import power
-from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.dynamics.forces import Forces, Input, Scene, momentum_rates, normal_loads
+from ohmward.traction.dynamics.power import power
+from ohmward.traction.robot.motor import copper_loss, friction_torque, ideal_torque
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
 class PowerSplit(NamedTuple):

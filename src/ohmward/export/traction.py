@@ -23,14 +23,15 @@ from ohmward.traction.control import (
     Uncertainty,
     driven_wheel,
 )
-from ohmward.traction.dynamics import scene
-from ohmward.traction.observers import Flag, SpeedObserver
-from ohmward.traction.observers import Sample as DriveSample
-from ohmward.traction.observers.observer_for import FILTERS
+from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.estimate import Sample as DriveSample
+from ohmward.traction.speed_observer.make_observer import FILTERS
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 if TYPE_CHECKING:
-    from ohmward.traction.robot import Robot
-    from ohmward.traction.terrain import Terrain
+    from ohmward.traction.friction.terrain import Terrain
+    from ohmward.traction.robot.robot import Robot
 
 CONTROLLERS = ("slip-controller", "speed-controller")
 _STEPS = 64

@@ -15,7 +15,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.simulate.sensors import Sensor
-from ohmward.traction.robot import RLMA
+from ohmward.traction.robot.robot import RLMA
 
 _SAME_TIME_S = 1e-9
 

@@ -1,15 +1,15 @@
 """Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
 
-from ohmward.traction.chassis import Differential, Omni, SkidSteer
-from ohmward.traction.dynamics import Forces, Input, Scene, forces, rates, scene
-from ohmward.traction.implicit_step import ALEXANDER, EULER, Step, next_state, step
-from ohmward.traction.motor import Motor
-from ohmward.traction.power import Power, power
-from ohmward.traction.robot import RLMA, ROBOTINO, Robot, Wheel
-from ohmward.traction.robot_file import load_robot, save_robot
-from ohmward.traction.rolling import CompactionResistance, RollingResistance
-from ohmward.traction.slip import driving_slip_ratio, slip_ratio, slip_speed
-from ohmward.traction.terrain import Terrain, hard_terrain, soft_terrain
+from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces, rates, scene
+from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, Step, next_state, step
+from ohmward.traction.dynamics.power import Power, power
+from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_speed
+from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
+from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
+from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
+from ohmward.traction.robot.file import load_robot, save_robot
+from ohmward.traction.robot.motor import Motor
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot, Wheel
 
 __all__ = [
     "ALEXANDER",

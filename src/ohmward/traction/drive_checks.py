@@ -13,8 +13,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.traction.chassis import Omni
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.robot import Robot
 
 #: A wheel turns, a robot moves and turns, a motor works from here on [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
@@ -185,7 +185,7 @@ def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
 
 def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
     """Wheels that are much slower or faster than the robot."""
-    from ohmward.traction.observers.observer_for import speed_and_wheels_m_s
+    from ohmward.traction.speed_observer.make_observer import speed_and_wheels_m_s
 
     speed, wheels = speed_and_wheels_m_s(robot, log)
     rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)

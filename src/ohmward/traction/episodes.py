@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.traction.observers.track import Track
+from ohmward.traction.speed_observer.track import Track
 
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5

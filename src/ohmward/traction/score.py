@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.observers.estimate import Estimate
-from ohmward.traction.observers.slip_test import SlipTest
-from ohmward.traction.robot import Robot
-from ohmward.traction.slip import slip_ratio
+from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.slip_alarm import SlipTest
 
 #: Standard deviations that a normal error exceeds in 5 % of the cases.
 BAND_95 = 1.959964

@@ -5,7 +5,8 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.traction import RLMA
-from ohmward.traction.laws import CoulombCreep, SoftGround
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.soft_ground import SoftGround
 
 WHEELS = tuple(p.name for p in RLMA.places)
 

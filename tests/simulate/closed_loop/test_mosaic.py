@@ -4,7 +4,7 @@ import pytest
 from ohmward.simulate.closed_loop.ground import Patch
 from ohmward.simulate.closed_loop.mosaic import mosaic
 from ohmward.traction import RLMA
-from ohmward.traction.laws import contact
+from ohmward.traction.friction.law import contact
 
 DRY, ICE = (Patch(friction=mu, rolling=c).ground(RLMA) for mu, c in ((0.8, 0.01), (0.1, 0.03)))
 SPIN = contact(1.0, 0.5, 100.0)

@@ -16,8 +16,8 @@ from ohmward.simulate.closed_loop.observing import (
 )
 from ohmward.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
 from ohmward.traction import RLMA, SkidSteer
-from ohmward.traction.laws import contact
-from ohmward.traction.observers import Sample
+from ohmward.traction.friction.law import contact
+from ohmward.traction.speed_observer.estimate import Sample
 
 BASE = Patch(friction=0.5)
 

@@ -11,7 +11,7 @@ from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant, tilt
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
-from ohmward.traction.robot import GRAVITY
+from ohmward.traction.robot.robot import GRAVITY
 
 FLAT = replace(RLMA, height_m=0.0)
 RLMA_HIGH = replace(RLMA, height_m=0.17)

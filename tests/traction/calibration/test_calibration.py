@@ -17,8 +17,8 @@ from ohmward.traction.calibration import (
     learn_floor,
     with_parameters,
 )
-from ohmward.traction.laws import Burckhardt
-from traction.floors.drives import OMNI, SMOOTH, SOFT, omni_drive
+from ohmward.traction.friction.burckhardt import Burckhardt
+from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 DIRECTIONS = range(0, 360, 30)
 ROLLING = 0.012

@@ -3,7 +3,7 @@ import pytest
 
 from ohmward.traction.calibration.floor import traction
 from ohmward.traction.calibration.stretches import Stretches, cut, parabola
-from traction.floors.drives import OMNI, SOFT, omni_drive
+from traction.terrain.drives import OMNI, SOFT, omni_drive
 
 
 def test_the_weighted_mean_of_a_rate_is_the_slope_of_its_integral():

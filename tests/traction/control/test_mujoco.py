@@ -19,7 +19,7 @@ from ohmward.traction.control import (
     SpeedCommand,
     SpeedController,
 )
-from ohmward.traction.control.law import SlipLaw
+from ohmward.traction.control.slip_law import SlipLaw
 from traction.control.examples import LIMITS, SLIDING, WHEEL
 
 DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)

@@ -8,9 +8,10 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction.control import Limits, SetPointSeeker, SlipCommand, SlipController
-from ohmward.traction.laws import TractionLaw, WardIagnemma
-from ohmward.traction.set_points import best_slip, driving_force, peak
-from ohmward.traction.terrain import ROADS
+from ohmward.traction.dynamics.set_points import best_slip, driving_force, peak
+from ohmward.traction.friction.law import TractionLaw
+from ohmward.traction.friction.terrain import ROADS
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from traction.control.examples import SLIDING, WHEEL, Truth, measured, turn
 
 DT = 1e-3

@@ -7,9 +7,11 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.control import SetPointSeeker
-from ohmward.traction.laws import CoulombCreep, TractionLaw, WardIagnemma
-from ohmward.traction.set_points import best_slip, driving_force, peak
-from ohmward.traction.terrain import ROADS
+from ohmward.traction.dynamics.set_points import best_slip, driving_force, peak
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import TractionLaw
+from ohmward.traction.friction.terrain import ROADS
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 LOAD_N, SPEED, DT = 100.0, 0.5, 0.01
 LAWS: dict[str, TractionLaw] = {

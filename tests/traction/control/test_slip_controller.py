@@ -21,7 +21,7 @@ from ohmward.traction.control import (
     SlipPid,
     SlipRatioSlidingMode,
 )
-from ohmward.traction.control.law import SlipLaw
+from ohmward.traction.control.slip_law import SlipLaw
 from traction.control.examples import DRY, LIMITS, SLIDING, SLIPPERY, UNSURE, WHEEL, Truth, drive, measured
 
 LAWS: dict[str, SlipLaw] = {

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.traction.control.surface import surface
-from ohmward.traction.slip import slip_ratio
+from ohmward.traction.dynamics.slip import slip_ratio
 
 speeds = st.floats(-3.0, 3.0)
 slips = st.floats(-0.9, 0.9)

@@ -12,7 +12,7 @@ from ohmward.cli.wording import duration
 from ohmward.report import Band, Figure, Page, Series
 from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.stretches import cut, travel_speed
-from ohmward.traction.floors.floor import Floor, slip_belief
+from ohmward.traction.terrain.floor import Floor, slip_belief
 
 
 def make_page(result: Result, figures: dict[str, Any]) -> Page:

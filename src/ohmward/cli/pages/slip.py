@@ -10,8 +10,8 @@ from ohmward.cli.slip import Answer, Task, driven_wheels, errors, result, summar
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.report import TIME, Band, Figure, Page, Series, Span
 from ohmward.report.palette import Meaning
-from ohmward.traction.observers import Estimate, Flag
 from ohmward.traction.score import BAND_95, true_slip
+from ohmward.traction.speed_observer.estimate import Estimate, Flag
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
 _SHOWN: dict[Flag, Meaning] = {

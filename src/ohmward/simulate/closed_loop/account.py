@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.simulate.robot_truth import RobotTruth
-from ohmward.traction.motor import copper_loss, friction_torque
-from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.robot.motor import copper_loss, friction_torque
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
 class Work(NamedTuple):

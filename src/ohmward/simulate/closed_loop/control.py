@@ -29,9 +29,9 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
-from ohmward.traction.control.law import SlipLaw
 from ohmward.traction.control.slip_controller import choose_memory
-from ohmward.traction.robot import Robot
+from ohmward.traction.control.slip_law import SlipLaw
+from ohmward.traction.robot.robot import Robot
 
 #: What each mode takes of a command, the first of it without fail.
 MODES: dict[str, tuple[str, ...]] = {

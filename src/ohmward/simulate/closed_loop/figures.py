@@ -10,9 +10,9 @@ import numpy as np
 from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.observing import free_sideways
 from ohmward.simulate.closed_loop.run import Instant, Run
-from ohmward.traction.robot import Robot
+from ohmward.traction.dynamics.slip import driving_slip_ratio
+from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
-from ohmward.traction.slip import driving_slip_ratio
 
 #: A slip this close to the one asked for counts as reached.
 TOLERANCE = 0.02

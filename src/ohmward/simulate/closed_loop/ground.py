@@ -13,10 +13,10 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
-from ohmward.traction.laws import CoulombCreep
-from ohmward.traction.robot import Robot
-from ohmward.traction.rolling import RollingResistance
-from ohmward.traction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
+from ohmward.traction.robot.robot import Robot
 
 #: Rubber on a hard floor, as in `mujoco_plant`.
 SLIP_STIFFNESS_S_PER_M = 6.25

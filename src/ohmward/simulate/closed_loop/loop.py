@@ -32,7 +32,7 @@ from ohmward.simulate.closed_loop.watch import Watch
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement, Report
-from ohmward.traction.observers import SpeedObserver
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 #: Instants of the history, at most, and the shortest time between them.
 _INSTANTS, _SHORTEST_S = 25_000, 0.002

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.traction.laws import Contact, TractionLaw
-from ohmward.traction.rolling import RollingLaw
-from ohmward.traction.terrain import Terrain
+from ohmward.traction.friction.law import Contact, TractionLaw
+from ohmward.traction.friction.rolling import RollingLaw
+from ohmward.traction.friction.terrain import Terrain
 
 
 @dataclass(frozen=True)

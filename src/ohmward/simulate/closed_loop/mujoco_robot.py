@@ -12,9 +12,9 @@ from ohmward.simulate.closed_loop.account import Work, work_between
 from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, adhesion, surface
 from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward.simulate.robot_truth import RobotTruth
-from ohmward.traction.chassis import Omni
-from ohmward.traction.robot import Robot
-from ohmward.traction.rolling import RollingResistance
+from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.robot import Robot
 
 #: Height of the centre of gravity [m] where the robot does not say it.
 HEIGHT_M = 0.17

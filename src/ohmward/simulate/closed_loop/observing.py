@@ -14,13 +14,16 @@ from ohmward.simulate.closed_loop.ground import Patch
 from ohmward.simulate.closed_loop.sensing import Arrival, Sensing
 from ohmward.simulate.robot_sensors import GYRO, PITCH
 from ohmward.trace import Kernel
-from ohmward.traction.chassis import Differential, SkidSteer
 from ohmward.traction.control import Measurement
-from ohmward.traction.dynamics import scene
-from ohmward.traction.laws import CoulombCreep, WardIagnemma
-from ohmward.traction.observers import Estimate, Noise, SpeedObserver, quantisation_std_rad_s
-from ohmward.traction.robot import Robot
-from ohmward.traction.terrain import Terrain
+from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.robot.chassis import Differential, SkidSteer
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.noise import Noise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "true")
 #: How far the speed at the start is from zero: the robot stands.

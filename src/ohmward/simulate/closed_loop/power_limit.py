@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ohmward.simulate.closed_loop.supply import Supplied
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.robot import Robot
 
 
 def available_torque(torque_Nm: np.ndarray, omega_rad_s: np.ndarray, robot: Robot, now: Supplied) -> np.ndarray:

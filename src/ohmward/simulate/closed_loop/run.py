@@ -12,7 +12,7 @@ from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import Report
-from ohmward.traction.observers import Estimate, Sample
+from ohmward.traction.speed_observer.estimate import Estimate, Sample
 
 #: Decimals of a time [s] in a log: nanoseconds.
 _TIME_DIGITS = 9

@@ -16,9 +16,9 @@ from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, surface
 from ohmward.simulate.closed_loop.observing import Observing
 from ohmward.simulate.closed_loop.sensing import Sensing
 from ohmward.simulate.closed_loop.supply import Pack
-from ohmward.traction.motor import Motor
-from ohmward.traction.robot import RLMA, ROBOTINO, Robot
-from ohmward.traction.robot_file import load_robot
+from ohmward.traction.robot.file import load_robot
+from ohmward.traction.robot.motor import Motor
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
 
 PLANTS = ("own", "mujoco")
 SHORTEST_S, LONGEST_S = 0.01, 86400.0

@@ -25,8 +25,8 @@ from ohmward.simulate.robot_sensors import (
     wheel_speed,
 )
 from ohmward.simulate.robot_truth import RobotTruth
-from ohmward.traction.observers import Sample
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import Sample
 
 _SAME_TIME_S = 1e-9
 

@@ -19,11 +19,11 @@ from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.simulate.closed_loop.mosaic import mosaic
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel, cos, sin
-from ohmward.traction.dynamics import Forces, Input, Scene, forces, momentum_rates, scene
-from ohmward.traction.implicit_step import Step, step
-from ohmward.traction.robot import GRAVITY, Robot
-from ohmward.traction.slip import slip_ratio
-from ohmward.traction.terrain import Terrain
+from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces, momentum_rates, scene
+from ohmward.traction.dynamics.implicit_step import Step, step
+from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
 class Push(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward.simulate.robot_truth import WHEELS
-from ohmward.traction.robot import GRAVITY
+from ohmward.traction.robot.robot import GRAVITY
 
 IMPEDANCE = 1e-4
 FRICTION_RATIO = 300.0

@@ -9,8 +9,8 @@ import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
-from ohmward.traction.chassis import Differential
-from ohmward.traction.robot import GRAVITY, RLMA
+from ohmward.traction.robot.chassis import Differential
+from ohmward.traction.robot.robot import GRAVITY, RLMA
 
 FRONT = (0, 1)
 FRONT_AND_REAR = (0, 1, 2, 3)

@@ -18,8 +18,8 @@ from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground,
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
 from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward.simulate.robot_truth import RobotTruth, stack
-from ohmward.traction.robot import GRAVITY
-from ohmward.traction.slip import slip_ratio, slip_speed
+from ohmward.traction.dynamics.slip import slip_ratio, slip_speed
+from ohmward.traction.robot.robot import GRAVITY
 
 _BODY = 1
 _WHEELS = slice(2, 6)

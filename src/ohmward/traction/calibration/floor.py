@@ -17,9 +17,11 @@ from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import regress, scores
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
 from ohmward.traction.calibration.truth import Drive
-from ohmward.traction.chassis import Omni
-from ohmward.traction.floors.demand import drag_columns, inertial_forces, static_loads
-from ohmward.traction.floors.floor import (
+from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.motor import wheel_torque
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads
+from ohmward.traction.terrain.floor import (
     FRICTION,
     FRICTION_STD,
     ROLLING,
@@ -28,8 +30,6 @@ from ohmward.traction.floors.floor import (
     Floor,
     slip_at_force,
 )
-from ohmward.traction.motor import wheel_torque
-from ohmward.traction.robot import Robot
 
 _PRIOR = np.log([FRICTION, STIFFNESS])
 _PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD])

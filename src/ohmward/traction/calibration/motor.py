@@ -21,9 +21,9 @@ from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import Regression, regress
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
 from ohmward.traction.calibration.truth import Drive
-from ohmward.traction.chassis import Omni
-from ohmward.traction.floors.demand import drag_columns, inertial_forces
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.terrain.demand import drag_columns, inertial_forces
 
 #: Rolling resistance of the floor, share of the load, and its standard deviation, where nothing is said of it.
 ROLLING = (0.02, 0.02)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.robot import Robot
 
 
 class Parameter(NamedTuple):

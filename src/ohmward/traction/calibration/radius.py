@@ -10,10 +10,10 @@ from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import regress
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
 from ohmward.traction.calibration.truth import Drive
-from ohmward.traction.floors.demand import static_loads
-from ohmward.traction.floors.floor import STIFFNESS
-from ohmward.traction.motor import wheel_torque
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.motor import wheel_torque
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.terrain.demand import static_loads
+from ohmward.traction.terrain.floor import STIFFNESS
 
 
 def calibrate_radius(drives: Sequence[Drive], robot: Robot) -> Parameter:

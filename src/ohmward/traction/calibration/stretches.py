@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import Drive
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.robot import Robot
 
 LENGTH_S = 1.0
 #: A stretch counts where the rims move at least so fast and change their motion by less than this share of it.

@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.robot import Robot
+from ohmward.traction.robot.robot import Robot
 
 #: Half the width [s] of the local fit that turns a pose into a motion.
 HALF_WINDOW_S = 0.3

@@ -1,15 +1,15 @@
 """Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
 
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.traction.control.driven_wheel import DrivenWheel, driven_wheel
-from ohmward.traction.control.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.traction.control.force_filter import Observer
 from ohmward.traction.control.limits import Limits
-from ohmward.traction.control.observer import Observer
 from ohmward.traction.control.set_point_seeker import SetPoint, SetPointSeeker
 from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
 from ohmward.traction.control.slip_pid import SlipPid
-from ohmward.traction.control.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.traction.control.speed_controller import SpeedController
 from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade
 from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from ohmward.checks import require_positive
-from ohmward.traction.robot import GRAVITY, Robot
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
 @dataclass(frozen=True)

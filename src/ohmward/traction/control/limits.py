@@ -7,7 +7,7 @@ from typing import Any
 
 from ohmward.checks import require_positive
 from ohmward.trace import clip
-from ohmward.traction.motor import Motor
+from ohmward.traction.robot.motor import Motor
 
 #: A torque [N m] that differs by less from the one asked for is that torque.
 SAME_TORQUE = 1e-9

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_positive
 from ohmward.trace import clip, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.law import Motion
 from ohmward.traction.control.limits import limited
+from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.control.surface import Surface, surface
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).

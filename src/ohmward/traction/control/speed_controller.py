@@ -26,12 +26,12 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_positive
 from ohmward.trace import clip, maximum, minimum, sqrt, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.law import Motion
+from ohmward.traction.control.force_filter import Observed, Observer, believable_step_s
 from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.observer import Observed, Observer, believable_step_s
 from ohmward.traction.control.signals import Flag, Measurement, Report, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode
-from ohmward.traction.slip import driving_slip_ratio
+from ohmward.traction.control.slip_law import Motion
+from ohmward.traction.dynamics.slip import driving_slip_ratio
 
 #: A shorter time [s] is no time to take a rate over.
 _SHORTEST = 1e-9

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_positive
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.force_filter import Observed, Observer
 from ohmward.traction.control.limits import limited
-from ohmward.traction.control.observer import Observed, Observer
 from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand
 from ohmward.traction.control.slip_controller import understandable
 from ohmward.traction.control.surface import surface
-from ohmward.traction.slip import driving_slip_ratio, travel_direction
+from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 
 class CascadeState(NamedTuple):

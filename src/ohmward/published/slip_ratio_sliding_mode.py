@@ -1,0 +1,83 @@
+"""Sliding mode on the slip ratio: the law of [T] 5.3, corrected, to compare with; `sliding_mode` is the one to use.
+
+dlambda/dt = f + B tau,   V = max(r omega, v)
+B = r (1 - max(lambda, 0)) / (J V)
+f = -(1 + min(lambda, 0)) dv/dt / V - r^2 (1 - max(lambda, 0)) F / (J V)
+tau = [ -f_hat + dlambda_d/dt - k sat((lambda - lambda_d) / phi) ] / B_hat
+k = beta (df + eta) + (beta - 1) |-f_hat + dlambda_d/dt|
+
+In the text that we worked from, B lacks 1 - lambda (5.26), f_hat has the wrong sign and B_hat^-1 stands twice
+(5.33-5.35), sat is 1 inside the layer (5.47). B vanishes for a wheel that spins at standstill and all of it grows
+without bound towards V = 0: both are kept from zero here by floors, and the law is good for a robot that moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ohmward.checks import require_positive
+from ohmward.trace import clip, maximum, minimum
+from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.sliding_mode import Uncertainty
+from ohmward.traction.control.slip_law import Motion, Nothing
+
+#: The least 1 - lambda that the law divides by.
+LEAST_GRIP = 0.05
+
+
+class SlipDynamics(NamedTuple):
+    """dlambda/dt = f + B tau with the believed force; f [1/s], B [1/(N m s)]; `f_error` bounds f - f_hat."""
+
+    slip_ratio: Any
+    f: Any
+    B: Any
+    f_error: Any
+
+
+@dataclass(frozen=True)
+class SlipRatioSlidingMode:
+    """Settings of the law.
+
+    Attributes:
+        uncertainty: what the gain has to outweigh.
+        reaching_per_s: eta, > 0.
+        layer: phi, as a slip ratio, > 0.
+        floor_m_s: least V, > 0.
+    """
+
+    uncertainty: Uncertainty
+    reaching_per_s: float = 1.0
+    layer: float = 0.02
+    floor_m_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("reaching_per_s", "layer", "floor_m_s"):
+            require_positive(f"slip_ratio_sliding_mode.{name}", getattr(self, name))
+
+    def init(self, zero: Any) -> Nothing:
+        """The law remembers nothing."""
+        return Nothing()
+
+    def torque_Nm(self, memory: Nothing, motion: Motion, wheel: DrivenWheel) -> Any:
+        """Torque [N m] at the wheel without limits."""
+        d = self.dynamics(motion, wheel)
+        beta = self.uncertainty.inertia_factor
+        u = -d.f + motion.target_rate_per_s
+        k = beta * (d.f_error + self.reaching_per_s) + (beta - 1) * abs(u)
+        return (u - k * clip((d.slip_ratio - motion.slip_target) / self.layer, -1.0, 1.0)) / d.B
+
+    def remember(self, memory: Nothing, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> Nothing:
+        """Nothing to remember."""
+        return memory
+
+    def dynamics(self, motion: Motion, wheel: DrivenWheel) -> SlipDynamics:
+        """f, B and the bound of f, with V and 1 - lambda kept from zero."""
+        r, J, unsure = wheel.radius_m, wheel.inertia_kg_m2, self.uncertainty
+        V = maximum(maximum(motion.rim_m_s, motion.travel_m_s), self.floor_m_s)
+        slip = (motion.rim_m_s - motion.travel_m_s) / V
+        grip, skid = maximum(1 - maximum(slip, 0.0), LEAST_GRIP), 1 + minimum(slip, 0.0)
+        f = -(skid * motion.acceleration_m_s2 + r * r * grip * motion.force_N / J) / V
+        beta = unsure.inertia_factor
+        by_force = r * r * grip * (beta * unsure.force_N + (beta - 1) * abs(motion.force_N)) / J
+        return SlipDynamics(slip, f, r * grip / (J * V), (abs(skid) * unsure.acceleration_m_s2 + by_force) / V)

@@ -1,0 +1,1 @@
+"""Dynamics of wheels and body: forces, the implicit step, power, slip."""

@@ -1,0 +1,202 @@
+"""Laws of traction fitted to measured forces, and which of them serves.
+
+    F = F_law(contact) - c N,    c: resistance share, of rolling and of the soil that is pressed and pushed
+
+Least squares from every start of a family. Confidence intervals are those of the linearised fit (Student's t, on the
+scale of the search), cut at the limits of the parameters: what the data do not show reaches from limit to limit. They
+hold as far as the law does: look at `lack_of_fit`. A law is judged, and chosen, by what it says of data that it has not
+seen: whole groups (slips, runs, days) are left out, because repetitions of a measurement tell each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.friction.families import RESISTANCE, Family, Free
+from ohmward.traction.friction.law import Contact, TractionLaw
+
+
+class ForceSlip(NamedTuple):
+    """Measurements of one wheel; arrays (n,).
+
+    contact: speeds [m/s] and loads [N].
+    force_N: drawbar pull: forward on the body, resistance included.
+    """
+
+    contact: Contact
+    force_N: np.ndarray
+
+    def pick(self, rows: np.ndarray) -> ForceSlip:
+        """Those of a mask (n,)."""
+        return ForceSlip(Contact(*(values[rows] for values in self.contact)), self.force_N[rows])
+
+
+class Interval(NamedTuple):
+    """A parameter with its 95 % confidence interval.
+
+    identified: whether the interval lies within the limits of the search.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    identified: bool
+
+
+class LawFit(NamedTuple):
+    """A fitted law.
+
+    family: its name.
+    law: with the best parameters.
+    resistance_share: c.
+    intervals: of the family's parameters and of c.
+    rmse_N: of the measurements that it was fitted to.
+    """
+
+    family: str
+    law: TractionLaw
+    resistance_share: float
+    intervals: tuple[Interval, ...]
+    rmse_N: float
+
+    def force_N(self, contact: Contact) -> np.ndarray:
+        """Drawbar pull (n,) [N]."""
+        return drawbar_N(self.law, self.resistance_share, contact)
+
+
+def drawbar_N(law: TractionLaw, resistance_share: float, contact: Contact) -> np.ndarray:
+    """What is left of the traction when the wheel has pulled itself, (n,) [N]."""
+    direction, _ = direction_and_size(contact.travel_speed_m_s)
+    return law.force_N(contact) - resistance_share * direction * contact.load_N
+
+
+def fit_law(data: ForceSlip, family: Family) -> LawFit:
+    """The law of the family that fits best, by least squares.
+
+    Raises:
+        InputError: fewer measurements than parameters, or one that is not finite.
+    """
+    from scipy.optimize import least_squares
+
+    free = (*family.free, RESISTANCE)
+    _check(data, family, len(free))
+    scale = [_Scale(f) for f in free]
+
+    def errors_N(z: np.ndarray) -> np.ndarray:
+        *values, share = (s.value(x) for s, x in zip(scale, z, strict=True))
+        return drawbar_N(family.make(*values), share, data.contact) - data.force_N
+
+    limits = [s.low for s in scale], [s.high for s in scale]
+    starts = product(*([s.search(start) for start in s.free.starts] for s in scale))
+    fits = [least_squares(errors_N, start, bounds=limits) for start in starts]
+    best = min(fits, key=lambda fit: fit.cost)
+    values = [s.value(x) for s, x in zip(scale, best.x, strict=True)]
+    rmse_N = float(np.sqrt(np.mean(best.fun**2)))
+    return LawFit(family.name, family.make(*values[:-1]), values[-1], _intervals(scale, best), rmse_N)
+
+
+def select_law(data: ForceSlip, families: Sequence[Family], groups: np.ndarray) -> LawFit:
+    """The fit of the family that foretells a left-out group best; groups: (n,) labels."""
+    if not families:
+        raise InputError("families must hold at least one family")
+
+    def unseen_N(family: Family) -> float:
+        return float(np.sum(left_out_errors_N(data, groups, lambda seen, _: fit_law(seen, family)) ** 2))
+
+    return fit_law(data, min(families, key=unseen_N))
+
+
+def left_out_errors_N(
+    data: ForceSlip, groups: np.ndarray, fit: Callable[[ForceSlip, np.ndarray], LawFit]
+) -> np.ndarray:
+    """Errors (n,) [N] of forces that the fit has not seen: each group is foretold from all others.
+
+    fit: from measurements and their groups. With `select_law` inside, the choice of the law is judged too.
+
+    Raises:
+        InputError: fewer than two groups.
+    """
+    labels = np.unique(groups)
+    if len(labels) < 2:
+        raise InputError(f"groups must name at least two groups, or nothing can be left out; got {len(labels)}")
+    errors_N = np.empty(len(data.force_N))
+    for label in labels:
+        out = groups == label
+        left = data.pick(out)
+        errors_N[out] = fit(data.pick(~out), groups[~out]).force_N(left.contact) - left.force_N
+    return errors_N
+
+
+def lack_of_fit(fit: LawFit, data: ForceSlip, groups: np.ndarray) -> float:
+    """Probability of residuals as large as these if the law holds; groups: (n,) labels of repetitions.
+
+    F = [SS_lack / (G - p)] / [SS_pure / (n - G)]: scatter of the groups about the law over that within them.
+
+    Raises:
+        InputError: not more groups than parameters, or no group with two measurements.
+    """
+    from scipy.stats import f
+
+    labels, n, p = np.unique(groups), len(data.force_N), len(fit.intervals)
+    if not p < len(labels) < n:
+        raise InputError(
+            f"groups must be more than the {p} parameters and fewer than the {n} values; got {len(labels)}"
+        )
+    errors_N = fit.force_N(data.contact) - data.force_N
+    pure = sum(float(np.sum((errors_N[groups == g] - errors_N[groups == g].mean()) ** 2)) for g in labels)
+    lack = float(np.sum(errors_N**2)) - pure
+    return float(f.sf((lack / (len(labels) - p)) / (pure / (n - len(labels))), len(labels) - p, n - len(labels)))
+
+
+class _Scale:
+    """The scale on which a parameter is searched: logarithmic if it is positive."""
+
+    def __init__(self, free: Free) -> None:
+        self.free = free
+        self.logarithmic = free.low > 0
+        self.low, self.high = self.search(free.low), self.search(free.high)
+
+    def search(self, value: float) -> float:
+        return float(np.log(value)) if self.logarithmic else value
+
+    def value(self, z: float) -> float:
+        """Back from `search`; rounding never leaves the limits."""
+        return float(np.clip(np.exp(z) if self.logarithmic else z, self.free.low, self.free.high))
+
+
+def _intervals(scale: Sequence[_Scale], best) -> tuple[Interval, ...]:
+    from scipy.stats import t
+
+    n, p = best.jac.shape
+    half = t.ppf(0.975, n - p) * np.sqrt(2 * best.cost / (n - p) * _inverse_diagonal(best.jac))
+    low = np.maximum(best.x - half, [s.low for s in scale])
+    high = np.minimum(best.x + half, [s.high for s in scale])
+    inside = (low > [s.low for s in scale]) & (high < [s.high for s in scale])
+    return tuple(
+        Interval(s.free.name, s.value(x), s.value(a), s.value(b), bool(known))
+        for s, x, a, b, known in zip(scale, best.x, low, high, inside, strict=True)
+    )
+
+
+def _inverse_diagonal(jac: np.ndarray) -> np.ndarray:
+    """Diagonal of (J'J)^-1, inf where J does not show a parameter."""
+    _, s, Vt = np.linalg.svd(jac, full_matrices=False)
+    seen = s > 1e-9 * s[0]
+    diagonal = np.sum((Vt[seen] / s[seen, None]) ** 2, axis=0)
+    return np.where(np.any(np.abs(Vt[~seen]) > 1e-6, axis=0), np.inf, diagonal)
+
+
+def _check(data: ForceSlip, family: Family, parameters: int) -> None:
+    n = len(data.force_N)
+    if n <= parameters:
+        raise InputError(f"{family.name} has {parameters} parameters and needs more measurements, got {n}")
+    for name, values in (*data.contact._asdict().items(), ("force_N", data.force_N)):
+        if np.shape(values) != (n,) or not np.isfinite(values).all():
+            raise InputError(f"{name} must hold {n} finite numbers; drop the measurements that failed")

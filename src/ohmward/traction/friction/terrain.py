@@ -1,0 +1,85 @@
+"""Grounds by name: tables of adhesion, each with its source, and the laws made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ohmward.errors import InputError
+from ohmward.traction.friction.burckhardt import Burckhardt
+from ohmward.traction.friction.law import TractionLaw
+from ohmward.traction.friction.rolling import CompactionResistance, RollingLaw, RollingResistance
+from ohmward.traction.friction.soft_ground import SoftGround, Soil
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+
+#: Slip speed [m/s] at which hard floors of table 4.1 are given their peak: slip ratio 0.2 at 0.5 m/s. An assumption:
+#: the table has no slip.
+PEAK_SLIP_SPEED = 0.1
+
+
+class Terrain(NamedTuple):
+    """A ground: what it gives for slip, what it takes for rolling, and where the numbers come from."""
+
+    name: str
+    traction: TractionLaw
+    rolling: RollingLaw
+    source: str
+
+
+class Adhesion(NamedTuple):
+    """Least and largest published coefficient, at the peak and sliding."""
+
+    peak: tuple[float, float]
+    sliding: tuple[float, float]
+
+
+#: [T] table 4.1.
+ADHESION: Mapping[str, Adhesion] = {
+    "dry asphalt": Adhesion((0.8, 0.9), (0.75, 0.75)),
+    "wet asphalt": Adhesion((0.5, 0.7), (0.45, 0.6)),
+    "gravel": Adhesion((0.6, 0.6), (0.55, 0.55)),
+    "ice": Adhesion((0.1, 0.1), (0.07, 0.07)),
+}
+
+#: Burckhardt's roads for car tyres, as copied in many public sources.
+ROADS: Mapping[str, Burckhardt] = {
+    "dry asphalt road": Burckhardt(1.2801, 23.99, 0.52),
+    "wet asphalt road": Burckhardt(0.857, 33.822, 0.347),
+    "dry concrete road": Burckhardt(1.1973, 25.168, 0.5373),
+    "dry cobbles road": Burckhardt(1.3713, 6.4565, 0.6691),
+    "wet cobbles road": Burckhardt(0.4004, 33.708, 0.1204),
+    "snow road": Burckhardt(0.1946, 94.129, 0.0646),
+    "ice road": Burckhardt(0.05, 306.39, 0.0),
+}
+
+#: Parameters of the deformable terrains (SCM) in the public demonstrations of Project Chrono.
+SOILS: Mapping[str, Soil] = {
+    "soft soil": Soil("soft soil", 0.2e6, 0.0, 1.1, 0.0, 30.0, 0.01),
+    "firm soil": Soil("firm soil (Viper)", 2e6, 0.0, 1.1, 0.0, 30.0, 0.01),
+    "regolith": Soil("regolith (Curiosity)", 0.82e6, 1.4e3, 1.0, 170.0, 35.0, 0.0178),
+    "LETE sand": Soil("LETE sand", 5301e3, 102e3, 0.793, 1.3e3, 31.1, 0.012),
+}
+
+
+def hard_terrain(name: str, rolling: RollingLaw | None = None) -> Terrain:
+    """A hard ground by name, from table 4.1 (middle of its ranges) or Burckhardt's roads."""
+    rolling = rolling or RollingResistance()
+    if name in ROADS:
+        return Terrain(name, ROADS[name], rolling, "Burckhardt; resistance: Ward and Iagnemma")
+    if name in ADHESION:
+        peak, sliding = (sum(pair) / 2 for pair in ADHESION[name])
+        law = WardIagnemma.with_peak(peak, sliding, PEAK_SLIP_SPEED)
+        return Terrain(name, law, rolling, "[T] table 4.1; resistance: Ward and Iagnemma")
+    raise _unknown(name, [*ADHESION, *ROADS])
+
+
+def soft_terrain(name: str, radius_m: float, width_m: float) -> Terrain:
+    """A soil by name, under wheels of this size."""
+    if name not in SOILS:
+        raise _unknown(name, list(SOILS))
+    ground = SoftGround(SOILS[name], radius_m, width_m)
+    return Terrain(name, ground, CompactionResistance(ground), "Project Chrono, SCM demonstrations")
+
+
+def _unknown(name: Any, known: list[str]) -> InputError:
+    return InputError(f"terrain must be one of {', '.join(known)}; got {name!r}")

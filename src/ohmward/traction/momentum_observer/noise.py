@@ -1,0 +1,61 @@
+"""How wrong the sensors and the momentum balance may be. What the observer claims rests on these numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from ohmward.checks import require_positive
+from ohmward.traction.speed_observer.noise import require_stds
+
+_OPTIONAL = ("edge_std_counts", "passive_std_rad", "accelerometer_std_m_s2", "gyro_std_rad_s", "speed_std_m_s")
+
+
+@dataclass(frozen=True)
+class MomentumNoise:
+    """Standard deviations of sensors for one sample, and walks over the root of a second.
+
+    A sensor with None does not exist: nothing is compiled for it.
+
+    Attributes:
+        encoder_std_rad: of the angle of a driven wheel; `count_std_rad`.
+        edge_std_counts: of where an edge lies, as a share of a count; None where the time of edges is not captured.
+        torque_std_Nm: of the torque at a wheel.
+        passive_std_rad: of the angle of a wheel that is not driven.
+        accelerometer_std_m_s2: of an accelerometer along x; offset and slope are learnt at rest.
+        gyro_std_rad_s: of a yaw gyro, offset included.
+        speed_std_m_s: of an external speed.
+        force_walk_N: of the ground's force while the torque does not change.
+        speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s].
+        push_std_m_s2, push_walk: of the unknown push: 0.17 m/s^2 for each degree of unknown slope, 0.1 m/s^2 for a
+            rolling resistance that is unknown by 1 % of the weight, and the share of the mass that is unknown times the
+            acceleration.
+        accelerometer_offset_std_m_s2, accelerometer_offset_walk: before the first rest, and after it.
+        standstill_std_m_s: how well a robot at rest stands.
+    """
+
+    encoder_std_rad: float
+    edge_std_counts: float | None = None
+    torque_std_Nm: float = 0.05
+    passive_std_rad: float | None = None
+    accelerometer_std_m_s2: float | None = None
+    gyro_std_rad_s: float | None = None
+    speed_std_m_s: float | None = None
+    force_walk_N: float = 1.0
+    speed_walk: float = 0.001
+    yaw_rate_walk: float = 0.3
+    push_std_m_s2: float = 0.17
+    push_walk: float = 0.1
+    accelerometer_offset_std_m_s2: float = 0.5
+    accelerometer_offset_walk: float = 0.002
+    standstill_std_m_s: float = 0.001
+
+    def __post_init__(self) -> None:
+        stds = {field.name: getattr(self, field.name) for field in fields(self)}
+        require_stds("momentum_noise", stds, _OPTIONAL)
+
+
+def count_std_rad(counts_per_turn: float) -> float:
+    """Standard deviation [rad] of an angle that is known to within a count: the count over the root of 12."""
+    require_positive("counts_per_turn", counts_per_turn)
+    return 2 * math.pi / counts_per_turn / math.sqrt(12)

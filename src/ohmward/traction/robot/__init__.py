@@ -1,0 +1,1 @@
+"""The robot: chassis, wheels, motors, and its file."""

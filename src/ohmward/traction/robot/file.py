@@ -1,0 +1,53 @@
+"""The robot file: one robot as TOML that people read and edit. Units are part of the names; every key is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+
+from ohmward.toml_file import TomlFile
+from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
+from ohmward.traction.robot.robot import Robot
+
+#: What `kind` in the table [chassis] may be.
+CHASSIS: Mapping[str, type] = {"differential": Differential, "skid-steer": SkidSteer, "omni": Omni}
+_HEADER = """\
+# A robot as ohmward knows it. Edit what you know better; every key carries its unit.
+# x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
+#   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m),
+#   omni (arm_m, bearings_deg).
+# [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
+"""
+_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS)
+
+
+def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
+    """Write the robot file; it is either whole or not there.
+
+    Raises:
+        OhmwardError: the file cannot be written.
+    """
+    _FILE.save(robot, path)
+
+
+def load_robot(path: str | PathLike[str]) -> Robot:
+    """The robot in a file.
+
+    Raises:
+        InputError: the file cannot be read or says something that a robot cannot be; names file, key, rule and fix.
+    """
+    return _FILE.load(path)
+
+
+def dump_robot(robot: Robot) -> str:
+    """The text of the robot file; numbers are rounded to 9 digits."""
+    return _FILE.dump(robot)
+
+
+def parse_robot(text: str) -> Robot:
+    """The robot in the text of a robot file.
+
+    Raises:
+        InputError: not TOML, another format, an unknown or missing key, a value of another kind or outside its range.
+    """
+    return _FILE.parse(text)

@@ -1,0 +1,99 @@
+"""A DC motor with gear on a wheel: current to torque, voltage, and what is lost on the way.
+
+tau      = n K_m I - tau_f                                          at the wheel
+tau_f    = [tau_c + (1 - eta) n K_m |I|] tanh(omega / omega_0) + b omega
+V        = R I + n K_m omega
+J_rotor  counts n^2 times at the wheel
+
+The gear's loss is a friction that grows with the torque it carries: driving, the share eta of the motor's power reaches
+the wheel; braking, 1/(2 - eta) of the wheel's power reaches the motor. It never gives energy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
+from ohmward.trace import tanh
+from ohmward.traction.dynamics.odd_functions import direction_and_size
+
+
+@dataclass(frozen=True)
+class Motor:
+    """One motor and its gear; torque and speed are those of the wheel.
+
+    Attributes:
+        torque_constant_Nm_per_A: K_m of the bare motor, which is its V s/rad too, > 0.
+        resistance_ohm: R of the winding, > 0.
+        gear_ratio: n, turns of the motor per turn of the wheel, > 0.
+        gear_efficiency: eta, in (0, 1].
+        friction_Nm: tau_c, dry friction at the wheel, >= 0.
+        damping_Nms_per_rad: b, at the wheel, >= 0.
+        friction_speed_rad_s: omega_0, wheel speed over which friction changes its direction, > 0.
+        rotor_inertia_kg_m2: of the rotor about its own axis, >= 0.
+    """
+
+    torque_constant_Nm_per_A: float
+    resistance_ohm: float
+    gear_ratio: float = 1.0
+    gear_efficiency: float = 1.0
+    friction_Nm: float = 0.0
+    damping_Nms_per_rad: float = 0.0
+    friction_speed_rad_s: float = 0.5
+    rotor_inertia_kg_m2: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("torque_constant_Nm_per_A", "resistance_ohm", "gear_ratio", "friction_speed_rad_s"):
+            require_positive(f"motor.{name}", getattr(self, name))
+        for name in ("friction_Nm", "damping_Nms_per_rad", "rotor_inertia_kg_m2"):
+            require_between(f"motor.{name}", getattr(self, name), 0.0, math.inf)
+        if not 0 < self.gear_efficiency <= 1:
+            raise InputError(f"motor.gear_efficiency must be > 0 and at most 1, got {self.gear_efficiency:g}")
+
+    @property
+    def wheel_constant_Nm_per_A(self) -> float:
+        """Torque at the wheel for a current, without losses: n K_m."""
+        return self.gear_ratio * self.torque_constant_Nm_per_A
+
+    @property
+    def inertia_at_wheel_kg_m2(self) -> float:
+        """What the rotor adds to the wheel: n^2 J_rotor."""
+        return self.gear_ratio**2 * self.rotor_inertia_kg_m2
+
+
+def ideal_torque(motor: Motor, current_A: Any) -> Any:
+    """Torque [N m] at the wheel without losses."""
+    return motor.wheel_constant_Nm_per_A * current_A
+
+
+def friction_torque(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
+    """Torque [N m] that bearings and gear take, against the rotation."""
+    _, carried = direction_and_size(ideal_torque(motor, current_A))
+    dry = motor.friction_Nm + (1 - motor.gear_efficiency) * carried
+    return dry * tanh(wheel_speed_rad_s / motor.friction_speed_rad_s) + motor.damping_Nms_per_rad * wheel_speed_rad_s
+
+
+def wheel_torque(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
+    """Torque [N m] that reaches the wheel."""
+    return ideal_torque(motor, current_A) - friction_torque(motor, current_A, wheel_speed_rad_s)
+
+
+def current_for_torque(motor: Motor, torque_Nm: Any, wheel_speed_rad_s: Any) -> Any:
+    """Current [A] that gives this torque at the wheel: the inverse of `wheel_torque`, exact."""
+    turning = tanh(wheel_speed_rad_s / motor.friction_speed_rad_s)
+    needed = torque_Nm + motor.friction_Nm * turning + motor.damping_Nms_per_rad * wheel_speed_rad_s
+    direction, _ = direction_and_size(needed)
+    return needed / (motor.wheel_constant_Nm_per_A * (1 - (1 - motor.gear_efficiency) * direction * turning))
+
+
+def terminal_voltage(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
+    """Voltage [V] across the motor, the inductance left out."""
+    return motor.resistance_ohm * current_A + motor.wheel_constant_Nm_per_A * wheel_speed_rad_s
+
+
+def copper_loss(motor: Motor, current_A: Any) -> Any:
+    """Power [W] that heats the winding."""
+    return motor.resistance_ohm * current_A * current_A

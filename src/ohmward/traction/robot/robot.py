@@ -1,0 +1,224 @@
+"""A robot: body, wheels, motors and chassis, and the two that come with the package."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ohmward.checks import require_between, require_length, require_positive
+from ohmward.errors import InputError
+from ohmward.traction.robot.chassis import (
+    Differential,
+    Omni,
+    Place,
+    SkidSteer,
+    load_matrix,
+    rolling_matrix,
+    sideways_matrix,
+)
+from ohmward.traction.robot.motor import Motor
+
+GRAVITY = 9.80665
+
+#: The sum of weighed wheel loads may differ from the weight by this share.
+_WEIGHING = 0.05
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """All wheels of a robot are alike.
+
+    Attributes:
+        radius_m: effective rolling radius, > 0.
+        width_m: > 0.
+        inertia_kg_m2: of one wheel about its axle, without the motor, > 0.
+    """
+
+    radius_m: float
+    width_m: float
+    inertia_kg_m2: float
+
+    def __post_init__(self) -> None:
+        for name in ("radius_m", "width_m", "inertia_kg_m2"):
+            require_positive(f"wheel.{name}", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Everything about a robot that does not depend on the ground.
+
+    Attributes:
+        name: in words.
+        mass_kg: with wheels and load, > 0.
+        yaw_inertia_kg_m2: about the vertical through the centre of gravity, > 0.
+        chassis: where the wheels are.
+        wheel: each of them.
+        motor: of each driven wheel.
+        height_m: of the centre of gravity over the ground, >= 0; with 0 no load moves between the wheels.
+        idle_W: what the electronics draw, >= 0.
+        wheel_load_N: (wheels,) of each wheel as weighed, > 0, adding up to the weight; empty: from the geometry.
+    """
+
+    name: str
+    mass_kg: float
+    yaw_inertia_kg_m2: float
+    chassis: Differential | SkidSteer | Omni
+    wheel: Wheel
+    motor: Motor
+    height_m: float = 0.0
+    idle_W: float = 0.0
+    wheel_load_N: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_positive("robot.mass_kg", self.mass_kg)
+        require_positive("robot.yaw_inertia_kg_m2", self.yaw_inertia_kg_m2)
+        require_between("robot.height_m", self.height_m, 0.0, math.inf)
+        require_between("robot.idle_W", self.idle_W, 0.0, math.inf)
+        self._check_room_for_wheels()
+        self._check_yaw_inertia()
+        if self.wheel_load_N:
+            self._check_wheel_loads()
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The wheels, driven ones first."""
+        return self.chassis.places
+
+    @property
+    def driven(self) -> int:
+        """Number of driven wheels."""
+        return sum(p.driven for p in self.places)
+
+    @property
+    def freedoms(self) -> int:
+        """Number of motions of the body: 2 or 3."""
+        return len(self.chassis.freedoms)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the state, in order: motions of the body, then the speed of each driven wheel."""
+        return (*self.chassis.freedoms, *(f"{p.name}_rad_s" for p in self.places if p.driven))
+
+    @cached_property
+    def rolling(self) -> np.ndarray:
+        """G (wheels, freedoms), see `chassis`."""
+        return rolling_matrix(self.chassis)
+
+    @cached_property
+    def sideways(self) -> np.ndarray:
+        """(wheels, freedoms), see `chassis`."""
+        return sideways_matrix(self.chassis)
+
+    @cached_property
+    def loads(self) -> np.ndarray:
+        """(wheels, 3), see `chassis`; the first column are the shares of the weight."""
+        matrix = load_matrix(self.places)
+        if self.wheel_load_N:
+            matrix[:, 0] = np.array(self.wheel_load_N) / sum(self.wheel_load_N)
+        return matrix
+
+    @cached_property
+    def inertia(self) -> np.ndarray:
+        """Inertia of each state (n,): kg for speeds, kg m2 for rotations.
+
+        A wheel that is not driven rolls without slip: its rotation is part of the body's motion.
+        """
+        planar = {"v_m_s": self.mass_kg, "v_left_m_s": self.mass_kg, "yaw_rate_rad_s": self.yaw_inertia_kg_m2}
+        free = self.rolling[self.driven :]
+        rolling = self.wheel.inertia_kg_m2 / self.wheel.radius_m**2 * np.sum(free * free, axis=0)
+        body = np.array([planar[name] for name in self.chassis.freedoms]) + rolling
+        wheels = np.full(self.driven, self.wheel.inertia_kg_m2 + self.motor.inertia_at_wheel_kg_m2)
+        return np.concatenate([body, wheels])
+
+    def _check_room_for_wheels(self) -> None:
+        for i, a in enumerate(self.places):
+            for b in self.places[:i]:
+                gap = math.hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+                if gap < self.wheel.width_m:
+                    raise InputError(
+                        f"chassis: wheels {b.name} and {a.name} stand {gap:g} m apart, less than wheel.width_m = "
+                        f"{self.wheel.width_m:g}; correct the geometry (metres, not millimetres?)"
+                    )
+        if not isinstance(self.chassis, Omni) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
+            raise InputError(
+                f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
+                f"wheels overlap; got {self.wheel.radius_m:g}"
+            )
+
+    def _check_wheel_loads(self) -> None:
+        require_positive("robot.wheel_load_N", self.wheel_load_N)
+        require_length("robot.wheel_load_N", self.wheel_load_N, len(self.places), "one for each wheel")
+        weight, found = self.mass_kg * GRAVITY, sum(self.wheel_load_N)
+        if abs(found - weight) > _WEIGHING * weight:
+            raise InputError(
+                f"robot.wheel_load_N must add up to the weight of robot.mass_kg, {weight:.4g} N within "
+                f"{100 * _WEIGHING:.0f} %, got {found:.4g} N; correct the mass or the loads (newtons, not kilograms?)"
+            )
+
+    def _check_yaw_inertia(self) -> None:
+        farthest = max(math.hypot(p.x_m, p.y_m) for p in self.places)
+        most = self.mass_kg * (3 * farthest) ** 2
+        if self.yaw_inertia_kg_m2 > most:
+            raise InputError(
+                f"robot.yaw_inertia_kg_m2 must be at most {most:.3g} (all mass at three times the distance of the "
+                f"farthest wheel), got {self.yaw_inertia_kg_m2:g}"
+            )
+
+
+def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> float:
+    """Yaw inertia [kg m2] of an even box: a start where nothing better is known."""
+    return mass_kg * (length_m**2 + width_m**2) / 12
+
+
+def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
+    """Yaw inertia [kg m2] of a wheel, an even disc that stands so far from the centre of gravity."""
+    return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
+
+
+_RLMA_WHEEL_KG = 1.5
+_RLMA_WHEEL = Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=_RLMA_WHEEL_KG * 0.12**2 / 2)
+
+#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Wheels are taken as even
+#: discs of 1.5 kg, the box as even and 8 cm clear of the ground, the motors as 6.5-inch hub motors (16 rpm/V,
+#: 0.179 ohm): [T] describes none of them.
+RLMA = Robot(
+    name="RLMA",
+    mass_kg=42.0,
+    yaw_inertia_kg_m2=solid_box_yaw_inertia(42.0 - 4 * _RLMA_WHEEL_KG, 0.68, 0.38)
+    + 4 * disc_yaw_inertia(_RLMA_WHEEL_KG, _RLMA_WHEEL, math.hypot(0.314, 0.15)),
+    chassis=Differential(front_m=0.314, rear_m=0.314, track_m=0.30),
+    wheel=_RLMA_WHEEL,
+    motor=Motor(torque_constant_Nm_per_A=0.517, resistance_ohm=0.179),
+    height_m=0.17,
+)
+
+#: Festo's Robotino as measured at Tomsk Polytechnic University (mass from the wheel loads); inertias and efficiency are
+#: estimates.
+ROBOTINO = Robot(
+    name="Robotino",
+    mass_kg=11.3,
+    yaw_inertia_kg_m2=11.3 * 0.18**2 / 2,
+    chassis=Omni(arm_m=0.125),
+    wheel=Wheel(radius_m=0.04, width_m=0.036, inertia_kg_m2=0.2 * 0.04**2 / 2),
+    motor=Motor(
+        torque_constant_Nm_per_A=0.0514,
+        resistance_ohm=5.95,
+        gear_ratio=16.0,
+        gear_efficiency=0.8,
+        rotor_inertia_kg_m2=7e-6,
+    ),
+)
+
+
+def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
+    """Speed [rad/s] of every wheel that rolls without slip while the body moves so; motion: (freedoms,)."""
+    return robot.rolling @ motion / robot.wheel.radius_m
+
+
+def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
+    """Motion (freedoms,) that fits the driven wheels' speeds best, as if none slipped: wheel odometry."""
+    driven = robot.rolling[: robot.driven]
+    return np.linalg.pinv(driven) @ (np.asarray(wheel_speed_rad_s) * robot.wheel.radius_m)

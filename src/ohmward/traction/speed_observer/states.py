@@ -1,0 +1,134 @@
+"""Which quantities are states of the observer, and where they stand in its vector.
+
+    v, (v_left,) yaw_rate, omega_1 ... omega_n      the robot's own, `Robot.state_names`
+    log_friction (one, or one for each wheel)       of what the ground gives at most, over the terrain's
+    log_stiffness                                   of the slope of traction over slip, over the terrain's
+    grade_rad                                       of the ground, and whatever else pushes the body as a slope would
+    rolling_excess                                  rolling resistance over the terrain's, less one
+    radius_share                                    effective radius of the wheels over the robot's
+    accelerometer_offset_m_s2
+
+Shares of the ground are logarithms: positive whatever the filter does, and their sigma is a relative one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.traction.robot.robot import Robot
+
+FRICTION = ("known", "one", "each")
+
+
+@dataclass(frozen=True)
+class States:
+    """Optional states.
+
+    Attributes:
+        friction: "known", "one" for all driven wheels, or "each".
+        stiffness: the slope of traction over slip is a state.
+        grade: the slope of the ground is a state; without it, it is the measured pitch, or level.
+        rolling: the rolling resistance is a state.
+        radius: the effective radius is a state.
+        accelerometer_offset: of the accelerometer along x.
+    """
+
+    friction: str = "one"
+    stiffness: bool = True
+    grade: bool = True
+    rolling: bool = True
+    radius: bool = True
+    accelerometer_offset: bool = False
+
+    def __post_init__(self) -> None:
+        if self.friction not in FRICTION:
+            raise InputError(f"states.friction must be one of {', '.join(FRICTION)}, got {self.friction!r}")
+
+
+#: The four states of [T] 4.5 on a robot with two driven wheels: the ground is known.
+KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, rolling=False, radius=False)
+
+
+class Parts(NamedTuple):
+    """The state vector taken apart; what is no state has the value that the models assume.
+
+    motion: (freedoms,) of the body.
+    omega: (driven,) [rad/s].
+    friction, stiffness: shares, friction (driven,).
+    grade_rad: > 0 uphill; None where it is no state.
+    rolling_share: of the terrain's resistance.
+    radius_share, accelerometer_offset: as their states.
+    """
+
+    motion: np.ndarray
+    omega: np.ndarray
+    friction: np.ndarray
+    stiffness: Any
+    grade_rad: Any
+    rolling_share: Any
+    radius_share: Any
+    accelerometer_offset: Any
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The vector of a robot with these states."""
+
+    robot: Robot
+    states: States
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the elements, in order."""
+        optional = {
+            "log_stiffness": self.states.stiffness,
+            "grade_rad": self.states.grade,
+            "rolling_excess": self.states.rolling,
+            "radius_share": self.states.radius,
+            "accelerometer_offset_m_s2": self.states.accelerometer_offset,
+        }
+        return (*self.robot.state_names, *self.friction_names, *(name for name, there in optional.items() if there))
+
+    @property
+    def friction_names(self) -> tuple[str, ...]:
+        """Names of the friction states."""
+        places = [p.name for p in self.robot.places if p.driven]
+        by_wheel = tuple(f"log_friction_{name}" for name in places)
+        return {"known": (), "one": ("log_friction",), "each": by_wheel}[self.states.friction]
+
+    def index(self, name: str) -> int:
+        """Where an element stands."""
+        return self.names.index(name)
+
+    def wheel(self, k: int) -> int:
+        """Where the speed of driven wheel k stands."""
+        return self.robot.freedoms + k
+
+    def friction(self, k: int) -> int:
+        """Where the friction of driven wheel k stands."""
+        first = self.robot.freedoms + self.robot.driven
+        return first + (k if self.states.friction == "each" else 0)
+
+    def friction_name(self, k: int) -> str:
+        """Name of the friction of driven wheel k; empty where it is known."""
+        return self.names[self.friction(k)] if self.friction_names else ""
+
+    def split(self, x: np.ndarray) -> Parts:
+        """The vector (n,) taken apart."""
+        free, n = self.robot.freedoms, self.robot.driven
+        logs = [x[self.friction(k)] if self.friction_names else None for k in range(n)]
+        return Parts(
+            x[:free],
+            x[free : free + n],
+            np.array([1.0 if log is None else np.exp(log) for log in logs]),
+            np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
+            x[self.index("grade_rad")] if self.states.grade else None,
+            1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
+            x[self.index("radius_share")] if self.states.radius else 1.0,
+            x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0,
+        )

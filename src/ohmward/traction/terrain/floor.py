@@ -1,0 +1,168 @@
+"""A floor as a robot has learnt it: how wheels creep under force on it, and what it takes to roll over it.
+
+F / N = mu (1 - e^(-C lambda / mu))        traction of a wheel at slip lambda = s / U, Burckhardt's law without its fall
+lambda = -(mu / C) ln(1 - F / (mu N))      its inverse: the slip that a force needs; the wheel spins where F >= mu N
+
+U is the speed of the rims over the ground as the wheels make it, s = r omega - v the slip speed of a wheel along its
+rolling direction. Rolling takes `rolling` of a wheel's load against its motion, and the rollers of an omni-wheel take
+`roller` of it against the motion along their wheel's axle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
+from ohmward.traction.friction.burckhardt import Burckhardt
+
+#: Rubber on floors from carpet to concrete: what is believed of a floor before anything is known of it. Medians, and
+#: sigmas of the logarithm.
+FRICTION, FRICTION_STD = 0.8, 0.5
+STIFFNESS, STIFFNESS_STD = 8.0, 0.8
+ROLLING, ROLLING_STD = 0.03, 1.0
+#: Floors resemble each other for one robot: the share of these sigmas from floor to floor; the rest is common to all.
+BETWEEN_SHARE = 0.8
+_NODES = 11
+
+
+@dataclass(frozen=True)
+class Floor:
+    """One floor. Standard deviations of positive quantities are relative.
+
+    Attributes:
+        name: in words.
+        friction, friction_std: mu, traction over load of a wheel that spins, > 0.
+        stiffness, stiffness_std: C, traction over load and slip where the slip is small, > 0.
+        correlation: between the errors of the two, in (-1, 1).
+        slip_std: what the law leaves unexplained of a wheel's slip from drive to drive, >= 0.
+        rolling, roller: share of the load, >= 0.
+        drag_std: of both, relative, >= 0.
+        force_std: what these leave unexplained of a wheel's force, share of the load, > 0.
+        drives: how many recordings it was learnt from; 0 for a floor that was never met.
+    """
+
+    name: str
+    friction: float
+    stiffness: float
+    rolling: float
+    roller: float = 0.0
+    friction_std: float = FRICTION_STD
+    stiffness_std: float = STIFFNESS_STD
+    correlation: float = 0.0
+    slip_std: float = 0.02
+    drag_std: float = ROLLING_STD
+    force_std: float = 0.03
+    drives: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("friction", "stiffness", "force_std"):
+            require_positive(f"floor.{name}", getattr(self, name))
+        for name in ("friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives"):
+            require_between(f"floor.{name}", getattr(self, name), 0.0, math.inf)
+        if not -1 < self.correlation < 1:
+            raise InputError(f"floor.correlation must be between -1 and 1, got {self.correlation:g}")
+
+    @property
+    def law(self) -> Burckhardt:
+        """The law of traction, for the models of `ohmward.traction`."""
+        return Burckhardt(self.friction, self.stiffness / self.friction, 0.0)
+
+    @property
+    def drag(self) -> float:
+        """Share of its weight that a robot needs to keep moving, about: half of its rollers turn."""
+        return self.rolling + self.roller / 2
+
+    @property
+    def log_covariance(self) -> np.ndarray:
+        """Covariance (2, 2) of ln mu and ln C."""
+        a, b = self.friction_std, self.stiffness_std
+        return np.array([[a * a, self.correlation * a * b], [self.correlation * a * b, b * b]])
+
+
+class SlipBelief(NamedTuple):
+    """The slip ratio of wheels.
+
+    mean: (..., n).
+    cov: (..., n, n): wheels on one floor err together.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+
+
+def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
+    """Slip ratio at which the ground gives this force over load; +-1, a wheel that spins, where it cannot."""
+    size = np.minimum(np.abs(force_share) / friction, 1.0)
+    with np.errstate(divide="ignore"):
+        slip = -np.log1p(-size) * friction / stiffness
+    return np.sign(force_share) * np.minimum(slip, 1.0)
+
+
+def slip_belief(floor: Floor, force_share: np.ndarray, force_std: np.ndarray) -> SlipBelief:
+    """What is known of the slip of wheels on this floor.
+
+    force_share, force_std: (..., n) traction over load, and its standard deviation.
+
+    The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law bends where they are
+    uncertain. `slip_curves` has the same as a step takes it.
+    """
+    at_node, weights = slips_of_floors(floor, force_share)
+    mean = np.tensordot(weights, at_node, 1)
+    off = at_node - mean
+    cov = np.einsum("q,q...i,q...j->...ij", weights, off, off)
+    ahead, behind = (
+        np.tensordot(weights, slips_of_floors(floor, force_share + e)[0], 1) for e in (force_std, -force_std)
+    )
+    own = floor.slip_std**2 + ((ahead - behind) / 2) ** 2
+    return SlipBelief(mean, cov + own[..., None] * np.eye(mean.shape[-1]))
+
+
+def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slip (Q, ...) at forces over load (...) on Q floors that this one may be, and their probabilities (Q,)."""
+    x, w = np.polynomial.hermite_e.hermegauss(_NODES)
+    factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
+    grid = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    friction, stiffness = np.exp(np.log([floor.friction, floor.stiffness]) + grid @ factor.T).T
+    weights = np.outer(w, w).ravel()
+    columns = (-1, *(1,) * np.ndim(force_share))
+    slip = slip_at_force(force_share, friction.reshape(columns), stiffness.reshape(columns))
+    return slip, weights / weights.sum()
+
+
+def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
+    """A floor that the robot has never met: what it has learnt elsewhere counts, as much as floors resemble each other.
+
+    Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and what is
+    believed of any floor. Without a known floor it is that.
+    """
+    friction = _pooled([(f.friction, f.friction_std) for f in known], FRICTION, FRICTION_STD)
+    stiffness = _pooled([(f.stiffness, f.stiffness_std) for f in known], STIFFNESS, STIFFNESS_STD)
+    rolling = _pooled([(max(f.rolling, 1e-3), f.drag_std) for f in known], ROLLING, ROLLING_STD)
+    roller = _pooled([(max(f.roller, 1e-3), f.drag_std) for f in known], ROLLING, ROLLING_STD)
+    return Floor(
+        "unseen",
+        friction=friction[0],
+        friction_std=friction[1],
+        stiffness=stiffness[0],
+        stiffness_std=stiffness[1],
+        slip_std=max((f.slip_std for f in known), default=0.02),
+        rolling=rolling[0],
+        roller=roller[0],
+        drag_std=max(rolling[1], roller[1]),
+        force_std=max((f.force_std for f in known), default=0.03),
+    )
+
+
+def _pooled(known: Sequence[tuple[float, float]], median: float, std: float) -> tuple[float, float]:
+    """Median and sigma of the logarithm of the next floor's value."""
+    between, common = (BETWEEN_SHARE * std) ** 2, (1 - BETWEEN_SHARE**2) * std**2
+    values = np.log([median, *(value for value, _ in known)])
+    precision = np.array([1 / common, *(1 / (s * s + between) for _, s in known)])
+    mean = precision @ values / precision.sum()
+    return float(np.exp(mean)), float(np.sqrt(1 / precision.sum() + between))

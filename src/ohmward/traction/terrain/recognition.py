@@ -1,0 +1,152 @@
+"""Which floor is under which wheel, from the forces that the wheels need: Bayes' rule on every combination.
+
+    P(c | F_1..k)  ~  p(F_k | c)^(dt/tau)  *  [ (1 - h dt) P(c) + h dt (others) ]
+
+A combination c names a floor for each wheel; h is how often a wheel meets another floor. Given c, the forces are those
+of `demand` within what the floors leave open. These errors are not white (rollers, floors that differ from place to
+place), so a sample counts for the share dt / tau of an observation.
+
+One of the floors is one that was never met, wide in all it asks for: what fits no known floor goes there. Robots that
+cannot tell their wheels apart by their forces have one floor under all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.filters.linear_algebra import cholesky, solve_lower
+from ohmward.trace import exp, log, maximum, minimum
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.clean_sample import largest
+from ohmward.traction.terrain.demand import drag_columns, inertial_forces, mean_load
+from ohmward.traction.terrain.floor import Floor, unseen_floor
+
+#: More combinations than this are refused: every sample weighs each of them.
+MOST_COMBINATIONS = 1000
+#: Before anything is measured: a floor that was never met against a known one, and several floors against one.
+UNSEEN_SHARE, MIXED_SHARE = 0.01, 0.1
+#: No combination is ever less likely: one that was excluded can come back.
+_LEAST = 1e-30
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        robot: calibrated.
+        floors: that it has learnt, each with its own name.
+        crossing_rate: h, how often a wheel meets another floor [1/s].
+        correlation_s: tau, how long what the floors leave unexplained lasts.
+    """
+
+    robot: Robot
+    floors: Sequence[Floor] = ()
+    crossing_rate: float = 0.1
+    correlation_s: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_positive("crossing_rate", self.crossing_rate)
+        require_positive("correlation_s", self.correlation_s)
+        if len(set(self.names)) < len(self.names):
+            raise InputError(f"floors must have different names, and none may be 'unseen'; got {', '.join(self.names)}")
+        if len(self.combinations) > MOST_COMBINATIONS:
+            raise InputError(
+                f"{len(self.floors)} floors under {len(self.robot.places)} wheels are {len(self.combinations)} "
+                f"combinations, more than {MOST_COMBINATIONS}; name fewer floors"
+            )
+
+    @cached_property
+    def all_floors(self) -> tuple[Floor, ...]:
+        """The floors, and last one that was never met."""
+        return (*self.floors, unseen_floor(self.floors))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all floors."""
+        return tuple(f.name for f in self.all_floors)
+
+    @cached_property
+    def combinations(self) -> np.ndarray:
+        """(C, wheels) number of the floor under each wheel."""
+        count, wheels = len(self.floors) + 1, len(self.robot.places)
+        if self.robot.freedoms == self.robot.driven == wheels:
+            return np.array(list(product(range(count), repeat=wheels)))
+        return np.repeat(np.arange(count)[:, None], wheels, axis=1)
+
+    @cached_property
+    def changes(self) -> np.ndarray:
+        """(C, C) share of a changing belief that each combination takes over: one wheel after the other."""
+        c = self.combinations
+        apart = (c[:, None] != c[None]).sum(axis=-1)
+        near = (apart == apart[apart > 0].min()) * self.likeness if len(c) > 1 else np.ones((1, 1))
+        return near / near.sum(axis=1, keepdims=True)
+
+    @cached_property
+    def likeness(self) -> np.ndarray:
+        """Weight (C,) of each combination before anything is measured: known floors are likelier than one never met."""
+        share = np.append(np.ones(len(self.floors)), UNSEEN_SHARE if self.floors else 1.0)
+        return np.prod(share[self.combinations], axis=1)
+
+    def init(self) -> np.ndarray:
+        """Belief (C,) before the first sample: more likely one floor under all wheels than several."""
+        same = (self.combinations == self.combinations[:, :1]).all(axis=1)
+        belief = self.likeness * np.where(same, 1.0, MIXED_SHARE)
+        return belief / belief.sum()
+
+    def step(self, belief: np.ndarray, log_likelihood: np.ndarray, dt_s: Any) -> np.ndarray:
+        """Belief (C,) after a sample in which the combinations have this log-likelihood (C,)."""
+        change, counts = 1.0 - exp(-self.crossing_rate * dt_s), minimum(dt_s / self.correlation_s, 1.0)
+        prior = (1.0 - change) * belief + change * self.changed(belief)
+        weighed = [
+            log(maximum(p, _LEAST)) + counts * likelihood for p, likelihood in zip(prior, log_likelihood, strict=True)
+        ]
+        likeliest = largest(weighed)
+        after = np.array([exp(w - likeliest) for w in weighed])
+        return after * (1.0 / after.sum())
+
+    def changed(self, belief: np.ndarray) -> np.ndarray:
+        """Belief (C,) after one wheel has met another floor."""
+        return np.array([belief[near] @ share[near] for share in self.changes.T for near in [np.flatnonzero(share)]])
+
+    def log_likelihood(
+        self, motion: np.ndarray, acceleration: np.ndarray, force_N: np.ndarray, force_std_N: np.ndarray
+    ) -> np.ndarray:
+        """Logarithm of p(F | c) (C,) of forces (driven,) while the body moves so, (freedoms,)."""
+        columns = drag_columns(self.robot, motion)
+        rest = force_N - inertial_forces(self.robot, acceleration)
+        load_N = mean_load(self.robot)
+        asked = [columns @ np.array([f.rolling, f.roller]) for f in self.all_floors]
+        open_ = [_squares(f.drag_std * by_wheel) for f, by_wheel in zip(self.all_floors, asked, strict=True)]
+        found = []
+        for combination in self.combinations:
+            under = list(enumerate(combination))
+            own = (load_N * max(self.all_floors[i].force_std for i in combination)) ** 2 + force_std_N**2
+            S = sum(open_[i][wheel] for wheel, i in under) + np.diag(own)
+            found.append(_log_density(rest - sum(asked[i][:, wheel] for wheel, i in under), S))
+        return np.array(found)
+
+    def by_wheel(self, belief: np.ndarray) -> np.ndarray:
+        """Probability (wheels, floors) of each floor under each wheel."""
+        floors, wheels = range(len(self.all_floors)), range(self.combinations.shape[1])
+        return np.array([[belief[self.combinations[:, w] == k].sum() for k in floors] for w in wheels])
+
+
+def _squares(columns: np.ndarray) -> list[np.ndarray]:
+    """The outer product (n, n) of each column of (n, wheels) with itself."""
+    return [np.outer(column, column) for column in columns.T]
+
+
+def _log_density(error: np.ndarray, S: np.ndarray) -> Any:
+    """Logarithm of the normal density of an error (n,) with covariance (n, n), without its constant."""
+    factor, _ = cholesky(S)
+    white = solve_lower(factor, error)
+    return -0.5 * (white @ white) - log(np.prod(np.diag(factor)))

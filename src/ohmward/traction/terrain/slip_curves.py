@@ -1,0 +1,62 @@
+"""What is believed of the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a step.
+
+    mean m(F/N),   variance v(F/N),   covariance of two wheels  c(F_i/N_i, F_j/N_j) = sum over k of phi_k phi_k
+
+Friction and stiffness of a floor are common to all wheels, so their slips err together. The phi_k are the first
+functions of Karhunen and Loeve's expansion of the slip over all floors that this one may be. The variance is exact;
+what the left-out functions hold counts as each wheel's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ohmward.trace import minimum, table
+from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.terrain.floor import Floor, SlipBelief, slips_of_floors
+
+#: Curves are known up to this force over load, at so even distances; no floor gives more.
+MOST, SPACING = 2.0, 0.01
+#: Functions of the expansion.
+MODES = 5
+
+
+@dataclass(frozen=True)
+class SlipCurves:
+    """The curves of a floor."""
+
+    floor: Floor
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """(2 + MODES, points): mean, variance, and the functions of the expansion."""
+        slip, weights = slips_of_floors(self.floor, np.arange(0.0, MOST + SPACING / 2, SPACING))
+        mean = weights @ slip
+        off = np.sqrt(weights)[:, None] * (slip - mean)
+        cov = off.T @ off
+        size, functions = np.linalg.eigh(cov)
+        strongest = functions[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(size[: -MODES - 1 : -1], 0.0))
+        return np.vstack([mean, np.diag(cov), strongest.T])
+
+    def belief(self, force_share: np.ndarray, force_std: np.ndarray) -> SlipBelief:
+        """The slip of n wheels; force_share, force_std: (n,) traction over load, and its standard deviation."""
+        at = [direction_and_size(s) for s in force_share]
+        mean = np.array([self.mean(s) for s in force_share])
+        modes = [[sign * self._at(2 + k, size) for k in range(MODES)] for sign, size in at]
+        cov = np.array(modes) @ np.array(modes).T
+        for i, (s, e) in enumerate(zip(force_share, force_std, strict=True)):
+            bent = (self.mean(s + e) - self.mean(s - e)) / 2
+            cov[i, i] = self._at(1, at[i][1]) + self.floor.slip_std**2 + bent * bent
+        return SlipBelief(mean, cov)
+
+    def mean(self, force_share: Any) -> Any:
+        """Mean slip ratio of a wheel at a force over its load."""
+        sign, size = direction_and_size(force_share)
+        return sign * self._at(0, size)
+
+    def _at(self, row: int, size: Any) -> Any:
+        return table(self.values[row], 0.0, SPACING, minimum(size, MOST))

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from ohmward.errors import InputError
+from ohmward.traction.dynamics.set_points import best_slip, driving_force, peak
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.terrain import ROADS
+from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from traction.examples import LAWS, LOAD_N
+
+
+@pytest.mark.parametrize("name", [n for n in ROADS if ROADS[n].c3 > 0])
+def test_the_peak_of_a_road_is_the_closed_form(name):
+    found = peak(ROADS[name], LOAD_N, 0.5)
+    assert found.slip_ratio == pytest.approx(ROADS[name].peak_slip_ratio, abs=1e-6)
+    assert found.force_N == pytest.approx(LOAD_N * ROADS[name].peak_adhesion)
+    assert found.slip_speed_m_s == pytest.approx(0.5 * found.slip_ratio / (1 - found.slip_ratio))
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 2.0])
+def test_the_peak_in_slip_speed_is_the_closed_form(speed):
+    law = WardIagnemma.with_peak(0.8, 0.5, 0.07)
+    found = peak(law, LOAD_N, speed)
+    assert found.slip_speed_m_s == pytest.approx(0.07, rel=1e-5)
+    assert found.force_N == pytest.approx(80.0)
+
+
+def test_where_nothing_falls_the_peak_is_at_full_slip():
+    assert peak(WardIagnemma(0.7, 2.0), LOAD_N, 0.1).slip_ratio > 0.99
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_best_slip_is_the_one_that_scipy_finds(name):
+    found = best_slip(LAWS[name], LOAD_N, 3.0, 0.5)
+
+    def waste(slip):
+        return -(1 - slip) * (1 - 3.0 / driving_force(LAWS[name], slip, LOAD_N, 0.5))
+
+    other = minimize_scalar(waste, bounds=(1e-4, 0.9), method="bounded", options={"xatol": 1e-10})
+    assert found.efficiency == pytest.approx(-other.fun, rel=1e-9)
+    assert found.slip_ratio == pytest.approx(other.x, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_best_slip_lies_below_the_peak_and_grows_with_the_resistance(name):
+    slips = [best_slip(LAWS[name], LOAD_N, resistance, 0.5).slip_ratio for resistance in (1.0, 3.0, 9.0)]
+    assert slips == sorted(slips)
+    assert slips[-1] < peak(LAWS[name], LOAD_N, 0.5).slip_ratio
+
+
+def test_where_the_force_is_proportional_to_slip_speed_it_is_a_quadratic_equation():
+    # (1 - x) (1 - a (1 - x)/x), a = R/(N c v): stationary at x = sqrt(a / (1 + a))
+    law, resistance, speed = CoulombCreep(0.9, 2.0), 2.0, 0.5
+    a = resistance / (LOAD_N * 2.0 * speed)
+    assert best_slip(law, LOAD_N, resistance, speed).slip_ratio == pytest.approx(np.sqrt(a / (1 + a)), abs=1e-6)
+
+
+def test_on_a_hard_floor_it_is_a_few_per_cent_and_far_below_the_peak():
+    road = ROADS["dry asphalt road"]
+    assert 0.01 < best_slip(road, LOAD_N, 0.01 * LOAD_N, 0.5).slip_ratio < 0.04
+    assert 0.01 < best_slip(road, LOAD_N, 0.03 * LOAD_N, 0.5).slip_ratio < 0.04 < road.peak_slip_ratio / 4
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(InputError, match=r"resistance_N must be below what the ground gives \(.* N\), got 80"):
+        best_slip(WardIagnemma(0.2, 20.0), LOAD_N, 80.0, 0.5)
+    with pytest.raises(InputError, match="load_N must be > 0"):
+        peak(WardIagnemma(0.2, 20.0), 0.0, 0.5)
+    with pytest.raises(InputError, match="travel_speed_m_s must be > 0"):
+        peak(WardIagnemma(0.2, 20.0), 100.0, -0.5)

@@ -1,0 +1,213 @@
+"""Speed from momentum: exact where nothing is noisy, consistent where it is, silent about what it cannot know."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, SkidSteer, scene
+from ohmward.traction.momentum_observer.estimate import MomentumFlag
+from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward.traction.momentum_observer.observer import MomentumObserver
+from ohmward.traction.robot.robot import GRAVITY
+from traction.speed_observer.examples import FLOOR
+
+DT = 1e-3
+COUNTS = 4096
+STEP_RAD = 2 * math.pi / COUNTS
+STD = count_std_rad(COUNTS)
+SCENE = scene(RLMA, FLOOR)
+R, J, M = RLMA.wheel.radius_m, RLMA.inertia[2], RLMA.inertia[0]
+ACCELEROMETER = MomentumNoise(STD, accelerometer_std_m_s2=0.05, gyro_std_rad_s=0.005)
+
+
+def observer(noise=ACCELEROMETER, **changes):
+    return MomentumObserver(SCENE, noise, **changes)
+
+
+def rolling_N(v):
+    return sum(t.rolling.force_N(v, n) for t, n in zip(SCENE.terrains, observer().model.load_N, strict=True))
+
+
+def world(force_N, push_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0):
+    """Rest, then both wheels with a force of (T,): torque, angle, speed of rim and body, acceleration.
+
+    The rim slips by a tenth of a second's worth of the force, so torque, wheel and body fit together exactly.
+    """
+    time = DT * np.arange(round((rest_s + duration_s) / DT))
+    F = np.where(time >= rest_s, np.vectorize(force_N)(time - rest_s), 0.0)
+    v, rim, angle, rows = 0.0, 0.0, 0.0, []
+    for k, force in enumerate(F):
+        moving = time[k] >= rest_s
+        a = (2 * force + rolling_N(v)) / M - push_m_s2 - GRAVITY * math.sin(grade_rad) if moving else 0.0
+        slipping = v + 0.01 * (time[k] - rest_s) * force / 10.0 if moving else 0.0
+        torque = (R * force + J / R * (slipping - rim) / DT) if moving else 0.0
+        v, before, rim = v + DT * a, rim, slipping
+        angle += 0.5 * DT * (before + rim) / R
+        rows.append((torque, angle, v, rim, a))
+    return (time, *np.array(rows).T)
+
+
+def samples(truth, rng=None, offset=0.0, grade_rad=0.0, pitch_offset=0.0, acceleration=True):
+    """What the sensors show of it."""
+    time, torque, angle, _, _, a = truth
+    noise = rng.standard_normal if rng else np.zeros
+    phase = rng.random(2) if rng else np.zeros(2)
+    counts = np.floor(angle[:, None] / STEP_RAD + phase) if rng else angle[:, None] / STEP_RAD + phase
+    turned = STEP_RAD * np.diff(counts, axis=0, prepend=counts[:1])
+    blank = observer().no_sample()
+    current = torque / RLMA.motor.wheel_constant_Nm_per_A
+    shown = a + GRAVITY * math.sin(grade_rad) + offset + 0.05 * noise(len(time))
+    for k in range(len(time)):
+        yield blank._replace(
+            dt_s=DT,
+            turned_rad=np.array([*turned[k], math.nan, math.nan]),
+            current_A=current[k] + 0.1 * noise(2) if k else np.zeros(2),
+            acceleration_m_s2=shown[k] if acceleration else math.nan,
+            pitch_rad=grade_rad + pitch_offset,
+            yaw_rate_rad_s=0.0,
+        )
+
+
+def follow(observer_, rows):
+    state, estimates = observer_.init(), []
+    step = Kernel(observer_.step, state, observer_.no_sample())
+    for row in rows:
+        state, estimate = step(state, row)
+        estimates.append(estimate)
+    return estimates
+
+
+def test_at_constant_force_without_noise_the_momentum_is_exact():
+    truth = world(lambda t: 20.0)
+    *_, last = follow(
+        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)), samples(truth)
+    )
+    assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.002)
+    assert last.force_N == pytest.approx([20.0, 20.0], abs=0.2)
+    assert R * last.wheel_speed_rad_s == pytest.approx([truth[4][-1]] * 2, abs=0.002)
+
+
+def test_impulse_is_momentum_whatever_the_force_did():
+    """The sum of torque over radius, less what wheels and rolling resistance took, over the mass."""
+    truth = world(lambda t: 20.0 + 10.0 * math.sin(9.0 * t))
+    *_, last = follow(
+        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)), samples(truth)
+    )
+    time, torque, _, v, rim, _ = truth
+    impulse = 2 * np.sum(torque) * DT / R - 2 * J / R**2 * rim[-1] + sum(rolling_N(x) for x in v[time >= 0.3]) * DT
+    assert impulse / M == pytest.approx(v[-1], rel=2e-3)
+    assert last.speed_m_s == pytest.approx(impulse / M, abs=0.003)
+
+
+@pytest.mark.parametrize("offset, grade, pitch_offset", [(0.3, 0.0, 0.0), (0.0, 0.05, 0.0), (-0.1, 0.03, 0.01)])
+def test_at_rest_the_accelerometer_learns_its_zero_on_any_slope(offset, grade, pitch_offset):
+    truth = world(lambda t: 25.0, grade_rad=grade)
+    rows = samples(truth, offset=offset, grade_rad=grade, pitch_offset=pitch_offset)
+    *_, last = follow(observer(), rows)
+    assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.006)
+
+
+def test_without_an_accelerometer_the_pitch_is_the_slope():
+    truth = world(lambda t: 25.0, grade_rad=0.05)
+    noise = MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)
+    *_, last = follow(observer(noise), samples(truth, grade_rad=0.05, acceleration=False))
+    assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.003)
+
+
+def test_an_unknown_push_is_found_by_the_accelerometer_and_not_without():
+    truth = world(lambda t: 25.0, push_m_s2=0.2)
+    with_it = follow(observer(), samples(truth))[-1]
+    without = follow(observer(MomentumNoise(STD, gyro_std_rad_s=0.005)), samples(truth, acceleration=False))[-1]
+    assert with_it.speed_m_s == pytest.approx(truth[3][-1], abs=0.006)
+    assert with_it.push_m_s2 == pytest.approx(0.2, abs=0.05)
+    assert without.speed_m_s - truth[3][-1] == pytest.approx(0.2, abs=0.02)
+    assert without.speed_std_m_s == pytest.approx(0.17, rel=0.2)
+
+
+def test_the_sigma_of_the_speed_is_true():
+    errors, stds = [], []
+    rng = np.random.default_rng(7)
+    for _ in range(12):
+        push = rng.normal(0.0, 0.17)
+        truth = world(lambda t: 30.0, push_m_s2=push, duration_s=0.4)
+        *_, last = follow(observer(), samples(truth, rng, offset=rng.normal(0.0, 0.1)))
+        errors.append(last.speed_m_s - truth[3][-1])
+        stds.append(last.speed_std_m_s)
+    nees = np.mean(np.square(np.array(errors) / stds))
+    assert 0.2 < nees < 2.0  # chi-square with 12 degrees of freedom over 12: 99.8 % within 0.19 and 2.7
+
+
+def test_a_standing_robot_stands_and_its_offset_does_not_move_it():
+    blank = observer().no_sample()
+    still = blank._replace(dt_s=DT, turned_rad=np.zeros(4), current_A=np.zeros(2), acceleration_m_s2=1.0)
+    *_, last = follow(observer(), [still] * 300)
+    assert last.speed_m_s == pytest.approx(0.0, abs=1e-4)
+    assert int(last.flags) & MomentumFlag.STANDSTILL
+
+
+def test_a_ground_that_gives_way_is_seen_within_six_milliseconds():
+    truth = world(lambda t: 60.0 if t < 0.5 else 10.0)
+    estimates = follow(observer(), samples(truth))
+    changed = [k for k, e in enumerate(estimates) if int(e.flags) & MomentumFlag.GROUND_CHANGED]
+    assert not changed or min(changed) >= 800
+    slow = [k for k in range(806, 1300) if abs(estimates[k].force_N[0] - 10.0) > 20.0]
+    assert len(slow) < 10
+
+
+def test_samples_that_lack_everything_are_bridged():
+    rows = list(samples(world(lambda t: 20.0)))
+    blank = observer().no_sample()
+    lost = [row if k % 3 else blank._replace(dt_s=DT) for k, row in enumerate(rows)]
+    for k in range(3, len(rows), 3):
+        kept = lost[k - 2 : k]
+        assert all(np.isfinite(s.current_A).all() for s in kept)
+    estimates = follow(observer(), lost)
+    assert all(math.isfinite(e.speed_m_s) for e in estimates)
+    assert int(estimates[900].flags) & MomentumFlag.NO_CURRENT
+
+
+def test_after_a_gap_the_speed_is_anything():
+    rows = list(samples(world(lambda t: 20.0)))
+    estimates = follow(observer(), [*rows[:800], rows[800]._replace(dt_s=0.5)])
+    assert int(estimates[-1].flags) & MomentumFlag.BAD_TIME
+    assert estimates[-1].speed_std_m_s > 0.9
+    estimates = follow(observer(), [*rows[:800], rows[800]._replace(dt_s=math.nan)])
+    assert math.isfinite(estimates[-1].speed_m_s)
+
+
+def test_an_external_speed_and_passive_wheels_are_used():
+    noise = MomentumNoise(STD, passive_std_rad=STD, speed_std_m_s=0.03, gyro_std_rad_s=0.005)
+    truth = world(lambda t: 25.0, push_m_s2=0.3)
+    angle = np.cumsum(truth[3]) * DT / R
+    turned = np.diff(angle, prepend=0.0)
+    rows = [
+        s._replace(turned_rad=np.array([*s.turned_rad[:2], d, d]))
+        for s, d in zip(samples(truth, acceleration=False), turned, strict=True)
+    ]
+    assert follow(observer(noise), rows)[-1].speed_m_s == pytest.approx(truth[3][-1], abs=0.002)
+    only_speed = replace(noise, passive_std_rad=None)
+    rows = [s._replace(speed_m_s=v) for s, v in zip(samples(truth, acceleration=False), truth[3], strict=True)]
+    assert follow(observer(only_speed), rows)[-1].speed_m_s == pytest.approx(truth[3][-1], abs=0.005)
+
+
+def test_compiled_and_plain_steps_agree():
+    plain = observer()
+    state = plain.init()
+    step = Kernel(plain.step, state, plain.no_sample())
+    for row in list(samples(world(lambda t: 20.0), np.random.default_rng(1)))[290:330]:
+        compiled = step(state, row)
+        state, estimate = plain.step(state, row)
+        assert np.hstack(compiled[1]) == pytest.approx(np.hstack(estimate), abs=1e-9, nan_ok=True)
+
+
+def test_bad_settings_are_refused():
+    with pytest.raises(InputError, match=r"momentum_noise.encoder_std_rad must be > 0"):
+        MomentumNoise(0.0)
+    with pytest.raises(InputError, match="free sideways"):
+        MomentumObserver(scene(replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30)), FLOOR), ACCELEROMETER)
+    with pytest.raises(InputError, match=r"counts_per_turn must be > 0"):
+        count_std_rad(0)

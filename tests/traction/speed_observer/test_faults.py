@@ -1,0 +1,210 @@
+"""What sensors and clocks do to the observer, and what it says then. The truth is a steady 0.5 m/s unless said."""
+
+import numpy as np
+import pytest
+
+from ohmward.trace import Kernel
+from ohmward.traction import Input, next_state
+from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+
+from .examples import DT_S, RLMA_ON_FLOOR, log, observed
+
+OMEGA = 0.5 / 0.12
+#: What rolling at 0.5 m/s takes from each motor.
+CRUISE_A = 0.5 * 42.0 * 9.80665 * 0.0075 * 0.12 / 0.517
+T = 400
+
+
+def cruise(steps=T, **others):
+    noise = 0.05 * np.random.default_rng(0).standard_normal(steps)
+    return log(OMEGA * np.minimum(1.0, np.arange(steps) / 100) + noise, current(steps), **others)
+
+
+def current(steps):
+    """Accelerates for a second, then cruises."""
+    push_A = 42.8 * 0.5 * 0.12 / 2 / 0.517
+    return CRUISE_A + np.where(np.arange(steps) < 100, push_A, 0.0)
+
+
+def watch(samples, **noise):
+    return observed(SpeedObserver(RLMA_ON_FLOOR, noise=Noise(**noise)), samples)[1]
+
+
+def has(e, flag):
+    return (e.flags.astype(int) & flag) > 0
+
+
+def within(e, true, sigmas=4.0):
+    return abs(e.speed_m_s - true) < sigmas * e.speed_std_m_s + 1e-3
+
+
+def test_without_faults():
+    e = watch(cruise())
+    assert e.speed_m_s[-200:] == pytest.approx(0.5, abs=0.015)
+    assert not e.flags.any() and not e.slipping.any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
+@pytest.mark.parametrize("column", ["wheel_speed_rad_s", "current_A"])
+def test_numbers_that_are_none(column, value):
+    samples = cruise()
+    getattr(samples, column)[250:300] = value
+    e = watch(samples)
+    assert within(e, 0.5)[200:].all()
+    flag = Flag.NO_CURRENT if column == "current_A" else Flag.NO_ENCODER
+    assert has(e, flag)[250:300].all() and not has(e, flag)[300:].any()
+    assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("dt_s", [0.0, -1.0, np.nan, np.inf, 1e9])
+def test_clocks_that_stand_or_jump(dt_s):
+    samples = cruise()
+    samples.dt_s[250] = dt_s
+    e = watch(samples)
+    assert within(e, 0.5)[200:].all()
+    assert has(e, Flag.BAD_TIME)[250] == (dt_s != 0.0)
+    assert np.isfinite(e.speed_std_m_s).all()
+
+
+def test_a_gap_opens_the_speed_and_gripping_wheels_close_it():
+    samples = cruise()
+    samples.dt_s[250] = 5.0
+    e = watch(samples)
+    assert has(e, Flag.GAP)[250]
+    assert e.speed_std_m_s[250] > 0.05
+    assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
+    assert within(e, 0.5)[200:].all()
+
+
+def test_one_encoder_that_sticks():
+    samples = cruise()
+    samples.wheel_speed_rad_s[200:, 0] = 0.0
+    e = watch(samples, gyro_std_rad_s=0.01)
+    assert has(e, Flag.GROUND_CHANGED)[200]
+    assert within(e, 0.5)[200:].all()
+    assert e.slipping[230, 0] == 1.0 and e.slipping[230, 1] == 0.0
+
+
+def test_a_spike_of_an_encoder_moves_the_wheel_and_not_the_body():
+    samples = cruise()
+    samples.wheel_speed_rad_s[250, 0] = 400.0
+    e = watch(samples)
+    assert within(e, 0.5)[200:].all()
+    assert abs(e.speed_m_s[250:] - 0.5).max() < 0.05
+
+
+def test_a_counter_that_overflows_is_no_fault():
+    counts = np.cumsum(np.full((T, 1), 27), axis=0)
+    time_s = DT_S * np.arange(T)
+    np.testing.assert_array_equal(
+        wheel_speeds(np.mod(counts, 2**16) + 2**16 - 2**16, time_s, 4096, 16), wheel_speeds(counts, time_s, 4096, 16)
+    )
+
+
+def test_an_external_speed_that_is_wrong_for_a_moment_is_refused():
+    speed = np.full(T, np.nan)
+    speed[100::10] = 0.5
+    speed[250] = 5.0
+    e = watch(cruise(speed_m_s=speed), speed_std_m_s=0.05)
+    assert has(e, Flag.SPEED_REJECTED).nonzero()[0].tolist() == [250]
+    assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
+
+
+def test_current_without_motion_is_a_robot_that_is_held():
+    samples = log(np.zeros(T), np.full(T, 8.0))
+    e = watch(samples)
+    assert abs(e.speed_m_s).max() < 0.1
+    assert abs(e.speed_m_s[-1]) < 0.04
+
+
+def test_wheels_that_turn_on_a_robot_that_does_not_are_reported_within_two_seconds():
+    spin = np.minimum(10.0, 0.5 * np.arange(T))
+    held = np.full(T, np.nan)
+    held[::10] = 0.0
+    e = watch(log(spin, np.full(T, 4.0), speed_m_s=held), speed_std_m_s=0.05)
+    first = int(np.argmax(e.immobilised > 0))
+    assert 100 < first < 250
+    assert e.immobilised[first:].all()
+    blind = watch(log(spin, np.full(T, 4.0)))
+    assert not blind.immobilised.any() and has(blind, Flag.GROUND_CHANGED).any()
+
+
+def test_standstill_is_zero_speed_whatever_was_believed():
+    samples = cruise(600)
+    samples.wheel_speed_rad_s[300:, :2] = 0.0
+    samples.current_A[300:] = 0.0
+    e = watch(samples)
+    assert has(e, Flag.STANDSTILL)[-1] and not has(e, Flag.STANDSTILL)[:340].any()
+    assert abs(e.speed_m_s[-1]) < 1e-3 and e.speed_std_m_s[-1] < 1e-3
+
+
+def weaving(steps=600):
+    """Encoders (T, 2), currents (T, 2) and true states (T, 4) of a robot that accelerates and weaves."""
+    time_s, rng = DT_S * np.arange(steps), np.random.default_rng(0)
+    steer = 3.0 * np.sin(2 * time_s)
+    current_A = (CRUISE_A + np.where(time_s < 1, 2.5, 0.0))[:, None] + steer[:, None] * np.array([-1.0, 1.0])
+    kernel = Kernel(lambda x, u: (next_state(x, Input(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
+    _, x = kernel.scan(np.zeros(4), current_A)
+    return x[:, 2:] + 0.05 * rng.standard_normal((steps, 2)), current_A, x
+
+
+def watch_weaving(encoders, current_A, x, gyro=True):
+    samples = log(encoders[:, 0], current_A[:, 0], yaw_rate_rad_s=x[:, 1])
+    samples.wheel_speed_rad_s[:, 1] = encoders[:, 1]
+    samples.current_A[:] = current_A
+    return watch(samples, gyro_std_rad_s=0.01 if gyro else None)
+
+
+def test_weaving_is_no_fault():
+    e = watch_weaving(*weaving())
+    assert not e.flags.any()
+
+
+MISWIRED = {
+    "encoders of left and right exchanged": lambda w, i: (w[:, ::-1], i),
+    "currents of left and right exchanged": lambda w, i: (w, i[:, ::-1]),
+    "one encoder counts backwards": lambda w, i: (w * np.array([-1.0, 1.0]), i),
+    "currents with the wrong sign": lambda w, i: (w, -i),
+    "one encoder stuck at a speed": lambda w, i: (np.column_stack([np.full(len(w), w[200, 0]), w[:, 1]]), i),
+    "both encoders stuck at a speed": lambda w, i: (np.where(np.arange(len(w))[:, None] < 200, w, w[200]), i),
+}
+
+
+@pytest.mark.parametrize("fault", MISWIRED)
+def test_wires_in_the_wrong_order_are_flagged_and_stop_nothing(fault):
+    encoders, current_A, x = weaving()
+    e = watch_weaving(*MISWIRED[fault](encoders, current_A), x)
+    wrong = Flag.GROUND_CHANGED | Flag.ENCODER_DOUBTED | Flag.SPEED_UNOBSERVED
+    assert has(e, wrong).mean() > 0.1
+    assert_finite(e)
+
+
+def test_without_a_gyro_exchanged_encoders_are_a_turn_the_other_way():
+    encoders, current_A, x = weaving()
+    e = watch_weaving(encoders[:, ::-1], current_A, x, gyro=False)
+    assert e.yaw_rate_rad_s == pytest.approx(-x[:, 1], abs=0.3)
+    assert e.speed_m_s[-1] == pytest.approx(x[-1, 0], abs=0.02)
+
+
+def assert_finite(e):
+    for name, values in e._asdict().items():
+        if name != "slip_ratio":  # which is none at rest
+            assert np.isfinite(values).all(), name
+    assert (e.speed_std_m_s > 0).all()
+
+
+@pytest.mark.parametrize("method", ["ukf", "ekf"])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_that_a_sensor_can_say_makes_it_stop(seed, method):
+    rng, steps = np.random.default_rng(seed), 1500
+    garbage = np.array([np.nan, np.inf, -np.inf, 0.0, 1e30, -1e30, 1e-300, 400.0, -400.0, 5.0, -0.1])
+    samples = cruise(steps, yaw_rate_rad_s=np.zeros(steps), speed_m_s=np.full(steps, 0.5), pitch_rad=np.zeros(steps))
+    for column in (c for c in samples if c.shape[0] == steps):
+        spoilt = rng.random(column.shape) < 0.05
+        column[spoilt] = rng.choice(garbage, spoilt.sum())
+    noise = Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.05, pitch_std_rad=0.01)
+    e = observed(SpeedObserver(RLMA_ON_FLOOR, noise=noise, method=method, matching=True), samples)[1]
+    assert_finite(e)

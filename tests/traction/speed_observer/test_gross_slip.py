@@ -1,0 +1,101 @@
+"""Wheels that have let go: when grip and slide look alike, which is likelier, and where the filter starts again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.filters.belief import Belief
+from ohmward.simulate import closed_loop
+from ohmward.simulate.closed_loop.figures import score
+from ohmward.traction.speed_observer.clean_sample import Reading
+from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.fusion import Fused
+from ohmward.traction.speed_observer.gross_slip import is_ambiguous, log_friction_of_sliding, reconsider
+from ohmward.traction.speed_observer.model import Model
+from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+
+from .examples import RLMA_ON_FLOOR
+
+MODEL = Model(RLMA_ON_FLOOR, States(), Noise())
+GRADE = MODEL.layout.index("grade_rad")
+GATE, GAINED_M_S = 10.8, 0.1
+#: Of the floor of these tests.
+FLOOR_ADHESION = 0.7
+
+
+def belief(grade_rad, grade_std_rad=0.015, slip_m_s=0.01):
+    """Wheels that drive with 13 N each at 0.3 m/s, on a slope as learnt."""
+    omega = (0.3 + slip_m_s) / 0.12
+    cov = MODEL.first_belief(np.zeros(2)).cov.copy()
+    cov[GRADE, GRADE] = grade_std_rad**2
+    return Belief(np.array([0.3, 0.0, omega, omega, 0.0, 0.0, grade_rad, 0.0, 1.0]), cov)
+
+
+def reading(current_A):
+    none = np.zeros(4)
+    return Reading(0.01, 0.01, 0.0, np.full(2, current_A), none[:2], none, none > 1, np.nan, 0.0)
+
+
+def after(grade_rad=-0.06, gained_m_s=GAINED_M_S, current_A=3.0, **others):
+    fused = Fused(belief(grade_rad, **others), 0.0, 0.0)
+    return reconsider(fused, gained_m_s, reading(current_A), MODEL, GATE)
+
+
+def test_another_sensor_or_a_known_ground_leaves_no_doubt():
+    assert is_ambiguous(MODEL)
+    for noise in (Noise(pitch_std_rad=0.01), Noise(speed_std_m_s=0.05), Noise(passive_std_rad_s=0.1)):
+        assert not is_ambiguous(Model(RLMA_ON_FLOOR, States(), noise))
+    assert not is_ambiguous(Model(RLMA_ON_FLOOR, KNOWN_GROUND, Noise()))
+
+
+def test_wheels_slide_where_the_ground_gives_no_more_than_their_force():
+    b = belief(-0.06)
+    most_N = FLOOR_ADHESION * MODEL.static_load_N[0]
+    wanted = np.log(MODEL.traction_N(b.mean)[0] / most_N)
+    assert log_friction_of_sliding(b, GAINED_M_S, MODEL) == pytest.approx(wanted, abs=1e-6)
+    assert log_friction_of_sliding(b, -GAINED_M_S, MODEL) < -6.0
+
+
+def test_it_starts_again_from_wheels_that_slide():
+    fused, left_m_s = after()
+    mean, cov = fused.belief
+    assert mean[0] == pytest.approx(0.3 - GAINED_M_S)
+    assert np.sqrt(cov[0, 0]) == pytest.approx(np.hypot(0.05, 0.5 * GAINED_M_S))
+    assert mean[2:4] == pytest.approx(0.31 / 0.12)
+    assert np.all(MODEL.grip(mean, MODEL.slip(mean)) < 0.01)
+    assert mean[GRADE] == 0.0 and cov[GRADE, GRADE] == pytest.approx(MODEL.noise.grade_std_rad**2)
+    assert int(fused.flags) == Flag.GROUND_CHANGED and left_m_s == 0.0
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        {"grade_rad": -0.03},
+        {"gained_m_s": -GAINED_M_S},
+        {"grade_std_rad": 0.006},
+        {"slip_m_s": 0.002},
+        {"current_A": -3.0},
+    ],
+    ids=[
+        "a usual slope",
+        "slower than forces say",
+        "a slope that has been learnt",
+        "too low a friction",
+        "motors that brake",
+    ],
+)
+def test_otherwise_it_goes_on(kept):
+    fused, left_m_s = after(**kept)
+    assert fused.flags == 0.0 and fused.belief.mean[0] == 0.3
+    assert left_m_s == kept.get("gained_m_s", GAINED_M_S)
+
+
+@pytest.mark.slow
+def test_a_start_on_ice_is_no_slope():
+    scenario = closed_loop.find_scenario("onto-ice")
+    found = score(closed_loop.run(replace(scenario, sensors=replace(scenario.sensors, encoders="driven"))))
+    assert found is not None
+    assert found.speed_coverage_95 > 0.85
+    assert found.speed_rmse_m_s < 0.08

@@ -1,0 +1,170 @@
+"""An observer that fits what a log has, with noise that is measured where it can be."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog
+from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
+from ohmward.traction.speed_observer import make_observer as observer_for
+from ohmward.traction.speed_observer.make_observer import (
+    correlation,
+    encoder_std_rad_s,
+    noise_std,
+    quantum,
+    speed_std_m_s,
+)
+from ohmward.traction.speed_observer.noise import Noise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.track import observe
+
+TERRAIN = hard_terrain("dry asphalt")
+TIME = 0.01 * np.arange(1000)
+RNG = np.random.default_rng(2)
+SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
+
+
+def drive(robot=RLMA, currents=True, passive=False, **body):
+    speed = 0.3 + 0.1 * np.sin(TIME)
+    wheels = np.repeat((speed / robot.wheel.radius_m)[:, None], 4, axis=1) + 0.03 * RNG.standard_normal((TIME.size, 4))
+    if not passive:
+        wheels[:, robot.driven :] = math.nan
+    current = np.full((TIME.size, robot.driven), 0.5 if currents else math.nan)
+    return DriveLog("drive", TIME, wheels, current, **body)
+
+
+def chosen(log, robot=RLMA, name="ukf"):
+    return observer_for(robot, log, TERRAIN, name)
+
+
+@pytest.mark.parametrize(
+    "name, method, matching",
+    [("ekf", "ekf", False), ("aekf", "ekf", True), ("ukf", "ukf", False), ("aukf", "ukf", True)],
+)
+def test_filters_by_name(name, method, matching):
+    observer = chosen(drive(), name=name).observer
+    assert (observer.method, observer.matching) == (method, matching)
+
+
+def test_an_unknown_filter_is_refused():
+    with pytest.raises(InputError, match="filter must be one of ekf, aekf, ukf, aukf, got 'kf'"):
+        chosen(drive(), name="kf")
+
+
+def test_a_log_without_driven_wheels_is_refused():
+    log = drive(passive=True)
+    speeds = np.array(log.wheel_speed_rad_s)
+    speeds[:, :2] = math.nan
+    with pytest.raises(InputError, match="log 'drive' has no speed of a driven wheel"):
+        chosen(replace(log, wheel_speed_rad_s=speeds))
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+@pytest.mark.parametrize("robot", [RLMA, SKID])
+def test_logs_that_are_nearly_empty(robot, steps):
+    log = drive(robot, speed_m_s=np.zeros(TIME.size), yaw_rate_rad_s=np.zeros(TIME.size)).select(slice(0, steps))
+    assert np.isfinite(observe(chosen(log, robot, "ekf").observer, log).estimates.speed_std_m_s).all()
+
+
+def test_only_the_sensors_of_the_log_exist():
+    bare = chosen(drive()).observer.noise
+    assert (bare.gyro_std_rad_s, bare.passive_std_rad_s, bare.speed_std_m_s, bare.pitch_std_rad) == (None,) * 4
+    ones = np.ones(TIME.size)
+    full = drive(passive=True, yaw_rate_rad_s=0 * ones, speed_m_s=0.3 * ones, pitch_rad=0 * ones)
+    noise = chosen(full).observer.noise
+    assert None not in (noise.gyro_std_rad_s, noise.passive_std_rad_s, noise.speed_std_m_s, noise.pitch_std_rad)
+
+
+def test_the_accelerometer_serves_where_the_motors_do_not_tell_the_force():
+    more = {"acceleration_m_s2": np.zeros(TIME.size), "pitch_rad": np.zeros(TIME.size)}
+    assert chosen(drive(**more)).observer.noise.accelerometer_std_m_s2 is None
+    without = chosen(drive(currents=False, **more)).observer
+    assert without.noise.accelerometer_std_m_s2 == 0.2 and without.states.accelerometer_offset
+
+
+def test_the_quantisation_of_counts_is_found():
+    counts = np.floor(4096 * np.cumsum(2.0 + np.sin(TIME)) * 0.01 / (2 * math.pi))
+    speed = np.diff(counts) * 2 * math.pi / 4096 / 0.01
+    assert quantum(speed) == pytest.approx(2 * math.pi / 4096 / 0.01)
+    exact = quantisation_std_rad_s(4096, 0.01)
+    assert exact <= encoder_std_rad_s(speed[:, None]) <= 2.0 * exact
+
+
+def test_white_noise_is_measured_whatever_the_robot_does():
+    values = 3.0 * np.sin(TIME) + 0.05 * np.random.default_rng(3).standard_normal(TIME.size)
+    assert noise_std(values, 0.0) == pytest.approx(0.05, rel=0.1)
+    assert noise_std(values, 0.2) == 0.2
+    assert noise_std(values[:5], 0.1) == 0.1
+
+
+def test_errors_that_last_make_a_speed_worth_less():
+    rng = np.random.default_rng(4)
+    white, lasting = 0.1 * rng.standard_normal(TIME.size), np.zeros(TIME.size)
+    for k in range(1, TIME.size):
+        lasting[k] = 0.8 * lasting[k - 1] + 0.6 * white[k]
+    assert correlation(white, 1.0) == pytest.approx(0.0, abs=0.1)
+    assert correlation(lasting, 1.0) == pytest.approx(0.8, abs=0.1)
+    log = drive()
+    speed = 0.3 + 0.1 * np.sin(TIME)
+    plain, worse = (speed_std_m_s(RLMA, replace(log, speed_m_s=speed + error)) for error in (white, lasting))
+    assert plain == pytest.approx(0.1, rel=0.25)
+    assert worse == pytest.approx(0.3, rel=0.4)
+
+
+def test_a_speed_that_knows_its_own_std_is_believed():
+    log = drive(speed_m_s=np.full(TIME.size, 0.3), speed_std_m_s=np.full(TIME.size, 0.01))
+    assert speed_std_m_s(RLMA, log) == pytest.approx(0.01)
+
+
+def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
+    found = chosen(drive(SKID), SKID)
+    assert isinstance(found.observer.scene.robot.chassis, Differential)
+    assert found.observer.scene.robot.driven == 4
+    assert found.observer.noise.yaw_rate_walk > Noise.yaw_rate_walk
+    assert any("skid-steered" in note.text for note in found.notes)
+
+
+def test_the_currents_of_wheels_that_scrub_tell_no_force():
+    states = chosen(drive(SKID), SKID).observer.states
+    assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+
+
+def test_slow_logs_have_no_gaps():
+    log = drive()
+    slow = replace(log, time_s=20 * log.time_s)
+    assert chosen(log).observer.gap_s == 0.1
+    assert chosen(slow).observer.gap_s == pytest.approx(0.5)
+
+
+def test_without_motor_currents_nothing_is_learnt_of_the_ground_and_the_radius_is_considered():
+    log = drive(currents=False)
+    found = chosen(log, name="ekf")
+    states = found.observer.states
+    assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+    assert any(note.level == "warning" and "no motor currents" in note.text for note in found.notes)
+    estimates = observe(found.observer, log).estimates
+    error = estimates.speed_m_s - (0.3 + 0.1 * np.sin(TIME))
+    assert np.abs(error[100:]).max() < 0.02
+    assert estimates.speed_std_m_s.min() >= 0.01 * 0.2
+
+
+def test_the_radius_is_a_state_where_a_speed_from_outside_shows_it():
+    speed = np.full(TIME.size, 0.3)
+    assert chosen(drive(speed_m_s=speed)).observer.states.radius
+    assert not chosen(drive()).observer.states.radius
+    assert not chosen(drive(currents=False, speed_m_s=speed)).observer.states.radius
+
+
+def test_wheels_that_scrub_know_little_of_the_speed():
+    free, scrubbing = (chosen(drive(r, currents=False), r, "ekf").observer for r in (RLMA, SKID))
+    assert scrubbing.noise.radius_std > 10 * free.noise.radius_std
+    speed = np.full(TIME.size, 0.3)
+    assert chosen(drive(SKID, currents=False, speed_m_s=speed), SKID).observer.noise.radius_std == free.noise.radius_std
+
+
+def test_the_first_speed_is_known_as_well_as_the_radius():
+    fast = drive(currents=False)
+    fast = replace(fast, wheel_speed_rad_s=100 * fast.wheel_speed_rad_s)
+    assert chosen(fast).observer.noise.initial_speed_std_m_s == pytest.approx(0.3, rel=0.2)

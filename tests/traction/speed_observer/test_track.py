@@ -1,0 +1,226 @@
+"""Observers over whole drives, live, and through a restart."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog
+from ohmward.traction import RLMA, ROBOTINO, scene
+from ohmward.traction.robot.robot import wheel_speeds
+from ohmward.traction.speed_observer.estimate import Estimate, Sample
+from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.states import KNOWN_GROUND
+from ohmward.traction.speed_observer.track import SlipEstimator, first_of, motion_of, observe, samples_of
+from traction.speed_observer.examples import FLOOR
+
+OBSERVER = SpeedObserver(scene(RLMA, FLOOR), method="ekf")
+
+
+def drive(steps=40, wheel_speed=2.0, **others):
+    time_s = 0.01 * np.arange(steps)
+    speed = np.full((steps, 4), math.nan)
+    speed[:, :2] = wheel_speed
+    return DriveLog("drive", time_s, speed, np.zeros((steps, 2)), **others)
+
+
+def rows(samples):
+    return [Sample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
+
+
+def test_a_drive_at_constant_speed():
+    track = observe(OBSERVER, drive(200))
+    assert track.estimates.speed_m_s[-1] == pytest.approx(2.0 * RLMA.wheel.radius_m, abs=0.02)
+    assert track.estimates.slip_speed_m_s.shape == (200, 2)
+    assert set(Estimate._fields) == set(track.estimates._fields)
+    assert track.seconds > 0
+
+
+def faulty_drive(steps=400):
+    """Wheels that spin, every sensor, steps of 5 to 15 ms; every value is missing now and then, one step is a gap."""
+    rng = np.random.default_rng(3)
+    time_s = np.cumsum(rng.uniform(0.005, 0.015, steps))
+    time_s[steps // 2 :] += 3.0
+    speed = np.full((steps, 4), math.nan)
+    speed[:, :2] = (3 + np.sin(3 * time_s))[:, None] + 0.05 * rng.standard_normal((steps, 2))
+    speed[100:130, 0] += 8.0
+    current = 0.4 + np.cos(3 * time_s)[:, None] + 0.1 * rng.standard_normal((steps, 2))
+    others = {
+        "yaw_rate_rad_s": 0.02 * rng.standard_normal(steps),
+        "pitch_rad": 0.03 + 0.01 * rng.standard_normal(steps),
+        "acceleration_m_s2": 0.3 + 0.1 * rng.standard_normal(steps),
+        "speed_m_s": 0.36 + 0.05 * rng.standard_normal(steps),
+    }
+    speed[:, :2][rng.random((steps, 2)) < 0.1] = math.nan
+    current[rng.random((steps, 2)) < 0.1] = math.nan
+    for values in others.values():
+        values[rng.random(steps) < 0.5] = math.nan
+    return DriveLog("faulty", time_s, speed, current, **others)
+
+
+EVERYTHING = Noise(gyro_std_rad_s=0.02, pitch_std_rad=0.01, accelerometer_std_m_s2=0.2, speed_std_m_s=0.05)
+OBSERVERS = {
+    "default": SpeedObserver(scene(RLMA, FLOOR)),
+    "ekf": OBSERVER,
+    "aukf of known ground": SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, matching=True),
+    "every sensor": SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=EVERYTHING),
+}
+each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.keys())
+
+
+def live_estimates(estimator, log):
+    estimates = map(estimator.update, rows(samples_of(log, estimator.observer)))
+    return Estimate(*map(np.array, zip(*estimates, strict=True)))
+
+
+@each
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_live_samples_and_a_log_give_the_same(observer, lowering):
+    log, live = faulty_drive(80), SlipEstimator(observer, lowering)
+    whole = SlipEstimator(observer, lowering).run(log)
+    live.state = observer.init(first_of(samples_of(log, observer)))
+    for found, expected in zip(live_estimates(live, log), whole.estimates, strict=True):
+        assert_array_equal(found, expected)
+    assert live.time_s == pytest.approx(log.time_s[-1] - log.time_s[0])
+
+
+@each
+def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observer):
+    log = faulty_drive()
+    in_python, in_machine_code = (SlipEstimator(observer, lowering) for lowering in ("python", "machine"))
+    expected, found = in_python.run(log), in_machine_code.run(log)
+    assert {"gap", "no_current", "no_encoder", "ground_changed"} <= expected.counts().keys()
+    assert found.counts() == expected.counts()
+    for name in Estimate._fields:
+        f, e = getattr(found.estimates, name), getattr(expected.estimates, name)
+        assert_allclose(f, e, rtol=1e-9, atol=1e-9, err_msg=name)
+    for name, value in in_python.snapshot()["state"].items():
+        assert in_machine_code.snapshot()["state"][name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    rest = faulty_drive(60)
+    for f, e in zip(live_estimates(in_machine_code, rest), live_estimates(in_python, rest), strict=True):
+        assert_allclose(f, e, rtol=1e-9, atol=1e-9)
+
+
+def test_live_samples_run_in_machine_code_where_it_is_installed():
+    live = SlipEstimator(OBSERVER)
+    live.update(rows(samples_of(drive(), OBSERVER))[0])
+    assert type(live._live).__name__ == "MachineLive"
+
+
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
+    live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER))[0]
+    live.update(sample)
+    before = live.snapshot()
+    with pytest.raises(InputError, match=r"wheel_speed_rad_s must have the shape \(4,\) .* got \(3,\)"):
+        live.update(sample._replace(wheel_speed_rad_s=np.zeros(3)))
+    assert live.snapshot() == before
+    live.update(sample)
+
+
+def test_the_clock_stands_where_a_step_cannot_be_true():
+    live, sample = SlipEstimator(OBSERVER), rows(samples_of(drive(), OBSERVER))[0]
+    for dt_s in (0.5, math.nan, math.inf, -1.0, 1e9, 0.25):
+        live.update(sample._replace(dt_s=dt_s))
+    assert live.time_s == 0.75
+    json.dumps(live.snapshot(), allow_nan=False)
+
+
+@pytest.mark.parametrize("lowering", ["python", "machine"])
+def test_a_live_restart_goes_on_to_the_bit(lowering):
+    samples = rows(samples_of(faulty_drive(60), OBSERVER))
+    before = SlipEstimator(OBSERVER, lowering)
+    for sample in samples[:30]:
+        before.update(sample)
+    after = SlipEstimator(OBSERVER, lowering)
+    after.restore(json.loads(json.dumps(before.snapshot(), allow_nan=False)))
+    for sample in samples[30:]:
+        for found, expected in zip(after.update(sample), before.update(sample), strict=True):
+            assert_array_equal(found, expected)
+    assert after.snapshot() == before.snapshot()
+
+
+def test_an_unknown_radius_widens_the_sigmas_of_speed_and_slip():
+    sure, unsure = (SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, noise=Noise(radius_std=s)) for s in (1e-12, 0.02))
+    assert not unsure.states.radius
+    narrow, wide = (observe(observer, drive()).estimates for observer in (sure, unsure))
+    more = 0.02 * RLMA.wheel.radius_m * np.abs(narrow.wheel_speed_rad_s)
+    assert_allclose(wide.slip_speed_std_m_s, np.hypot(narrow.slip_speed_std_m_s, more), rtol=1e-12)
+    assert_allclose(wide.speed_std_m_s, np.hypot(narrow.speed_std_m_s, more.max(axis=1)), rtol=1e-12)
+
+
+def test_a_log_in_two_parts_is_the_log():
+    log = drive()
+    estimator = SlipEstimator(OBSERVER)
+    parts = [estimator.run(log.select(slice(0, 25))), estimator.run(log.select(slice(25, None)))]
+    assert_array_equal(
+        np.concatenate([part.estimates.speed_std_m_s for part in parts]), observe(OBSERVER, log).estimates.speed_std_m_s
+    )
+
+
+def test_a_restart_from_a_snapshot_goes_on_to_the_bit():
+    log = drive()
+    before = SlipEstimator(OBSERVER)
+    before.run(log.select(slice(0, 25)))
+    after = SlipEstimator(SpeedObserver(scene(RLMA, FLOOR), method="ekf"))
+    after.restore(json.loads(json.dumps(before.snapshot(), allow_nan=False)))
+    rest = log.select(slice(25, None))
+    assert_array_equal(after.run(rest).estimates.speed_m_s, before.run(rest).estimates.speed_m_s)
+
+
+def test_a_snapshot_of_other_settings_is_refused():
+    before = SlipEstimator(OBSERVER)
+    with pytest.raises(InputError, match="before the first sample"):
+        before.snapshot()
+    before.run(drive())
+    with pytest.raises(InputError, match="another kind, model or settings"):
+        SlipEstimator(SpeedObserver(scene(RLMA, FLOOR), method="ekf", gap_s=0.2)).restore(before.snapshot())
+
+
+def test_a_log_of_a_robot_with_other_wheels_is_refused():
+    with pytest.raises(InputError, match="has 4 wheels and 2 motors, robot 'Robotino' has 3 and 3"):
+        observe(SpeedObserver(scene(ROBOTINO, FLOOR)), drive())
+
+
+def test_a_sensor_that_the_log_lacks_is_nan():
+    log = drive(yaw_rate_rad_s=np.full(40, 0.1), speed_m_s=np.full(40, 0.2))
+    samples = samples_of(log, OBSERVER)
+    assert_array_equal(samples.yaw_rate_rad_s, log.yaw_rate_rad_s)
+    assert_array_equal(samples.speed_m_s, log.speed_m_s)
+    assert np.isnan(samples.pitch_rad).all() and np.isnan(samples.speed_age_s).all()
+    assert_array_equal(samples.dt_s, np.diff(log.time_s, prepend=0.0))
+
+
+def test_it_starts_from_the_first_speed_that_is_measured():
+    log = drive(wheel_speed=np.array([[math.nan, 5.0]] * 3 + [[7.0, 6.0]] * 37))
+    first = first_of(samples_of(log, OBSERVER))
+    assert_array_equal(first.wheel_speed_rad_s, [7.0, 5.0, math.nan, math.nan])
+
+
+def test_flags_are_counted():
+    log = drive(wheel_speed=np.array([[math.nan, 2.0]] * 3 + [[2.0, 2.0]] * 37))
+    assert observe(OBSERVER, log).counts()["no_encoder"] == 3
+
+
+def test_a_robot_that_turns_on_the_spot_is_not_stuck():
+    turning = drive(300, wheel_speed=np.array([[-2.0, 2.0]]))
+    rate = 2.0 * RLMA.wheel.radius_m / RLMA.places[0].y_m
+    gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
+    whole = {"yaw_rate_rad_s": np.full(300, rate), "speed_m_s": np.zeros(300)}
+    assert not observe(gyro, replace(turning, **whole)).estimates.immobilised.any()
+
+
+def test_the_motion_of_an_omni_robot_has_three_parts():
+    true = np.array([0.1, -0.2, 0.3])
+    wheels = np.tile(wheel_speeds(ROBOTINO, true), (200, 1))
+    log = DriveLog("omni", 0.01 * np.arange(200), wheels, np.zeros((200, 3)))
+    estimates = observe(SpeedObserver(scene(ROBOTINO, FLOOR), method="ekf"), log).estimates
+    motion = motion_of(ROBOTINO, estimates)
+    assert motion[:, 0] == pytest.approx(estimates.speed_m_s, abs=1e-9)
+    assert motion[:, 2] == pytest.approx(estimates.yaw_rate_rad_s, abs=1e-9)
+    assert motion[-1] == pytest.approx(true, abs=0.02)

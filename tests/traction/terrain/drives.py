@@ -1,0 +1,80 @@
+"""Drives of an omni robot on floors, from the equations of `floors`, solved another way: by fixed-point iteration."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ohmward.logs.drive_log import DriveLog
+from ohmward.traction import ROBOTINO, Robot
+from ohmward.traction.calibration import Drive
+from ohmward.traction.robot.motor import current_for_torque
+from ohmward.traction.terrain.floor import Floor
+
+DT_S = 0.03
+OMNI = replace(
+    ROBOTINO,
+    mass_kg=11.3,
+    wheel_load_N=(30.0, 50.8, 30.0),
+    wheel=replace(ROBOTINO.wheel, radius_m=0.036),
+    motor=replace(ROBOTINO.motor, friction_Nm=0.15),
+)
+SMOOTH = Floor("smooth", 0.7, 30.0, 0.01, 0.04, 0.1, 0.1, 0.0, 0.005, 0.1, 0.02, 40)
+SOFT = Floor("soft", 1.4, 3.0, 0.1, 0.22, 0.1, 0.03, -0.5, 0.01, 0.08, 0.04, 40)
+
+
+def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Motion (3,) of the body and forces (3,) on the wheels, floor by wheel, while the rims move so."""
+    G, load = robot.rolling, np.array(robot.wheel_load_N)
+    motion = rim.copy()
+    for _ in range(200):
+        push = np.zeros(3)
+        for k, place in enumerate(robot.places):
+            along, across = G[k] @ motion, robot.sideways[k] @ motion
+            size = np.hypot(np.hypot(along, across), 0.01)
+            roll = floors[k].rolling * load[k] / size
+            roller = floors[k].roller * load[k] * np.tanh(across / 0.01)
+            c, s = np.cos(place.heading_rad), np.sin(place.heading_rad)
+            force = roll * along * np.array([c, s]) + (roll * across + roller) * np.array([-s, c])
+            push += [*force, place.x_m * force[1] - place.y_m * force[0]]
+        F = np.linalg.solve(G.T, push)
+        slip = [
+            -np.sign(f) * np.log(1 - min(abs(f) / (m * n), 0.999)) * m / c
+            for f, n, m, c in zip(F, load, [x.friction for x in floors], [x.stiffness for x in floors], strict=True)
+        ]
+        motion = 0.5 * motion + 0.5 * (rim - np.linalg.solve(G, np.clip(slip, -1, 1)) * np.hypot(rim[0], rim[1]))
+    return motion, F
+
+
+def omni_drive(
+    floors: list[Floor],
+    direction_deg: float,
+    speed_m_s: float = 0.15,
+    seconds: float = 8.0,
+    rng: np.random.Generator | None = None,
+    robot: Robot = OMNI,
+    later: list[Floor] | None = None,
+) -> Drive:
+    """A steady drive; the floors under the wheels are `later` from half of it on."""
+    a = np.radians(direction_deg)
+    rim = np.array([speed_m_s * np.cos(a), speed_m_s * np.sin(a), 0.0])
+    time_s = np.arange(0.0, seconds, DT_S)
+    second = (time_s >= seconds / 2)[:, None]
+    states = [steady(robot, f, rim) for f in (floors, later or floors)]
+    motion, force = (np.where(second, states[1][i], states[0][i]) for i in (0, 1))
+    omega = np.tile(robot.rolling @ rim / robot.wheel.radius_m, (time_s.size, 1))
+    current = current_for_torque_rows(robot, robot.wheel.radius_m * force, omega)
+    if rng is not None:
+        omega = omega + rng.normal(0.0, 0.1, omega.shape)
+        current = current + rng.normal(0.0, 0.15, current.shape)
+        motion = motion + rng.normal(0.0, 0.002, motion.shape)
+    return Drive(DriveLog("synthetic", time_s, omega, current), motion)
+
+
+def current_for_torque_rows(robot: Robot, torque: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Currents (T, 3) for torques (T, 3)."""
+    return np.array(
+        [
+            [float(current_for_torque(robot.motor, t, w)) for t, w in zip(*row, strict=True)]
+            for row in zip(torque, omega, strict=True)
+        ]
+    )
