@@ -18,7 +18,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Differential, Motor, Robot, RollingResistance, Wheel, hard_terrain
 from ohmward.traction.score import DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.slip_alarm import SlipTest
 from ohmward.traction.speed_observer.track import observe
 from real_data import alarm_share, columns, false_alarms, held, once
@@ -110,6 +110,6 @@ def calibrated(drive: DriveLog) -> tuple[float, float]:
 
 
 def observed(case: Case) -> Estimate:
-    observer = observer_for(CAR, case.log, ROAD).observer
+    observer = make_observer(CAR, case.log, ROAD).observer
     observer = replace(observer, states=replace(observer.states, radius=case.radius_state))
     return observe(observer, case.log).estimates

@@ -16,7 +16,7 @@ from figure import Figure, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.speed_observer.estimate import Flag
-from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
 from real_data import columns
 
@@ -47,7 +47,7 @@ class Run(NamedTuple):
 
 def rows() -> Iterator[Figure]:
     runs = list(recordings())
-    tracks = [observe(observer_for(HUSKY, run.log, GROUND).observer, run.log) for run in runs]
+    tracks = [observe(make_observer(HUSKY, run.log, GROUND).observer, run.log) for run in runs]
     for terrain in sorted({run.terrain for run in runs}):
         chosen = [(r, t) for r, t in zip(runs, tracks, strict=True) if r.terrain == terrain]
         yield from terrain_figures(terrain, chosen)

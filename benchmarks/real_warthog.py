@@ -19,7 +19,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.score import BAND_95
 from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.make_observer import observer_for
+from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import SlipEstimator
 from real_data import columns, false_alarms
 
@@ -104,7 +104,7 @@ def observed(drives: list[DriveLog]) -> list[Estimate]:
         np.concatenate([d.motor_current_A for d in drives]),
         np.concatenate([np.asarray(d.yaw_rate_rad_s) for d in drives]),
     )
-    estimator = SlipEstimator(observer_for(WARTHOG, together, GROUND).observer)
+    estimator = SlipEstimator(make_observer(WARTHOG, together, GROUND).observer)
     return [from_start(estimator, d) for d in drives]
 
 

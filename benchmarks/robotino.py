@@ -28,9 +28,8 @@ from ohmward.traction.calibration import (
 )
 from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
-from ohmward.traction.friction.terrain import slip_on_floors
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, SlipTrack
+from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, SlipTrack, slip_on_floors
 from robotino_live import live, looking_ahead
 
 FOLDER = "robotino_slip_tpu"

@@ -24,7 +24,7 @@ from ohmward.battery.soc.sample import Sample
 from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.filters.gating import apply_gain
+from ohmward.filters.gate import apply_gain
 from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
 from ohmward.published.rc_joint import Nominal

@@ -19,7 +19,7 @@ from ohmward.report.svg import to_svg
 from ohmward.simulate.closed_loop import drive_log, run
 from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
-from ohmward.traction.speed_observer import make_observer as observer_for
+from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -49,7 +49,7 @@ def estimate(log: Log, battery: Battery, name: str) -> Estimate:
 def drive_home() -> tuple[DriveLog, Track]:
     """The log of the drive home, and what the observer makes of it."""
     log = drive_log(run(robot_drive()))
-    return log, observe(observer_for(RLMA, log, hard_terrain("dry asphalt")).observer, log)
+    return log, observe(make_observer(RLMA, log, hard_terrain("dry asphalt")).observer, log)
 
 
 def soc_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:

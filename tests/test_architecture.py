@@ -27,10 +27,11 @@ BELOW: dict[str, set[str]] = {
     "battery": {"trace", "filters", "logs.log"} | GROUND,
     "traction": {"trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
     "energy": {"battery", "traction", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
-    "export": {"battery", "traction", "trace", "filters"} | GROUND,
-    "simulate": {"battery", "traction", "energy", "trace", "filters", "logs"} | GROUND,
-    "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
-    "cli": {"fleet", "battery", "traction", "energy", "simulate", "export", "logs", "report"} | GROUND,
+    "published": {"battery", "traction", "trace", "filters"} | GROUND,
+    "export": {"battery", "traction", "published", "trace", "filters"} | GROUND,
+    "simulate": {"battery", "traction", "published", "energy", "trace", "filters", "logs"} | GROUND,
+    "fleet": {"battery", "published", "trace", "filters", "logs"} | GROUND,
+    "cli": {"fleet", "battery", "traction", "published", "energy", "simulate", "export", "logs", "report"} | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.

@@ -10,7 +10,7 @@ import pytest
 
 from markdown_pages import ROOT
 from ohmward.traction import RLMA
-from ohmward.traction.friction.terrain import slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 from traction.terrain.drives import SMOOTH, SOFT
 
 sys.path.insert(0, str(ROOT / "benchmarks"))

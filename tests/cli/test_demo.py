@@ -4,9 +4,9 @@ from dataclasses import replace
 import pytest
 
 from cli.examples import drive, pulse_test
-from ohmward.cli import demo
+from ohmward.cli.demo import command as demo
+from ohmward.cli.demo.report import CHAPTERS
 from ohmward.cli.main import main
-from ohmward.cli.pages.demo import CHAPTERS
 from ohmward.logs import Log
 from ohmward.simulate import RobotDay
 from ohmward.simulate.closed_loop import Scenario

@@ -11,8 +11,12 @@ import ohmward
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
 from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS
-from ohmward.cli import demo, doctor, identify, main, soc
+from ohmward.cli import main
+from ohmward.cli.demo import command as demo
+from ohmward.cli.doctor import command as doctor
+from ohmward.cli.identify import command as identify
 from ohmward.cli.parser import count, pair, share
+from ohmward.cli.soc import command as soc
 from ohmward.errors import OhmwardError
 
 COMMANDS = ("doctor", "identify", "soc", "compare", "demo")

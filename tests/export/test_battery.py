@@ -15,7 +15,8 @@ from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
 from ohmward.export.comments import field_comments, flag_comments
 from ohmward.trace import Kernel, single_precision
-from ohmward.traction import control, observers
+from ohmward.traction import control
+from ohmward.traction.speed_observer import estimate as observers
 
 CALLER = """\
 #include "soc.h"

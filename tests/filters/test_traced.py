@@ -9,7 +9,7 @@ from ohmward.filters import (
     Belief,
     adaptive,
     extended,
-    gating,
+    gate,
     is_healthy,
     kalman,
     log_likelihood,
@@ -130,10 +130,10 @@ def test_traced_gate_is_that_with_floats():
         packed, counts = state
         prior = unscented.predict(unpack(packed), pendulum, PENDULUM_Q)
         posterior, innovation = unscented.update(prior, y, height, PENDULUM_R)
-        belief, counts = gating.gate(prior, posterior, innovation, counts, threshold=9.0)
+        belief, counts = gate.gate(prior, posterior, innovation, counts, threshold=9.0)
         return (pack(belief), counts), innovation.value
 
-    state = (pack(PENDULUM), gating.GateCounts())
+    state = (pack(PENDULUM), gate.GateCounts())
     y = np.array([[0.3], [np.nan], [50.0], [0.2]])
     with_floats = state
     for value in y:

@@ -9,23 +9,18 @@ import warnings
 from collections.abc import Sequence
 
 from ohmward import __version__
-from ohmward.cli import (
-    calibrate,
-    compare,
-    demo,
-    doctor,
-    export,
-    fleet,
-    generic,
-    identify,
-    mission,
-    simulate,
-    slip,
-    soc,
-    twin,
-)
+from ohmward.cli import export, fleet, generic, twin
+from ohmward.cli.calibrate import command as calibrate
+from ohmward.cli.compare import command as compare
+from ohmward.cli.demo import command as demo
+from ohmward.cli.doctor import command as doctor
+from ohmward.cli.identify import command as identify
+from ohmward.cli.mission import command as mission
 from ohmward.cli.outcome import Outcome, check_output, show, write_page
 from ohmward.cli.parser import Parser
+from ohmward.cli.simulate import command as simulate
+from ohmward.cli.slip import command as slip
+from ohmward.cli.soc import command as soc
 from ohmward.errors import OhmwardError
 
 COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, mission, simulate, fleet, export, twin, demo)

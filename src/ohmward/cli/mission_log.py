@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ohmward.battery.battery import Battery
     from ohmward.battery.soc.sample import Estimate
-    from ohmward.energy.power_split import DriveEnergy, PowerSplit
+    from ohmward.energy.balance import DriveEnergy, PowerSplit
     from ohmward.energy.recorded import Driven
     from ohmward.logs import DriveLog, Log
     from ohmward.traction import Robot
@@ -118,11 +118,11 @@ def _observed(args: argparse.Namespace, robot: Robot, drive: DriveLog, time_s: n
     import numpy as np
 
     from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
-    from ohmward.traction.speed_observer import make_observer as observer_for
+    from ohmward.traction.speed_observer.make_observer import make_observer
     from ohmward.traction.speed_observer.track import observe
 
     believed = args.terrain if args.terrain in {*ADHESION, *ROADS, *SOILS} else DEFAULT_TERRAIN
-    chosen = observer_for(robot, drive, make_terrain(believed, robot))
+    chosen = make_observer(robot, drive, make_terrain(believed, robot))
     with progress() as report:
         told = (lambda done, total: report("ukf", done / total)) if report else None
         track = observe(chosen.observer, drive, told)

@@ -4,7 +4,7 @@ Pure functions on NumPy arrays. Every one also runs on object arrays of traced s
 and compiled. `kalman`, `extended` and `unscented` each have `predict` and `update`; `adaptive` learns the noise.
 """
 
-from ohmward.filters import adaptive, consistency, extended, gating, kalman, partly_linear, unscented
+from ohmward.filters import adaptive, conditionally_linear, consistency, extended, gate, kalman, unscented
 from ohmward.filters.belief import (
     Belief,
     Correction,
@@ -24,15 +24,15 @@ __all__ = [
     "Innovation",
     "PackedBelief",
     "adaptive",
+    "conditionally_linear",
     "consistency",
     "extended",
-    "gating",
+    "gate",
     "is_healthy",
     "kalman",
     "log_likelihood",
     "nis",
     "pack",
-    "partly_linear",
     "unpack",
     "unscented",
     "update_sequentially",

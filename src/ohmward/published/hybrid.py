@@ -18,7 +18,7 @@ from ohmward.battery.soc.rc_linear import LinearState
 from ohmward.battery.soc.sample import Estimate, Flag, Sample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import maximum, where
 

@@ -11,7 +11,7 @@ from ohmward.battery.models.noise import Noise
 from ohmward.battery.soc.rc_linear import LinearState
 from ohmward.battery.soc.rc_soc import Parameters, RcSoc
 from ohmward.battery.soc.sample import Estimate, Flag, Sample
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.published.rc_joint import JointState, Nominal, RcJoint
 from ohmward.trace import maximum, where
 

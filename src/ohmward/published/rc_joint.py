@@ -31,7 +31,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack
-from ohmward.filters.gating import apply_gain, choose
+from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
 

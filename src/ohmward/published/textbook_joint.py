@@ -24,7 +24,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.filters.gating import apply_gain, choose
+from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.published.rc_joint import PARAMETERS, Nominal, require_nominal
 from ohmward.trace import maximum, where

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note, write_log
 from ohmward.simulate import mission
-from ohmward.simulate.battery_test import bench_times, pulse_test
+from ohmward.simulate.bench_profiles import bench_times, pulse_test
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward.simulate.plant import Simulation, resting_state, simulate
 from ohmward.simulate.sensors import Sensors, low_cost_sensors, on_the_bench

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.test_hybrid import RC
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model
 from ohmward.battery.soc.estimator import SocEstimator
@@ -12,6 +11,7 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs import Log
 from ohmward.simulate.voltage import simulate_voltage
+from published.test_hybrid import RC
 
 MODEL = start_model("nmc", 2.0)
 BOTH = Battery("both", 2.0, thevenin=MODEL, rc=replace(RC, ocv=MODEL.ocv))

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.traction import Input, forces, scene
-from ohmward.traction.dynamics.forces import momentum_rates, power
-from ohmward.traction.dynamics.power import kinetic_energy, losses
+from ohmward.traction.dynamics.forces import momentum_rates
+from ohmward.traction.dynamics.power import kinetic_energy, losses, power
 from traction.examples import HARD, ROBOTS, TERRAINS
 
 

@@ -9,8 +9,8 @@ import pytest
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, Motor, hard_terrain
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer import make_observer as observer_for
 from ohmward.traction.speed_observer.disturbance import unexplained_push_m_s2
+from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import observe
 
 TIME = 0.01 * np.arange(1000)
@@ -62,20 +62,20 @@ def test_a_log_that_cannot_tell_gives_nothing():
 
 def test_a_push_opens_the_grade_and_a_large_one_the_slip():
     ground = hard_terrain("dry asphalt")
-    none, slope, drag = (observer_for(IDEAL[0], drive(IDEAL[0], push), ground) for push in (0.0, 0.4, 3.0))
+    none, slope, drag = (make_observer(IDEAL[0], drive(IDEAL[0], push), ground) for push in (0.0, 0.4, 3.0))
     assert none.observer.noise.grade_std_rad == pytest.approx(math.radians(1.0))
     assert slope.observer.noise.grade_std_rad == pytest.approx(0.4 / GRAVITY, rel=0.05)
     assert slope.observer.noise.radius_std == none.observer.noise.radius_std
     assert not any(note.level == "warning" for note in slope.notes)
     assert drag.observer.noise.radius_std == pytest.approx(3.0 / GRAVITY, rel=0.05)
     seen = replace(drive(IDEAL[0], 3.0), speed_m_s=0.3 + 0.1 * np.sin(TIME))
-    assert observer_for(IDEAL[0], seen, ground).observer.noise.radius_std == none.observer.noise.radius_std
+    assert make_observer(IDEAL[0], seen, ground).observer.noise.radius_std == none.observer.noise.radius_std
     assert any(note.level == "warning" and "0.31 g more than the robot accelerates" in note.text for note in drag.notes)
 
 
 def test_a_robot_that_drags_does_not_run_away():
     robot = replace(ROBOTINO, motor=Motor(0.5, 0.2))
     log = drive(robot, push_m_s2=3.0, motion=0.1 + 0.02 * np.sin(TIME), noise=0.05)
-    estimates = observe(observer_for(robot, log, hard_terrain("dry asphalt"), "ekf").observer, log).estimates
+    estimates = observe(make_observer(robot, log, hard_terrain("dry asphalt"), "ekf").observer, log).estimates
     assert np.abs(estimates.speed_m_s - 0.1).max() < 0.1
     assert estimates.speed_std_m_s[100:].min() > 0.02

@@ -9,10 +9,10 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
-from ohmward.traction.speed_observer import make_observer as observer_for
 from ohmward.traction.speed_observer.make_observer import (
     correlation,
     encoder_std_rad_s,
+    make_observer,
     noise_std,
     quantum,
     speed_std_m_s,
@@ -36,7 +36,7 @@ def drive(robot=RLMA, currents=True, passive=False, **body):
 
 
 def chosen(log, robot=RLMA, name="ukf"):
-    return observer_for(robot, log, TERRAIN, name)
+    return make_observer(robot, log, TERRAIN, name)
 
 
 @pytest.mark.parametrize(

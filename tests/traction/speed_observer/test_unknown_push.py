@@ -10,7 +10,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, RollingResistance, Terrain
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.make_observer import UNKNOWN_PUSH, observer_for, unknown_push_walk
+from ohmward.traction.speed_observer.make_observer import UNKNOWN_PUSH, make_observer, unknown_push_walk
 from ohmward.traction.speed_observer.track import observe
 
 SLOPE_S_PER_M = 5.0
@@ -31,7 +31,7 @@ def test_the_walk_is_that_of_a_lasting_push():
 
 
 def test_the_slip_is_known_no_better_than_such_a_push_allows():
-    unknown = observer_for(RLMA, drive(math.nan), GROUND).observer
+    unknown = make_observer(RLMA, drive(math.nan), GROUND).observer
     std = observe(unknown, drive(math.nan)).estimates.slip_speed_std_m_s[-1]
     forgetful = replace(unknown, noise=replace(unknown.noise, speed_walk=0.01))
     assert np.all(std > 0.7 * UNKNOWN_PUSH / SLOPE_S_PER_M)
@@ -39,5 +39,5 @@ def test_the_slip_is_known_no_better_than_such_a_push_allows():
 
 
 def test_where_currents_tell_the_force_the_walk_is_the_usual_one():
-    known = observer_for(RLMA, drive(0.0), GROUND).observer
+    known = make_observer(RLMA, drive(0.0), GROUND).observer
     assert known.noise.speed_walk == type(known.noise).speed_walk

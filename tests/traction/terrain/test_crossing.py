@@ -6,8 +6,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward.traction.friction.terrain import slip_on_floors
 from ohmward.traction.terrain.crossing import CrossingSample, CrossingTest, crossing_test
+from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 TEST = CrossingTest(ripple_share=0.02, ripple_growth=0.0)

@@ -6,9 +6,9 @@ from scipy.stats import multivariate_normal
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
-from ohmward.traction.friction.terrain import slip_on_floors
 from ohmward.traction.terrain.demand import drag_columns, static_loads
 from ohmward.traction.terrain.recognition import UNSEEN_SHARE, Recognition
+from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 MOVING = slice(60, None)

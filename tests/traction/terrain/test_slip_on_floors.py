@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.terrain import slip_on_floors
 from ohmward.traction.score import DriveTruth, score_drive
 from ohmward.traction.terrain.as_estimates import as_estimates
 from ohmward.traction.terrain.demand import inertial_forces
-from ohmward.traction.terrain.slip_on_floors import RATE_S, followed
+from ohmward.traction.terrain.slip_on_floors import RATE_S, followed, slip_on_floors
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 LATE = slice(100, None)

@@ -25,7 +25,7 @@ from ohmward.battery.soc.sample import Flag
 from ohmward.checks import require_between, require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.trace import clip, logical_not, maximum, table, where
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE = range(5)

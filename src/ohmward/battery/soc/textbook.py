@@ -21,7 +21,7 @@ from ohmward.battery.soc.clean_sample import LONGEST_STEP_S, first_input, is_cur
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import Estimate, Flag, Sample
 from ohmward.errors import InputError
-from ohmward.filters import extended, kalman, partly_linear
+from ohmward.filters import conditionally_linear, extended, kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
 from ohmward.trace import clip, maximum, where
 
@@ -135,7 +135,7 @@ class TextbookFilter:
 
         H, R = np.array([[0.0, *(1.0 for _ in prior.mean[1:])]]), np.array([[self.voltage_variance]])
         if self.method == "ukf":
-            return partly_linear.correct(prior, y, curve, H, R, used=measured)
+            return conditionally_linear.correct(prior, y, curve, H, R, used=measured)
         return extended.correct(prior, y, lambda x: curve(x) + H @ x, R, measured)
 
     def curve_V(self, soc: Any, drop_V: Any) -> Any:

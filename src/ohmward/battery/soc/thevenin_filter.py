@@ -48,7 +48,7 @@ from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, nis, pack, unpack
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, linearize, maximum, minimum, table, where
 

@@ -16,7 +16,7 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
-from ohmward.simulate.closed_loop.mosaic import mosaic
+from ohmward.simulate.closed_loop.terrain_mixture import mosaic
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel, cos, sin
 from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces, momentum_rates, scene

@@ -29,7 +29,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.filters.gating import choose, passes
+from ohmward.filters.gate import choose, passes
 from ohmward.trace import isfinite, maximum, sin, sqrt, where
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.filters.kalman import TINY, correct_state
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.traction.speed_observer.clean_sample import Reading, some

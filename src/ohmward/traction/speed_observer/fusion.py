@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Function
-from ohmward.filters.gating import choose, passes
+from ohmward.filters.gate import choose, passes
 from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.clean_sample import Reading, within

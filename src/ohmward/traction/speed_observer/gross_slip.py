@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.filters.belief import Belief
-from ohmward.filters.gating import choose
+from ohmward.filters.gate import choose
 from ohmward.trace import exp, log, maximum, sin, where
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.clean_sample import Reading, largest, some

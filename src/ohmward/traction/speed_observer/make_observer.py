@@ -84,7 +84,7 @@ class Chosen(NamedTuple):
     notes: tuple[Note, ...]
 
 
-def observer_for(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf") -> Chosen:
+def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf") -> Chosen:
     """The observer for this robot on this ground with what the log has.
 
     terrain: the ground that is believed at first.

@@ -61,7 +61,7 @@ class SlipEstimator:
     0.119
 
     Args:
-        observer: settings; `observer_for` finds some for a robot and a log.
+        observer: settings; `make_observer` finds some for a robot and a log.
         lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
     """
 

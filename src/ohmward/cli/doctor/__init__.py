@@ -1,0 +1,1 @@
+"""The command `ohmward doctor` and its report."""

@@ -1,0 +1,47 @@
+"""The report of `ohmward doctor`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ohmward.cli import battery_pictures as pictures
+from ohmward.cli.doctor.command import contents
+from ohmward.cli.report_parts import FOOTER, with_assumptions
+from ohmward.cli.wording import duration, grouped, sentence
+from ohmward.logs import Log
+from ohmward.logs.doctor import Findings
+from ohmward.report import Figure, Page
+
+
+def make_page(logs: Sequence[Log], found: Sequence[Findings]) -> Page:
+    """One section for each log: figures, findings, plots, assumptions."""
+    title = logs[0].name if len(logs) == 1 else f"{len(logs)} logs"
+    page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
+    for log, findings in zip(logs, found, strict=True):
+        page = _section(page if len(logs) == 1 else page.heading(log.name), log, findings)
+    return page
+
+
+def _section(page: Page, log: Log, found: Findings) -> Page:
+    s = found.survey
+    figures = {
+        "Samples": grouped(len(log)),
+        "Duration": duration(log.duration_s),
+        "Interval": f"{s.sampling.median_s:.3g} s",
+        "Charge in": f"{s.activity.charge_in_Ah:.4g} Ah",
+        "Charge out": f"{s.activity.charge_out_Ah:.4g} Ah",
+        "Rests": str(s.activity.rests),
+        "Pulses": str(s.activity.pulses),
+    }
+    page = page.numbers(figures)
+    for finding in found.findings:
+        page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
+    page = page.plot(*_plots(log)).table(["Quantity", "Found"], list(contents(log, found).items()))
+    return with_assumptions(page, found.notes)
+
+
+def _plots(log: Log) -> list[Figure]:
+    plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
+    if log.temperature_degC is not None:
+        plots.append(pictures.temperature_figure(log))
+    return [*plots, pictures.interval_figure(log)] if len(log) > 1 else plots

@@ -1,0 +1,176 @@
+"""The report of `ohmward mission`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ohmward.cli.mission.command import Answer, Task, expected_J_per_m, summary, usual_speed_m_s
+from ohmward.cli.mission.text import TERRAINS, advice_lines, result, split_rows, terrain_rows
+from ohmward.cli.mission_log import Recording, Split
+from ohmward.cli.report_parts import FOOTER, with_assumptions
+from ohmward.cli.wording import duration, percent, quantity
+from ohmward.energy import Charge, Consumption, Outlook
+from ohmward.report import TIME, Band, Figure, Marker, Page, Series
+from ohmward.report.palette import Meaning
+
+#: Parts of the power that lie on each other in the picture, and their colours.
+_STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
+    "idle": (("idle",), "quiet"),
+    "windings and gears": (("copper", "drive"), "comparison"),
+    "slip": (("slip",), "alert"),
+    "rolling": (("rolling",), "estimate"),
+}
+_SMOOTH_S = 2.0
+_MOST_TERRAINS = 6
+_SPEEDS = 25
+#: Shorter stretches are starts and stops: their energy per metre says nothing.
+_SHORTEST_M = 5.0
+
+
+def make_page(task: Task, answer: Answer) -> Page:
+    """Key figures, the plan, where the power went, what each ground takes, assumptions."""
+    figures = summary(task, answer)
+    page = Page(figures["log"] or "Mission", _subtitle(figures), FOOTER).numbers(_numbers(figures))
+    if answer.outlook:
+        page = page.heading("Plan").plot(*plan_figures(answer.outlook, task.charge))
+        page = page.table(["leg", "distance", "time", "SoC, P10-P90", "probability"], _milestones(figures["plan"]))
+    if task.recording:
+        page = _recorded(page, task.recording, figures)
+    page = _grounds(page, task, figures)
+    page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
+    return with_assumptions(page, task.notes)
+
+
+def plan_figures(outlook: Outlook, charge: Charge) -> list[Figure]:
+    """State of charge, energy and probability along the plan."""
+    m = outlook.milestones
+    x = np.array([0.0, *(one.distance_m for one in m)])
+    soc = 100 * np.array([[charge.soc - 1.2816 * charge.soc_std, charge.soc, charge.soc + 1.2816 * charge.soc_std]])
+    soc = np.vstack([soc, *(100 * np.array(one.soc) for one in m)]).clip(0.0, 100.0)
+    energy = np.vstack([np.zeros(3), *(np.array(one.energy_J) / 3600.0 for one in m)])
+    probability = 100 * np.array([1.0, *(one.probability for one in m)])
+    turn = [Marker(outlook.point_of_return_m, "latest point of return", "alert")]
+    reserve = Series(x, np.full(len(x), 100 * charge.reserve_soc), "reserve", "dashed", "reference")
+    label = "Distance [m]"
+    return [
+        Figure("State of charge", label, "State of charge [%]", [_line(x, soc), reserve], [_band(x, soc)], turn),
+        Figure("Energy", label, "Energy [Wh]", [_line(x, energy)], [_band(x, energy)], turn, height_px=200),
+        Figure(
+            "Probability to get here with the reserve left",
+            label,
+            "Probability [%]",
+            [Series(x, probability, "probability", role="estimate")],
+            markers=turn,
+            y_limits=(-2.0, 102.0),
+            height_px=200,
+        ),
+    ]
+
+
+def power_figure(split: Split) -> Figure:
+    """Losses on each other, and the battery's power over them."""
+    t, p = split.time_s, split.power
+    lower, bands = np.zeros(len(t)), []
+    for label, (names, role) in _STACK.items():
+        upper = lower + np.maximum(_smooth(t, sum(getattr(p, name) for name in names)), 0.0)
+        bands.append(Band(t, lower, upper, label, role))
+        lower = upper
+    line = Series(t, _smooth(t, p.battery), "battery", role="reference")
+    title = "Power: losses on each other; what is left to the battery's line climbs, accelerates or is unexplained"
+    return Figure(title, TIME, "Power [W]", [line], bands, height_px=320)
+
+
+def speed_figure(recording: Recording) -> Figure:
+    """Speed and power of the battery, where no split is known."""
+    t = recording.log.time_s
+    series = [
+        Series(t, recording.battery_W, "battery", role="reference"),
+        Series(t, recording.speed_m_s, "speed", role="estimate", axis="right"),
+    ]
+    return Figure("Power and speed", TIME, "Power [W]", series, right_label="Speed [m/s]")
+
+
+def terrain_figure(c: Consumption, name: str, recording: Recording | None) -> Figure:
+    """Energy per metre over speed: what another day may take, and the stretches of this one."""
+    usual = usual_speed_m_s(c, name)
+    speeds = np.linspace(0.4 * usual, 2.0 * usual, _SPEEDS)
+    expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
+    series = [_line(speeds, expected)]
+    there = [d for d in recording.driven if d.stretch.terrain == name] if recording else []
+    if there := [d for d in there if d.stretch.distance_m > _SHORTEST_M]:
+        v = np.array([d.stretch.speed_distance_m2_s / d.stretch.distance_m for d in there])
+        points = np.array([d.energy_J / d.stretch.distance_m for d in there])
+        series.append(Series(v, points, "stretches of this drive", "points", "comparison"))
+    return Figure(f"On {name}", "Speed [m/s]", "Energy per metre [J/m]", series, [_band(speeds, expected)])
+
+
+def _subtitle(figures: dict[str, Any]) -> str:
+    robot = f", robot {figures['robot']!r}" if figures["robot"] else ""
+    return f"Energy, range and the way home; battery {figures['battery']!r}{robot}"
+
+
+def _numbers(figures: dict[str, Any]) -> dict[str, str]:
+    reach = figures["range_m"]
+    numbers = {
+        "Range left, P50": quantity(reach["p50"], "m"),
+        "with 90 % probability": quantity(reach["p10"], "m"),
+        "Time left, P50": duration(figures["time_left_s"]["p50"]),
+        "SoC now": percent(figures["soc"], 1),
+    }
+    if drive := figures["drive"]:
+        numbers["Energy per metre"] = quantity(drive["energy_J_per_m"], "J/m")
+    if figures["plan"]:
+        numbers["Plan with the reserve left"] = percent(figures["probability"], 1)
+    return {label: value for label, value in numbers.items() if value != "-"}
+
+
+def _milestones(plan: dict[str, Any]) -> list[list[str]]:
+    return [
+        [
+            str(k),
+            f"{m['distance_m']:.4g} m",
+            duration(m["time_s"]),
+            f"{percent(m['soc']['p10'], 1)} to {percent(m['soc']['p90'], 1)}",
+            percent(m["probability"], 1),
+        ]
+        for k, m in enumerate(plan["milestones"], start=1)
+    ]
+
+
+def _recorded(page: Page, recording: Recording, figures: dict[str, Any]) -> Page:
+    page = page.heading("Where the energy went")
+    if recording.split is None:
+        return page.plot(speed_figure(recording))
+    page = page.plot(power_figure(recording.split), speed_figure(recording))
+    return page.table(["Part", "Energy", "Share", "Std, at most"], split_rows(figures["drive"]))
+
+
+def _grounds(page: Page, task: Task, figures: dict[str, Any]) -> Page:
+    c = task.consumption
+    if not c.terrains:
+        return page
+    page = page.heading("What the ground takes").table(TERRAINS, terrain_rows(figures))
+    for name in c.terrains[:_MOST_TERRAINS]:
+        page = page.plot(terrain_figure(c, name, task.recording))
+    for line in advice_lines(figures):
+        page = page.callout("info", line)
+    return page
+
+
+def _line(x: np.ndarray, quantiles: np.ndarray) -> Series:
+    return Series(x, quantiles[:, 1], "P50", role="estimate")
+
+
+def _band(x: np.ndarray, quantiles: np.ndarray) -> Band:
+    return Band(x, quantiles[:, 0], quantiles[:, 2], "P10-P90")
+
+
+def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A running mean over two seconds: the parts of single samples are noise."""
+    width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
+    known = np.nan_to_num(np.asarray(values, dtype=float))
+    return np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")[
+        width // 2 : width // 2 + len(known)
+    ]

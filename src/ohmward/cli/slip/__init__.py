@@ -1,0 +1,1 @@
+"""The command `ohmward slip` and its report."""

@@ -1,0 +1,1 @@
+"""The command `ohmward soc` and its report."""

@@ -1,0 +1,58 @@
+"""The report of `ohmward soc`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ohmward.battery.soc.estimator import Run
+from ohmward.cli import battery_pictures as pictures
+from ohmward.cli.estimating import Task
+from ohmward.cli.report_parts import FOOTER, with_assumptions
+from ohmward.cli.soc.command import result
+from ohmward.cli.wording import duration, percent, quantity
+from ohmward.report import Figure, Page
+
+
+def make_page(task: Task, name: str, answer: Run, figures: dict[str, Any]) -> Page:
+    """Key figures, plots above each other on one clock, assumptions.
+
+    figures: the summary of the run.
+    """
+    what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
+    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures))
+    page = page.plot(*_plots(task, answer))
+    page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
+    return with_assumptions(page, task.notes)
+
+
+def _numbers(figures: dict) -> dict[str, str]:
+    half_band = pictures.BAND_95 * figures["soc_std_final"]
+    numbers = {
+        "SoC at the end": f"{100 * figures['soc_final']:.1f} ± {percent(half_band, 1)}",
+        "RMSE": percent(figures["soc_rmse"]),
+        "RMSE after 1 h": percent(figures["soc_rmse_after_1h"]),
+        "Largest error": percent(figures["soc_max_error"]),
+        "Truth in 95 % band": percent(figures["coverage_95"], 1),
+        "Voltage error, RMS": quantity(figures["voltage_rmse_V"], "mV", 1e3),
+        "Current offset": quantity(figures["current_offset_A"], "mA", 1e3),
+    }
+    return {label: value for label, value in numbers.items() if value != "-"}
+
+
+def _plots(task: Task, answer: Run) -> list[Figure]:
+    log, estimates = task.log, answer.estimates
+    truth = task.truth.soc if task.truth else None
+    plots = [pictures.soc_figure(log, estimates, truth)]
+    if truth is not None:
+        plots.append(pictures.soc_error_figure(log, estimates, truth))
+    plots.append(pictures.current_figure(log, pictures.flag_spans(log, estimates.flags)))
+    plots.append(pictures.voltage_figure(log, estimates))
+    if _any(estimates.voltage_V):
+        plots.append(pictures.voltage_error_figure(log, estimates))
+    if _any(estimates.current_offset_A):
+        plots += [pictures.offset_figure(log, estimates), pictures.health_figure(log, estimates)]
+    return plots
+
+
+def _any(values) -> bool:
+    return bool((values == values).any())

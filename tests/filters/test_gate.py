@@ -1,0 +1,72 @@
+import math
+
+import numpy as np
+import pytest
+
+from filters.examples import PENDULUM, PENDULUM_R, height, largest_difference, two_outputs
+from ohmward.filters import Belief, kalman, unscented
+from ohmward.filters.consistency import gate_threshold
+from ohmward.filters.gate import GateCounts, gate, passes
+
+THRESHOLD = gate_threshold(1)
+
+
+def gated(y, threshold=THRESHOLD, counts=GateCounts()):  # noqa: B008
+    posterior, innovation = unscented.update(PENDULUM, np.array([y]), height, PENDULUM_R)
+    belief, counts = gate(PENDULUM, posterior, innovation, counts, threshold)
+    return belief, posterior, counts
+
+
+def test_a_plausible_measurement_is_used():
+    belief, posterior, counts = gated(0.3)
+    assert largest_difference(belief, posterior) == 0
+    assert counts == (1, 0, 0)
+
+
+@pytest.mark.parametrize("y", [1e3, -1e3, 1e100])
+def test_a_huge_innovation_is_rejected_and_counted(y):
+    belief, _, counts = gated(y)
+    assert largest_difference(belief, PENDULUM) == 0
+    assert counts == (0, 1, 0)
+
+
+@pytest.mark.parametrize("y", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("threshold", [THRESHOLD, math.inf])
+def test_a_missing_measurement_is_skipped_and_counted(y, threshold):
+    belief, _, counts = gated(y, threshold)
+    assert largest_difference(belief, PENDULUM) == 0
+    assert counts == (0, 0, 1)
+
+
+def test_counts_add_up():
+    counts = GateCounts()
+    for y in (0.3, 1e3, math.nan, 0.2, math.nan):
+        _, _, counts = gated(y, counts=counts)
+    assert counts == (2, 1, 2)
+
+
+def test_the_boundary_is_accepted():
+    belief = Belief(np.zeros(1), np.array([[3.0]]))
+    _, innovation = kalman.update(belief, np.array([4.0]), np.eye(1), np.eye(1))
+    assert passes(innovation, 4.0)
+    assert not passes(innovation, 4.0 - 1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("y", [[0.2, np.nan], [np.nan, 0.2], [0.2, np.inf], [np.inf, -np.inf]])
+def test_one_missing_element_of_two_skips_both(y):
+    posterior, innovation = unscented.update(PENDULUM, np.array(y), two_outputs, np.eye(2))
+    belief, counts = gate(PENDULUM, posterior, innovation, GateCounts())
+    assert largest_difference(belief, PENDULUM) == 0
+    assert counts == (0, 0, 1)
+
+
+def test_the_gate_lets_the_right_share_through():
+    rng = np.random.default_rng(1)
+    belief = Belief(np.zeros(1), np.array([[3.0]]))
+    threshold = gate_threshold(1, 0.9)
+    accepted = 0
+    for y in 2.0 * rng.normal(size=2000):
+        _, innovation = kalman.update(belief, np.array([y]), np.eye(1), np.eye(1))
+        accepted += bool(passes(innovation, threshold))
+    assert abs(accepted / 2000 - 0.9) < 3 * math.sqrt(0.9 * 0.1 / 2000)
