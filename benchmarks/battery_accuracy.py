@@ -19,7 +19,7 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, Settings, available, make_estimator
+from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, available, make_estimator
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
 from ohmward.simulate.voltage import simulate_voltage
@@ -160,7 +160,7 @@ def _estimates(
     methods = available(battery) if all_methods else DEFAULT_METHODS
     for method in methods:
         for case in cases:
-            estimator = make_estimator(method, battery, Settings(battery.idle_current_A))
+            estimator = make_estimator(method, battery, EstimatorSettings(battery.idle_current_A))
             shifted = replace(run, current_A=run.current_A + case.offset_A)
             result = SocEstimator(estimator, case.soc).run(shifted)
             counted = run.time_s - run.time_s[0] >= case.after_s

@@ -18,18 +18,18 @@ from ohmward.filters import Belief, adaptive
 from ohmward.report import TIME, Figure, Series
 from ohmward.report.svg import to_svg
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Input, RollingResistance, Terrain, next_state, scene
+from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import Moved, slip_step
-from ohmward.traction.speed_observer.states import KNOWN_GROUND, Layout
+from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
 
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE.parent / "docs" / "pictures"
 WET = scene(RLMA, Terrain("wet tiles", WardIagnemma(0.4, 8.0), RollingResistance(), "assumed"))
-LAYOUT = Layout(RLMA, KNOWN_GROUND)
+LAYOUT = StateLayout(RLMA, KNOWN_GROUND)
 CONSTANT, RADIUS = RLMA.motor.torque_constant_Nm_per_A, RLMA.wheel.radius_m
 PLANT_S, DT_S, COUNTS, CURRENT_STD_A, DURATION_S, RUNS = 1e-3, 1e-2, 4096, 0.1, 12.0, 10
 R = quantisation_std_rad_s(COUNTS, DT_S) ** 2 * np.eye(2)
@@ -111,7 +111,7 @@ def record(drive: Drive, rng: np.random.Generator) -> Recorded:
 
 
 def plant(x: np.ndarray, current_A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x = next_state(x, Input(current_A), WET, PLANT_S)
+    x = next_state(x, RobotInput(current_A), WET, PLANT_S)
     return x, x
 
 
@@ -135,7 +135,7 @@ def observer(kind: Filter, wrong: Wrong) -> Kernel:
 
     def one(packed: adaptive.PackedAdaptiveState, sample: tuple) -> tuple:
         state, (y, current_A) = adaptive.unpack(packed), sample
-        moved = slip_step(LAYOUT.split(state.belief.mean), Input(current_A), WET, DT_S)
+        moved = slip_step(LAYOUT.split(state.belief.mean), RobotInput(current_A), WET, DT_S)
         Q = process_noise(moved.torque_response) * (FLOOR if kind.match_Q else wrong.Q)
         floors = Q, R * (FLOOR if kind.match_R else wrong.R)
         matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
@@ -156,7 +156,7 @@ def estimate(filter_: Kernel, drive: Recorded, wrong: Wrong) -> Found:
 
 
 def follow(x: np.ndarray, current_A: np.ndarray, mean: Moved) -> np.ndarray:
-    moved = slip_step(LAYOUT.split(x), Input(current_A), WET, DT_S, mean.slip_m_s)
+    moved = slip_step(LAYOUT.split(x), RobotInput(current_A), WET, DT_S, mean.slip_m_s)
     return np.array([*moved.motion, *moved.omega])
 
 

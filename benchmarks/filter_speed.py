@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from machine_speed import Machine, flops_of, measured_again
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters.belief import PackedBelief, unpack
 from ohmward.trace import Kernel, trace
@@ -155,7 +155,7 @@ def ours_on_a_log(case: Case) -> Iterator[Contestant]:
     for lowering, how, steps, estimator, begin in ways:
         began = time.perf_counter()
         start = begin(case.problem.drive)
-        kernel = Kernel(estimator.step, start, Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+        kernel = Kernel(estimator.step, start, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
         run = partial(run_kernel, kernel, start, case.problem.drive)
         run(2)
         prepared_s = time.perf_counter() - began
@@ -189,7 +189,7 @@ def latency_bound(case: Case, machine: Machine) -> float:
 
 
 def machine_step(case: Case, precision: str) -> MachineStep:
-    program = trace(case.estimator.step, case.start(case.problem.drive.first(1)), Sample(0.0, 0.0, 0.0, 0.0))
+    program = trace(case.estimator.step, case.start(case.problem.drive.first(1)), SocSample(0.0, 0.0, 0.0, 0.0))
     return MachineStep(program, size(program.argument_structure.children[0]), precision)
 
 
@@ -283,11 +283,11 @@ def ours_on_lanes(case: Case, drive: Drive, precision: str) -> Contestant:
 def ours_in_numpy(case: Case, drive: Drive) -> Contestant:
     """NumPy over lanes, which needs nothing but NumPy."""
     start = case.start(case.problem.drive.first(1))
-    kernel = Kernel(case.estimator.step, start, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
+    kernel = Kernel(case.estimator.step, start, SocSample(0.0, 0.0, 0.0, 0.0), lowering="python")
     start = start._replace(current_A=drive.current_A[0])
 
     def run(steps: int) -> Posterior:
-        samples = Sample(*(c[:steps] for c in drive.samples))
+        samples = SocSample(*(c[:steps] for c in drive.samples))
         after, _ = kernel.scan_lanes(start, samples)
         return Posterior(*unpack(PackedBelief(after.belief.mean[:, 0], after.belief.lower[:, 0])))
 
@@ -297,7 +297,7 @@ def ours_in_numpy(case: Case, drive: Drive) -> Contestant:
 def lane_states(case: Case, drive: Drive) -> np.ndarray:
     """Our state before each log (n, B)."""
     start = case.start(case.problem.drive.first(1))
-    program = trace(case.estimator.step, start, Sample(0.0, 0.0, 0.0, 0.0))
+    program = trace(case.estimator.step, start, SocSample(0.0, 0.0, 0.0, 0.0))
     structure = program.argument_structure.children[0]
     rows = np.repeat(np.array(state_row(structure, start), dtype=float)[:, None], drive.current_A.shape[1], axis=1)
     rows[scalar_names(structure).index("current_A")] = drive.current_A[0]

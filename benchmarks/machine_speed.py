@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.published.rc_adaptive_soc import adaptive_soc_of
@@ -34,7 +34,7 @@ from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive
 
 #: Operations that a floating-point unit does; comparisons, choices and table look-ups come on top.
 FLOPS = ("add", "subtract", "multiply", "divide", "sqrt", "negative", "absolute", "minimum", "maximum")
-EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 LOGS, LANE_STEPS, UPDATES = 1024, 200, 2000
 
 
@@ -147,8 +147,8 @@ def ways(estimator: Any, drive: Drive) -> dict[str, Callable[[], object]]:
     python = Kernel(estimator.step, state, EXAMPLE, lowering="python")
     machine = Kernel(estimator.step, state, EXAMPLE, lowering="machine")
     starts = np.random.default_rng(2).integers(0, len(drive.current_A) - LANE_STEPS, LOGS)
-    lanes = Sample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in drive.samples))
-    quarter = Sample(*(c[: LANE_STEPS // 4] for c in lanes))
+    lanes = SocSample(*(np.stack([c[s : s + LANE_STEPS] for s in starts], axis=1) for c in drive.samples))
+    quarter = SocSample(*(c[: LANE_STEPS // 4] for c in lanes))
     step, row = step_of(estimator, drive), state_row(python.program.argument_structure.children[0], state)
     single = MachineStep(step.program, step.state_size, "f32")
     rows = np.repeat(np.array(row, dtype=float)[:, None], LOGS, axis=1)
@@ -167,8 +167,8 @@ def step_of(estimator: Any, drive: Drive) -> MachineStep:
     return MachineStep(program, size(program.argument_structure.children[0]))
 
 
-def first_of(drive: Drive) -> Sample:
-    return Sample(*(float(column[0]) for column in drive.samples))
+def first_of(drive: Drive) -> SocSample:
+    return SocSample(*(float(column[0]) for column in drive.samples))
 
 
 # ---- live samples and starting

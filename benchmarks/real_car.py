@@ -17,9 +17,9 @@ from figure import Figure, at_least, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Differential, Motor, Robot, RollingResistance, Wheel, hard_terrain
 from ohmward.traction.score import DriveTruth, score_drive
-from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.track import observe
 from real_data import alarm_share, columns, false_alarms, held, once
 
@@ -52,14 +52,14 @@ def rows() -> Iterator[Figure]:
     for case in cases(drive, half_s):
         estimates = observed(case)
         yield from false_alarms(DATA, case.method, estimates, CAR.wheel.radius_m)
-        strict = SlipTest(allowed_m_s=0.0, allowed_ratio=0.0)
+        strict = SlipAlarm(allowed_m_s=0.0, allowed_ratio=0.0)
         share = alarm_share(estimates, strict, CAR.wheel.radius_m)
         yield at_most(DATA, case.method, "the same at 0.001, no slip allowed, either sign", share, 2e-3, ".2g")
         yield from speed_figures(case, estimates, truth, drive.time_s >= half_s)
 
 
-def speed_figures(case: Case, estimates: Estimate, truth: DriveTruth, scored: np.ndarray) -> Iterator[Figure]:
-    later = Estimate(*(values[scored] for values in estimates))
+def speed_figures(case: Case, estimates: SlipEstimate, truth: DriveTruth, scored: np.ndarray) -> Iterator[Figure]:
+    later = SlipEstimate(*(values[scored] for values in estimates))
     score = score_drive(CAR, later, DriveTruth(truth.speed_m_s[scored]))
     yield at_most(DATA, case.method, "speed RMSE, second half [m/s]", score.speed_rmse_m_s)
     yield at_least(DATA, case.method, "coverage of 95 % of the speed", score.speed_coverage_95, 0.9, ".3f")
@@ -109,7 +109,7 @@ def calibrated(drive: DriveLog) -> tuple[float, float]:
     return shares[best], float(LATENCIES_S[best])
 
 
-def observed(case: Case) -> Estimate:
+def observed(case: Case) -> SlipEstimate:
     observer = make_observer(CAR, case.log, ROAD).observer
     observer = replace(observer, states=replace(observer.states, radius=case.radius_state))
     return observe(observer, case.log).estimates

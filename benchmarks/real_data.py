@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from figure import Figure, at_most, data_file
-from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: False-alarm rates that are stated, and must not be exceeded.
 STATED_RATES = (1e-1, 1e-2, 1e-3)
@@ -43,16 +43,18 @@ def once(time_s: np.ndarray, values: np.ndarray, at_s: np.ndarray) -> tuple[np.n
     return arrived, age_s
 
 
-def alarm_share(estimates: Estimate, test: SlipTest, radius_m: float, rows: np.ndarray | slice = slice(None)) -> float:
+def alarm_share(
+    estimates: SlipEstimate, test: SlipAlarm, radius_m: float, rows: np.ndarray | slice = slice(None)
+) -> float:
     """Share of samples and wheels in which this test would raise the alarm."""
     rim_m_s = radius_m * estimates.wheel_speed_rad_s[rows]
     return float(np.mean(test.slips(estimates.slip_speed_m_s[rows], estimates.slip_speed_std_m_s[rows], rim_m_s)))
 
 
 def false_alarms(
-    data: str, method: str, estimates: Estimate, radius_m: float, rows: np.ndarray | slice = slice(None)
+    data: str, method: str, estimates: SlipEstimate, radius_m: float, rows: np.ndarray | slice = slice(None)
 ) -> Iterator[Figure]:
     """Alarms where no wheel slips, against each stated rate."""
     for rate in STATED_RATES:
-        share = alarm_share(estimates, SlipTest(false_alarm_rate=rate), radius_m, rows)
+        share = alarm_share(estimates, SlipAlarm(false_alarm_rate=rate), radius_m, rows)
         yield at_most(data, method, f"false alarms at a stated rate of {rate:g}", share, rate, ".2g")

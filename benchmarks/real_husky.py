@@ -15,7 +15,7 @@ import numpy as np
 from figure import Figure, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
-from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
 from real_data import columns
@@ -75,7 +75,11 @@ def terrain_figures(terrain: str, chosen: list[tuple[Run, Track]]) -> Iterator[F
 def flags(chosen: list[tuple[Run, Track]]) -> str:
     """Every flag that occurs, those left out that say only that wheels are slower than gyros."""
     found = np.concatenate([t.estimates.flags.astype(int) for _, t in chosen])
-    shares = {f.name.lower(): np.mean((found & f) > 0) for f in Flag if f not in (Flag.NO_CURRENT, Flag.NO_ENCODER)}
+    shares = {
+        f.name.lower(): np.mean((found & f) > 0)
+        for f in SlipFlag
+        if f not in (SlipFlag.NO_CURRENT, SlipFlag.NO_ENCODER)
+    }
     return ", ".join(f"{name} {share:.2g}" for name, share in shares.items() if share) or "none"
 
 

@@ -18,7 +18,7 @@ from ohmward.traction.friction.law import Contact, contact
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.terrain import SOILS
 from ohmward.traction.score import BAND_95
-from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 SLIP, PULL = "Slip ratio [-]", "Drawbar pull [N]"
 PICTURES = HERE.parent / "docs" / "pictures"
@@ -87,7 +87,7 @@ def car_figures() -> Iterator[Figure]:
     """Error of the speed, and the slip of a wheel, with what the observer claims."""
     drive, truth = real_car.recording()
     case = next(real_car.cases(drive, drive.time_s[len(drive) // 2]))
-    estimates: Estimate = real_car.observed(case)
+    estimates: SlipEstimate = real_car.observed(case)
     t, std = drive.time_s, estimates.speed_std_m_s
     error = estimates.speed_m_s - truth.speed_m_s
     yield Figure(

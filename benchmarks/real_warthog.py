@@ -18,7 +18,7 @@ from figure import Figure, at_least, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.score import BAND_95
-from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import SlipEstimator
 from real_data import columns, false_alarms
@@ -95,7 +95,7 @@ def drive(windows: Windows, k: int, share: float) -> DriveLog:
     return DriveLog(f"window {k}", time_s, wheels, np.full(wheels.shape, np.nan), windows.gyro_rad_s[k])
 
 
-def observed(drives: list[DriveLog]) -> list[Estimate]:
+def observed(drives: list[DriveLog]) -> list[SlipEstimate]:
     """Each window from its own start, all with one observer, chosen from the windows one after the other."""
     together = DriveLog(
         "all windows",
@@ -108,19 +108,19 @@ def observed(drives: list[DriveLog]) -> list[Estimate]:
     return [from_start(estimator, d) for d in drives]
 
 
-def from_start(estimator: SlipEstimator, log: DriveLog) -> Estimate:
+def from_start(estimator: SlipEstimator, log: DriveLog) -> SlipEstimate:
     """Estimates of a drive that has nothing to do with the one before; the compiled step is kept."""
     estimator.state, estimator.time_s = None, np.nan
     return estimator.run(log).estimates
 
 
-def joined(estimates: list[Estimate], chosen: np.ndarray) -> Estimate:
+def joined(estimates: list[SlipEstimate], chosen: np.ndarray) -> SlipEstimate:
     """Those of the chosen windows, one after the other."""
     picked = [estimates[k] for k in np.flatnonzero(chosen)]
-    return Estimate(*(np.concatenate(values) for values in zip(*picked, strict=True)))
+    return SlipEstimate(*(np.concatenate(values) for values in zip(*picked, strict=True)))
 
 
-def speed_figures(data: str, windows: Windows, estimates: list[Estimate], chosen: np.ndarray) -> Iterator[Figure]:
+def speed_figures(data: str, windows: Windows, estimates: list[SlipEstimate], chosen: np.ndarray) -> Iterator[Figure]:
     """Of the mean speed of a window; its error is one that stays, so its sigma is that of a sample."""
     speed = np.array([np.mean(e.speed_m_s) for e in estimates])
     std = np.array([np.mean(e.speed_std_m_s) for e in estimates])
@@ -132,7 +132,7 @@ def speed_figures(data: str, windows: Windows, estimates: list[Estimate], chosen
     yield at_least(count, METHOD, "coverage of 95 % of the speed", covered, 0.9, ".3f")
 
 
-def turn_figures(windows: Windows, estimates: list[Estimate], chosen: np.ndarray) -> Iterator[Figure]:
+def turn_figures(windows: Windows, estimates: list[SlipEstimate], chosen: np.ndarray) -> Iterator[Figure]:
     turned = np.array([np.mean(e.yaw_rate_rad_s) for e in estimates])
     by_wheels = WARTHOG.wheel.radius_m / WARTHOG.chassis.track_m * (windows.right_rad_s - windows.left_rad_s)
     for method, rate in ((METHOD, turned), ("wheels alone", by_wheels.mean(axis=1))):

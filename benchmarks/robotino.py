@@ -19,7 +19,7 @@ from figure import DATA, Figure, at_least, at_most, data_file
 from ohmward.logs.drive_read import read_drive
 from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import (
-    Drive,
+    CalibrationDrive,
     calibrate_motor,
     calibrate_radius,
     learn_floor,
@@ -48,7 +48,7 @@ SENSORS = "encoders + currents"
 class Run(NamedTuple):
     """A run: its drive, with the motion that the camera saw, and the pose (T, 3) in metres and radians."""
 
-    drive: Drive
+    drive: CalibrationDrive
     pose: np.ndarray
 
 
@@ -144,7 +144,7 @@ def read_run(path: Path, number: float) -> Run:
             np.unwrap(np.radians(log.extra["ang"] + MARK_DEG)),
         ]
     )
-    return Run(Drive(log, motion_from_pose(log.time_s, *pose.T)), pose)
+    return Run(CalibrationDrive(log, motion_from_pose(log.time_s, *pose.T)), pose)
 
 
 def _judged(track: SlipTrack, run: Run, robot: Robot) -> Judged:

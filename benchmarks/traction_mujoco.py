@@ -17,11 +17,11 @@ from observer_speed import step_times
 from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Input, RollingResistance, hard_terrain, scene, step
+from ohmward.traction import RLMA, RobotInput, RollingResistance, hard_terrain, scene, step
 from ohmward.traction.dynamics.power import losses
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 
@@ -53,9 +53,9 @@ def spinning_with_speed() -> Iterator[Figure]:
     """Full spin on a floor of 0.2 from the start, with a speed from outside at 10 Hz."""
     for std, bar in ((0.03, 20.0), (0.05, None)):
         sensors = {"speed_every": 10, "speed_std": std}
-        found = drives(0.2, runs.spinning, Noise(speed_std_m_s=std), **sensors)
+        found = drives(0.2, runs.spinning, ObserverNoise(speed_std_m_s=std), **sensors)
         yield from judged("full spin", f"UKF, external speed of {std} m/s at 10 Hz", found, FIRST_HALF, bar)
-        noise = Noise(speed_std_m_s=std, pitch_std_rad=0.005)
+        noise = ObserverNoise(speed_std_m_s=std, pitch_std_rad=0.005)
         found = drives(0.2, runs.spinning, noise, pitch_std=0.005, **sensors)
         yield from judged("full spin", f"UKF, external speed of {std} m/s and pitch", found, FIRST_HALF, bar)
         least = 1e3 * least_rmse_m_s(std)
@@ -89,7 +89,7 @@ def spinning_otherwise() -> Iterator[Figure]:
     yield from consistent("full spin", "UKF, encoders and currents", alone)
     growth = (alone.estimate.speed_std_m_s[-1] - alone.estimate.speed_std_m_s[99]) / (4.0 - 1.0)
     yield at_most("MuJoCo, full spin", "UKF, encoders and currents", "growth of sigma [m/s per s]", growth)
-    passive = drives(0.2, runs.spinning, Noise(passive_std_rad_s=0.07), passive=True)
+    passive = drives(0.2, runs.spinning, ObserverNoise(passive_std_rad_s=0.07), passive=True)
     yield from judged("full spin", "UKF, one axle of passive wheels", passive, FIRST_HALF, None)
 
 
@@ -105,7 +105,7 @@ def wrong_ground() -> Iterator[Figure]:
     yield from consistent("full spin, wrong rolling resistance", "UKF, encoders and currents", found)
 
 
-def drives(friction: float, torque, noise: Noise | None = None, **others) -> runs.Runs:
+def drives(friction: float, torque, noise: ObserverNoise | None = None, **others) -> runs.Runs:
     return runs.drives(friction, torque, 4.0, noise, seeds=SEEDS, **others)
 
 
@@ -135,7 +135,7 @@ def energy_balance() -> Iterator[Figure]:
     place = scene(RLMA, hard_terrain("dry asphalt"))
 
     def one(x: np.ndarray, current_A: np.ndarray):
-        result = step(x, Input(current_A, grade_rad=0.02), place, 0.005)
+        result = step(x, RobotInput(current_A, grade_rad=0.02), place, 0.005)
         return result.state, result.energy
 
     time_s = 0.005 * np.arange(2000)

@@ -20,7 +20,7 @@ from ohmward.battery.chemistries import start_model
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
@@ -79,10 +79,10 @@ class Drive(NamedTuple):
         return Drive(*(column[:steps] for column in self))
 
     @property
-    def samples(self) -> Sample:
+    def samples(self) -> SocSample:
         """What our filters take."""
         ones = np.ones(self.current_A.shape)
-        return Sample(ones, self.current_A, self.voltage_V, np.nan * ones)
+        return SocSample(ones, self.current_A, self.voltage_V, np.nan * ones)
 
 
 def cell_model() -> Thevenin:
@@ -192,7 +192,7 @@ def cell_problem(method: str, steps: int, hysteresis: bool = False) -> CellProbl
 
 def cell_start(ours: TextbookFilter, drive: Drive) -> Any:
     """Our state before the log."""
-    return ours.init(Sample(*(float(c[0]) for c in drive.samples)), START_SOC - 0.05, 0.05)
+    return ours.init(SocSample(*(float(c[0]) for c in drive.samples)), START_SOC - 0.05, 0.05)
 
 
 class BareState(NamedTuple):
@@ -213,7 +213,7 @@ class BareCell(NamedTuple):
     def start(self, drive: Drive) -> BareState:
         return BareState(pack(Belief(*self.problem.start)), float(drive.current_A[0]))
 
-    def step(self, state: BareState, sample: Sample) -> tuple[BareState, np.ndarray]:
+    def step(self, state: BareState, sample: SocSample) -> tuple[BareState, np.ndarray]:
         problem, y = self.problem, np.array([sample.voltage_V])
         mean_A = 0.5 * (sample.current_A + state.current_A)
         decay, push = problem.decays, problem.gain * mean_A
@@ -304,7 +304,7 @@ def joint_problem(steps: int) -> JointProblem:
 
 def joint_start(ours: TextbookJoint, drive: Drive) -> Any:
     """Our state before the log."""
-    return ours.init(Sample(*(float(c[0]) for c in drive.samples)))
+    return ours.init(SocSample(*(float(c[0]) for c in drive.samples)))
 
 
 def disagreement(found: Posterior, reference: Posterior) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ohmward import Battery, Estimate, Log, SocEstimator, identify, make_estimator, make_robot_day
+from ohmward import Battery, Log, SocEstimate, SocEstimator, identify, make_estimator, make_robot_day
 from ohmward.battery.soc.score import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
@@ -34,14 +34,14 @@ def main() -> None:
     (PICTURES / "drive-home.svg").write_text(to_svg(speed_figure(*drive), slip_figure(*drive)), encoding="utf-8")
 
 
-def robot_day() -> tuple[Log, Estimate, Estimate]:
+def robot_day() -> tuple[Log, SocEstimate, SocEstimate]:
     """The log of the day, what the filter makes of it, and what coulomb counting does."""
     day = make_robot_day("lfp")
     battery = identify(day.pulse_test, capacity_Ah=12.0, chemistry="lfp", n_series=4)
     return day.mission, estimate(day.mission, battery, "ekf"), estimate(day.mission, battery, "coulomb")
 
 
-def estimate(log: Log, battery: Battery, name: str) -> Estimate:
+def estimate(log: Log, battery: Battery, name: str) -> SocEstimate:
     """State of charge along the day, started at the right value by the estimator called `name`."""
     return SocEstimator(make_estimator(name, battery), initial_soc=1.0).run(log).estimates
 
@@ -52,7 +52,7 @@ def drive_home() -> tuple[DriveLog, Track]:
     return log, observe(make_observer(RLMA, log, hard_terrain("dry asphalt")).observer, log)
 
 
-def soc_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:
+def soc_figure(log: Log, filtered: SocEstimate, counted: SocEstimate) -> Figure:
     """Truth, estimate with its band, coulomb counting."""
     t, soc, std = log.time_s, 100 * filtered.soc, 100 * filtered.soc_std
     return Figure(
@@ -69,7 +69,7 @@ def soc_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:
     )
 
 
-def error_figure(log: Log, filtered: Estimate, counted: Estimate) -> Figure:
+def error_figure(log: Log, filtered: SocEstimate, counted: SocEstimate) -> Figure:
     """Error of both, and the band that the filter claimed."""
     t, truth, std = log.time_s, log.extra["soc_true"], 100 * filtered.soc_std
     return Figure(

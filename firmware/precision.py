@@ -18,7 +18,7 @@ from measure import FILTERS, OBSERVERS, Case, battery_and_hour, drive, title_of
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import rc
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.export import Twin, battery_export, library, observer_export, write_library
 from ohmward.export.battery import JOINT
 from ohmward.export.comparison import in_double_precision
@@ -76,7 +76,7 @@ def cases() -> Iterator[Case]:
         yield Case(f"{robot.name} speed, {name}", observer_export(robot, ground, name, "filter"), samples)
 
 
-def cycled(battery: Battery, steps: int) -> Sample:
+def cycled(battery: Battery, steps: int) -> SocSample:
     """Samples (steps,) of a drive, 1 s apart, that takes the battery from 90 % to 20 % and back every four hours."""
     assert battery.thevenin is not None
     current = _cycling_A(battery.capacity_Ah, steps)
@@ -84,7 +84,7 @@ def cycled(battery: Battery, steps: int) -> Sample:
     return _seen(battery, current, simulate_voltage(battery.thevenin, log, 0.9).voltage_V)
 
 
-def cycled_rc(battery: Battery, steps: int) -> Sample:
+def cycled_rc(battery: Battery, steps: int) -> SocSample:
     """The same drive on a battery that is the RC model, for the filter of its parameters."""
     assert battery.rc is not None
     model, current = battery.rc, _cycling_A(battery.capacity_Ah, steps)
@@ -110,12 +110,12 @@ def _cycling_A(capacity_Ah: float, steps: int) -> np.ndarray:
     return current
 
 
-def _seen(battery: Battery, current_A: np.ndarray, voltage_V: np.ndarray) -> Sample:
+def _seen(battery: Battery, current_A: np.ndarray, voltage_V: np.ndarray) -> SocSample:
     """What cheap sensors show of it: noise, and an offset of the current."""
     rng, steps = np.random.default_rng(4), len(current_A)
     current = current_A + 0.002 * battery.capacity_Ah + battery.noise.current_std_A * rng.standard_normal(steps)
     voltage = voltage_V + battery.noise.voltage_std_V * rng.standard_normal(steps)
-    return Sample(np.concatenate([[0.0], np.ones(steps - 1)]), current, voltage, np.full(steps, 25.0))
+    return SocSample(np.concatenate([[0.0], np.ones(steps - 1)]), current, voltage, np.full(steps, 25.0))
 
 
 def costs(case: Case) -> Iterator[Cost]:

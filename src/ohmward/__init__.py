@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from ohmward.battery.file import save_battery as save_battery
     from ohmward.battery.identification import identify as identify
     from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
-    from ohmward.battery.soc.registry import Settings as Settings
+    from ohmward.battery.soc.registry import EstimatorSettings as EstimatorSettings
     from ohmward.battery.soc.registry import available as available
     from ohmward.battery.soc.registry import make_estimator as make_estimator
-    from ohmward.battery.soc.sample import Estimate as Estimate
-    from ohmward.battery.soc.sample import Flag as Flag
-    from ohmward.battery.soc.sample import Sample as Sample
+    from ohmward.battery.soc.sample import SocEstimate as SocEstimate
+    from ohmward.battery.soc.sample import SocFlag as SocFlag
+    from ohmward.battery.soc.sample import SocSample as SocSample
     from ohmward.battery.soc.score import score as score
     from ohmward.errors import InputError as InputError
     from ohmward.errors import OhmwardError as OhmwardError
@@ -33,13 +33,13 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Battery": "battery.battery",
-    "Estimate": "battery.soc.sample",
-    "Flag": "battery.soc.sample",
+    "SocEstimate": "battery.soc.sample",
+    "SocFlag": "battery.soc.sample",
     "InputError": "errors",
     "Log": "logs",
     "OhmwardError": "errors",
-    "Sample": "battery.soc.sample",
-    "Settings": "battery.soc.registry",
+    "SocSample": "battery.soc.sample",
+    "EstimatorSettings": "battery.soc.registry",
     "SocEstimator": "battery.soc.estimator",
     "available": "battery.soc.registry",
     "examine": "logs",

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import Input, Thevenin, next_state, voltage
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
+from ohmward.battery.soc.sample import SocSample
 from ohmward.trace import Kernel
 
 GRID = np.linspace(0.0, 1.0, 101)
@@ -82,19 +82,19 @@ def simulate(model: Thevenin, current_A: np.ndarray, soc: float, dt_s: float = 1
 
     def step(x, sample):
         (mean, now, step_s) = sample
-        x = next_state(x, Input(mean, 25.0), model, step_s)
-        return x, (x[0], voltage(x, Input(now, 25.0), model)[0])
+        x = next_state(x, CircuitInput(mean, 25.0), model, step_s)
+        return x, (x[0], voltage(x, CircuitInput(now, 25.0), model)[0])
 
     x = np.array([soc, *(0.0 for _ in range(model.pairs)), hysteresis])
     _, (socs, voltages) = Kernel(step, x, (0.0, 0.0, 0.0)).scan(x, (mean_A, current_A, dt))
     return Truth(dt_s * np.arange(len(socs)), current_A, socs, voltages)
 
 
-def samples(truth: Truth, offset_A: float = 0.0, noise: Noise | None = None, seed: int = 1) -> Sample:
+def samples(truth: Truth, offset_A: float = 0.0, noise: BatteryNoise | None = None, seed: int = 1) -> SocSample:
     """What sensors with this offset, and with the white noise of `noise`, show of the truth, (T,) each."""
-    rng, noise = np.random.default_rng(seed), noise or Noise(voltage_std_V=1e-12, current_std_A=0.0)
+    rng, noise = np.random.default_rng(seed), noise or BatteryNoise(voltage_std_V=1e-12, current_std_A=0.0)
     count = len(truth.time_s)
-    return Sample(
+    return SocSample(
         np.diff(truth.time_s, prepend=truth.time_s[0]),
         truth.current_A + offset_A + noise.current_std_A * rng.standard_normal(count),
         truth.voltage_V + noise.voltage_std_V * rng.standard_normal(count),
@@ -102,6 +102,6 @@ def samples(truth: Truth, offset_A: float = 0.0, noise: Noise | None = None, see
     )
 
 
-def row(columns: Sample, k: int) -> Sample:
+def row(columns: SocSample, k: int) -> SocSample:
     """The sample k of columns (T,)."""
-    return Sample(*(float(c[k]) for c in columns))
+    return SocSample(*(float(c[k]) for c in columns))

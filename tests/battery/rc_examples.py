@@ -11,7 +11,7 @@ import pytest
 
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log, read_log
 
 #: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.
@@ -25,7 +25,7 @@ FULL_V = 13.0
 class Truth(NamedTuple):
     """What a simulation knows, and what its sensors show: (T,) each, states (T, 2)."""
 
-    samples: Sample
+    samples: SocSample
     states: np.ndarray
     soc: np.ndarray
 
@@ -68,7 +68,7 @@ def simulate(
         x = rc.next_state(x, 0.5 * (current_A[max(k - 1, 0)] + current_A[k]), p, dt[k])
         states.append(x)
         voltage_V.append(rc.voltage(x, current_A[k], p)[0])
-    measured = Sample(
+    measured = SocSample(
         dt,
         current_A + offset_A + current_std_A * rng.standard_normal(count),
         np.array(voltage_V) + voltage_std_V * rng.standard_normal(count),
@@ -84,19 +84,19 @@ def scaled(circuit: rc.Circuit, share: float) -> rc.Circuit:
     return rc.Circuit(*circuit[:2], *(share * r for r in circuit[2:]))
 
 
-def row(samples: Sample, k: int) -> Sample:
+def row(samples: SocSample, k: int) -> SocSample:
     """Sample k of columns (T,)."""
-    return Sample(*(float(c[k]) for c in samples))
+    return SocSample(*(float(c[k]) for c in samples))
 
 
-def log_of(samples: Sample) -> Log:
+def log_of(samples: SocSample) -> Log:
     """The samples as a log."""
     return Log("simulated", np.cumsum(samples.dt_s), samples.current_A, samples.voltage_V)
 
 
-def lanes(runs: list[Truth]) -> Sample:
+def lanes(runs: list[Truth]) -> SocSample:
     """The samples of several runs side by side, (T, B) each."""
-    return Sample(*(np.stack(columns, axis=1) for columns in zip(*(run.samples for run in runs), strict=True)))
+    return SocSample(*(np.stack(columns, axis=1) for columns in zip(*(run.samples for run in runs), strict=True)))
 
 
 def measured_log(path: str, **options) -> Log:

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ohmward.battery.battery import Battery, Confidence, Fit, Identification
+from ohmward.battery.battery import Battery, Confidence, Fit, Provenance
 from ohmward.battery.file import dump_battery, load_battery, parse_battery, save_battery
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.thevenin import Thevenin
@@ -17,7 +17,7 @@ from ohmward.errors import InputError, OhmwardError
 OCV = OcvCurve((3.0, 3.5, 4.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
 THEVENIN = Thevenin(2.0, OCV, (0.05, 0.04), (0.05, 0.04), ((0.01, 0.02), (0.03, 0.01)), (10.0, 500.0))
 RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0)
-PROVENANCE = Identification(
+PROVENANCE = Provenance(
     2.0,
     2.03,
     (Fit("a", "pulses", 0.1, 1.0, 0.003, 0.02), Fit("b", "low-rate charge", 0.0, 1.0)),
@@ -25,7 +25,19 @@ PROVENANCE = Identification(
     ("info: something", 'warning: "quoted", back\\slash, µ'),
 )
 FULL = Battery(
-    "cell A", 2.0, "lfp", 4, 8.0, 14.6, -0.12, THEVENIN, RC, Noise(), Noise(), PROVENANCE, ("hysteresis: none seen",)
+    "cell A",
+    2.0,
+    "lfp",
+    4,
+    8.0,
+    14.6,
+    -0.12,
+    THEVENIN,
+    RC,
+    BatteryNoise(),
+    BatteryNoise(),
+    PROVENANCE,
+    ("hysteresis: none seen",),
 )
 PLAIN = Battery("plain", 2.0, thevenin=THEVENIN)
 
@@ -58,7 +70,7 @@ def batteries(draw):
         activation_K=draw(st.floats(-1e4, 1e4)),
     )
     name = draw(st.text(st.characters(codec="utf-8"), max_size=30))
-    return Battery(name, draw(positive), thevenin=p, not_identified=(name,), noise=Noise(model_std_V=draw(row)))
+    return Battery(name, draw(positive), thevenin=p, not_identified=(name,), noise=BatteryNoise(model_std_V=draw(row)))
 
 
 @given(batteries())
@@ -108,7 +120,7 @@ def test_a_file_from_a_data_sheet_needs_little():
         voltage_V = [11.8, 12.9]
     """
     battery = parse_battery(text)
-    assert battery.noise == Noise() and battery.identification is None
+    assert battery.noise == BatteryNoise() and battery.identification is None
 
 
 @pytest.mark.parametrize(

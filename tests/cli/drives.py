@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.logs import write_table
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Input, hard_terrain, scene, slip_ratio, step
+from ohmward.traction import RLMA, RobotInput, hard_terrain, scene, slip_ratio, step
 
 DT_S = 0.01
 WHEELS = ("front_left", "front_right")
@@ -49,7 +49,7 @@ def _kernel(ground: str) -> Kernel:
     place = scene(RLMA, hard_terrain(ground))
 
     def one(x, current_A):
-        state = step(x, Input(current_A), place, dt_s=DT_S).state
+        state = step(x, RobotInput(current_A), place, dt_s=DT_S).state
         return state, state
 
     return Kernel(one, np.zeros(4), np.zeros(2))

@@ -9,13 +9,13 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model
 from ohmward.battery.file import save_battery
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.logs import Log, write_log
 from ohmward.simulate.voltage import simulate_voltage
 
 CAPACITY_AH = 12.0
 MODEL = start_model("nmc", CAPACITY_AH, 3)
-NOISE = Noise(voltage_std_V=0.01, current_std_A=0.05)
+NOISE = BatteryNoise(voltage_std_V=0.01, current_std_A=0.05)
 START_SOC = 0.9
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import start_model
-from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.cli import battery_pictures as pictures
 from ohmward.logs import Log
 
@@ -14,9 +14,9 @@ LOG = Log("x", TIME_S, np.sin(TIME_S), 12.0 + 0.0 * TIME_S, np.full(T, 25.0))
 NAN = np.full(T, np.nan)
 
 
-def estimates(**fields) -> Estimate:
-    values = dict.fromkeys(Estimate._fields, NAN) | {"soc": np.full(T, 0.5), "soc_std": np.full(T, 0.1)}
-    return Estimate(**(values | {"flags": np.zeros(T)} | fields))
+def estimates(**fields) -> SocEstimate:
+    values = dict.fromkeys(SocEstimate._fields, NAN) | {"soc": np.full(T, 0.5), "soc_std": np.full(T, 0.1)}
+    return SocEstimate(**(values | {"flags": np.zeros(T)} | fields))
 
 
 def series(figure) -> dict:
@@ -61,9 +61,9 @@ def test_an_estimator_without_a_voltage_shows_none():
 
 def test_flags_become_stretches():
     flags = np.zeros(T)
-    flags[10:21] = Flag.REST
-    flags[15:18] += Flag.NO_VOLTAGE
-    flags[100] = Flag.VOLTAGE_REJECTED + Flag.SOC_LIMITED
+    flags[10:21] = SocFlag.REST
+    flags[15:18] += SocFlag.NO_VOLTAGE
+    flags[100] = SocFlag.VOLTAGE_REJECTED + SocFlag.SOC_LIMITED
     spans = pictures.flag_spans(LOG, flags)
     assert [(s.x_from, s.x_to, s.label, s.role) for s in spans] == [
         (10.0, 20.0, "rest", "quiet"),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.soc.sample import Estimate
+from ohmward.battery.soc.sample import SocEstimate
 from ohmward.cli.scoring import soc_scores, voltage_score
 from ohmward.logs import Log
 
@@ -10,10 +10,10 @@ LOG = Log("x", TIME_S, 0.0 * TIME_S, np.full(TIME_S.size, 12.0))
 TRUTH = np.full(TIME_S.size, 0.5)
 
 
-def estimates(soc, std, voltage_V=np.nan) -> Estimate:
-    fields = dict.fromkeys(Estimate._fields, np.full(TIME_S.size, np.nan))
+def estimates(soc, std, voltage_V=np.nan) -> SocEstimate:
+    fields = dict.fromkeys(SocEstimate._fields, np.full(TIME_S.size, np.nan))
     voltage = np.full(TIME_S.size, voltage_V)
-    return Estimate(**(fields | {"soc": soc, "soc_std": std, "voltage_V": voltage}))
+    return SocEstimate(**(fields | {"soc": soc, "soc_std": std, "voltage_V": voltage}))
 
 
 def test_coverage_is_that_of_1_96_sigma():

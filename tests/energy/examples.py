@@ -8,10 +8,10 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.energy.consumption import Consumption, Variance, begin_drive, learn, start, with_terrain
-from ohmward.energy.consumption_prior import Prior
+from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.leg import Leg, stretch_of
 
-PRIOR = Prior(
+PRIOR = ConsumptionPrior(
     mass_kg=40.0,
     idle_W=10.0,
     idle_std_W=3.0,

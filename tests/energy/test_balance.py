@@ -8,7 +8,7 @@ from ohmward.energy.balance import PARTS, add_up, drive_split, model_split
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Input, forces, scene
+from ohmward.traction import RLMA, RobotInput, forces, scene
 from ohmward.traction.dynamics.implicit_step import step
 from traction.examples import HARD, LOSSY, ROBOTS, SLIPPERY, TERRAINS
 
@@ -22,7 +22,7 @@ def test_nothing_of_a_simulated_robot_is_unexplained(name, ground):
     rng = np.random.default_rng(0)
     p = scene(replace(ROBOTS[name], idle_W=5.0), TERRAINS[ground])
     for _ in range(20):
-        x, u = rng.normal(0, 2, len(p.robot.state_names)), Input(rng.normal(0, 5, p.robot.driven), 0.05)
+        x, u = rng.normal(0, 2, len(p.robot.state_names)), RobotInput(rng.normal(0, 5, p.robot.driven), 0.05)
         split = model_split(x, u, p, forces(x, u, p))
         assert split.unexplained == pytest.approx(0.0, abs=1e-9 * (1 + abs(split.battery)))
         assert split.idle == 5.0
@@ -34,14 +34,14 @@ def simulated(ground, current_A, grade_rad=0.0):
     p = scene(ROBOT, ground)
 
     def one(x, i):
-        found = step(x, Input(i, grade_rad), p, DT)
+        found = step(x, RobotInput(i, grade_rad), p, DT)
         return found.state, found
 
     x0 = np.zeros(4)
     _, steps = Kernel(one, x0, np.zeros(2)).scan(x0, np.repeat(current_A[:, None], 2, axis=1))
     x = np.asarray(steps.state)
     time_s = DT * np.arange(len(x))
-    f = [forces(row, Input(i * np.ones(2), grade_rad), p) for row, i in zip(x, current_A, strict=True)]
+    f = [forces(row, RobotInput(i * np.ones(2), grade_rad), p) for row, i in zip(x, current_A, strict=True)]
     seen = SimpleNamespace(
         speed_m_s=x[:, 0],
         yaw_rate_rad_s=x[:, 1],

@@ -16,7 +16,7 @@ from ohmward.energy.consumption import (
     start,
     with_terrain,
 )
-from ohmward.energy.consumption_prior import Prior
+from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.errors import InputError
 
@@ -212,7 +212,7 @@ def test_a_smooth_floor_teaches_nothing_of_other_terrains():
         (lambda: need(learned(), [stretch_of(Leg(1.0, "ice", 1.0))]), "terrain 'ice' is not .* knows: grass, gravel"),
         (lambda: learn(learned(), Stretch("grass", 1.0, -2.0), 1.0), "stretch.distance_m must be >= 0, got -2"),
         (lambda: learn(learned(), Stretch("grass", 1.0, 2.0), np.nan), "energy_J must be finite"),
-        (lambda: Prior(0.0, 1.0, 1.0, 1.0, 1.0), "prior.mass_kg must be > 0"),
+        (lambda: ConsumptionPrior(0.0, 1.0, 1.0, 1.0, 1.0), "prior.mass_kg must be > 0"),
         (lambda: begin_drive(learned(), -1.0), "days must be >= 0"),
         (lambda: Leg(-5.0, "grass", 0.5), "leg.distance_m must be >= 0, got -5"),
         (lambda: Leg(5.0, "grass", 0.0), "leg.speed_m_s must be > 0"),

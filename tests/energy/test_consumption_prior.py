@@ -7,7 +7,7 @@ from ohmward.energy.consumption import need, start, with_terrain
 from ohmward.energy.consumption_prior import heat_W_per_N2, prior_from_mass, prior_from_robot
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
-from ohmward.traction import RLMA, Input, forces, hard_terrain, scene
+from ohmward.traction import RLMA, RobotInput, forces, hard_terrain, scene
 from ohmward.traction.dynamics.power import power
 from ohmward.traction.dynamics.quasi_static import wheel_slip
 from traction.examples import LOSSY
@@ -20,8 +20,8 @@ def test_windings_heat_as_the_model_of_the_robot_says():
     p, motion = scene(ROBOT, hard_terrain("dry asphalt")), np.array([0.5, 0.0])
     current_A = np.full(2, 3.0)
     pull_N = 2 * 3.0 * 0.517 / 0.12
-    x = np.concatenate([motion, wheel_slip(motion, Input(current_A), p).speed_rad_s])
-    copper_W = power(x, Input(current_A), p, forces(x, Input(current_A), p)).copper
+    x = np.concatenate([motion, wheel_slip(motion, RobotInput(current_A), p).speed_rad_s])
+    copper_W = power(x, RobotInput(current_A), p, forces(x, RobotInput(current_A), p)).copper
     assert heat_W_per_N2(ROBOT) * pull_N**2 == pytest.approx(copper_W)
 
 

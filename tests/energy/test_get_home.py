@@ -4,11 +4,11 @@ import pytest
 from energy.examples import battery, certain, learned
 from ohmward.energy.get_home import get_home
 from ohmward.energy.leg import Leg
-from ohmward.energy.usable_energy import Charge
+from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 
 #: 40 J/m on level grass at 0.5 m/s, 432 kJ in the battery: 10.8 km.
-HALF = Charge(0.5)
+HALF = BatteryState(0.5)
 
 
 def test_without_doubt_a_plan_can_be_driven_or_not():
@@ -43,7 +43,7 @@ def test_probability_falls_along_the_plan_and_with_the_reserve():
     plan = [Leg(1500.0, "grass", 0.5) for _ in range(6)]
     c = learned()
     chances = [
-        [m.probability for m in get_home(c, plan, battery(), Charge(0.5, 0.05, reserve_soc=r)).milestones]
+        [m.probability for m in get_home(c, plan, battery(), BatteryState(0.5, 0.05, reserve_soc=r)).milestones]
         for r in (0.0, 0.1)
     ]
     assert all(np.diff(row).max() <= 0.0 for row in chances)
@@ -54,7 +54,7 @@ def test_probability_falls_along_the_plan_and_with_the_reserve():
 def test_more_confidence_turns_earlier():
     plan = [Leg(9_000.0, "grass", 0.5)]
     bold, wary = (
-        get_home(learned(), plan, battery(), Charge(0.5, 0.05), confidence).point_of_return_m
+        get_home(learned(), plan, battery(), BatteryState(0.5, 0.05), confidence).point_of_return_m
         for confidence in (0.5, 0.99)
     )
     assert 0.0 < wary < 0.9 * bold

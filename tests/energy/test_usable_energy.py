@@ -8,11 +8,11 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, next_state, voltage
-from ohmward.battery.models.thevenin import Input, Thevenin
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
 from ohmward.energy.points import normal_points
-from ohmward.energy.usable_energy import Charge, discharge, rc_resistance, soc_after, usable_energy, usable_J
+from ohmward.energy.usable_energy import BatteryState, discharge, rc_resistance, soc_after, usable_energy, usable_J
 from ohmward.errors import InputError
 
 
@@ -25,26 +25,26 @@ def energy_J(a_battery, charge, power_W):
 def test_a_constant_open_circuit_voltage_has_a_closed_form(soc, reserve, r_ohm, power_W):
     terminal_V = (24.0 + np.sqrt(24.0**2 - 4 * r_ohm * power_W)) / 2
     by_hand = 3600.0 * 10.0 * terminal_V * (soc - reserve)
-    found = energy_J(battery(r_ohm=r_ohm), Charge(soc, reserve_soc=reserve), power_W)
+    found = energy_J(battery(r_ohm=r_ohm), BatteryState(soc, reserve_soc=reserve), power_W)
     assert found == pytest.approx(by_hand, rel=1e-9, abs=1e-6)
 
 
 def test_a_straight_curve_down_to_the_cut_off():
     # U = 20 + 8 z, no resistance: from z = 0.9 to U = 22 at z = 0.25, Q (20 z + 4 z^2)
-    found = energy_J(battery((20.0, 28.0)), Charge(0.9, cutoff_V=22.0), 50.0)
+    found = energy_J(battery((20.0, 28.0)), BatteryState(0.9, cutoff_V=22.0), 50.0)
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
 
 
 def test_a_battery_is_emptied_along_the_discharge_branch():
     model = Thevenin(10.0, OcvCurve((24.0, 24.0), (1.0, 1.0)), (0.0,) * 2, (0.0,) * 2, (), ())
-    found = energy_J(Battery("test", 10.0, thevenin=model), Charge(0.5), 10.0)
+    found = energy_J(Battery("test", 10.0, thevenin=model), BatteryState(0.5), 10.0)
     assert found == pytest.approx(36000.0 * 23.0 * 0.5)
 
 
 def test_power_that_cannot_be_had_gives_nothing():
     # the most that 24 V behind 1 ohm give is 144 W
-    assert energy_J(battery(r_ohm=1.0), Charge(1.0), 145.0) == 0.0
-    assert energy_J(battery(r_ohm=1.0), Charge(1.0), 143.0) > 0.0
+    assert energy_J(battery(r_ohm=1.0), BatteryState(1.0), 145.0) == 0.0
+    assert energy_J(battery(r_ohm=1.0), BatteryState(1.0), 143.0) > 0.0
 
 
 def test_against_a_discharge_step_by_step():
@@ -52,14 +52,14 @@ def test_against_a_discharge_step_by_step():
     power_W, cutoff_V, x, given_J, u = 60.0, 19.5, np.array([0.8, 0.0, 0.0, -1.0]), 0.0, None
     current = -power_W / 22.0
     while True:
-        u = Input(current, 10.0)
+        u = CircuitInput(current, 10.0)
         volts = float(thevenin_voltage(x, u, model)[0])
         if volts < cutoff_V:
             break
         current = -power_W / volts
-        x = thevenin_next(x, Input(current, 10.0), model, 5.0)
+        x = thevenin_next(x, CircuitInput(current, 10.0), model, 5.0)
         given_J += power_W * 5.0
-    charge = Charge(0.8, temperature_degC=10.0, cutoff_V=cutoff_V)
+    charge = BatteryState(0.8, temperature_degC=10.0, cutoff_V=cutoff_V)
     assert energy_J(Battery("pack", 10.0, thevenin=model), charge, power_W) == pytest.approx(given_J, rel=0.01)
 
 
@@ -74,13 +74,13 @@ def test_the_settled_resistance_of_the_rc_model():
 
 
 def test_the_spread_of_the_state_of_charge_alone():
-    found = usable_energy(battery(), Charge(0.5, soc_std=0.05), 10.0)
+    found = usable_energy(battery(), BatteryState(0.5, soc_std=0.05), 10.0)
     by_hand = 36000.0 * 24.0 * (0.5 + 0.05 * 1.28155 * np.array([-1, 0, 1]))
     assert np.array(found) == pytest.approx(by_hand, rel=2e-3)
 
 
 def test_the_spread_of_the_capacity_alone():
-    found = usable_energy(battery(), Charge(0.5, capacity_std=0.1), 10.0)
+    found = usable_energy(battery(), BatteryState(0.5, capacity_std=0.1), 10.0)
     assert np.array(found) == pytest.approx(36000.0 * 12.0 * (1 + 0.128155 * np.array([-1, 0, 1])), rel=2e-3)
 
 
@@ -88,7 +88,9 @@ def test_the_spread_of_the_capacity_alone():
 @given(share=st.floats(0.0, 1.0))
 def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
     z = normal_points(3)
-    found = discharge(battery((20.0, 28.0), 0.1), Charge(0.8, 0.03, 1.0, 0.02, 1.0, 0.2, reserve_soc=0.1), 40.0, z)
+    found = discharge(
+        battery((20.0, 28.0), 0.1), BatteryState(0.8, 0.03, 1.0, 0.02, 1.0, 0.2, reserve_soc=0.1), 40.0, z
+    )
     whole = usable_J(found)
     soc = soc_after(found, share * whole)
     position = np.interp(soc, found.soc, np.arange(len(found.soc)))
@@ -107,4 +109,4 @@ def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
 )
 def test_impossible_charges(fields, message):
     with pytest.raises(InputError, match=message):
-        Charge(**fields)
+        BatteryState(**fields)

@@ -9,7 +9,7 @@ import pytest
 
 from export.batteries import BATTERY, WITH_RC
 from ohmward.battery.soc.registry import available, make_estimator
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
@@ -86,9 +86,9 @@ def test_single_precision_is_good_enough():
     export = battery_export(BATTERY, "ekf", "soc")
     samples = np.nan_to_num(export.samples, nan=0.0, posinf=13.2)[:40]
     estimator = make_estimator("ekf", BATTERY)
-    start = estimator.init(Sample(0.0, 0.0, 13.2, 25.0), 0.5, 0.3)
-    kernel = Kernel(estimator.step, start, Sample(0.0, 0.0, 0.0, 0.0), lowering="python")
-    _, double = kernel.scan(start, Sample(*samples.T))
+    start = estimator.init(SocSample(0.0, 0.0, 13.2, 25.0), 0.5, 0.3)
+    kernel = Kernel(estimator.step, start, SocSample(0.0, 0.0, 0.0, 0.0), lowering="python")
+    _, double = kernel.scan(start, SocSample(*samples.T))
     flat = np.concatenate([np.ravel(x) for part in start for x in (part if isinstance(part, tuple) else (part,))])
     _, single = single_precision.run(export.step, flat.astype(float), samples)
     np.testing.assert_allclose(single[:, 0], double.soc, atol=2e-4)
@@ -108,7 +108,7 @@ def test_the_readme_says_what_the_flags_mean_and_how_to_ask():
     assert "(unsigned)output.flags & SOC_NO_CURRENT" in text
 
 
-@pytest.mark.parametrize("flags", [Flag, observers.Flag, control.Flag])
+@pytest.mark.parametrize("flags", [SocFlag, observers.SlipFlag, control.ControlFlag])
 def test_every_flag_has_its_comment(flags):
     assert set(flag_comments(flags)) == set(flags.__members__)
 
@@ -121,9 +121,9 @@ def test_a_start_that_few_digits_cannot_tell_passes_too(tmp_path):
 
 
 def test_comments_come_from_docstrings_of_several_lines():
-    comments = field_comments(Sample)
+    comments = field_comments(SocSample)
     assert comments["dt_s"] == "time since the sample before [s]; 0 for the first"
-    assert set(comments) == set(Sample._fields)
+    assert set(comments) == set(SocSample._fields)
 
 
 def test_no_symbol_is_without_its_prefix(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from export.batteries import BATTERY, WITH_RC
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.export import Twin, battery_export, library, write_library
 from ohmward.export.battery import WITH_LOOPS
@@ -49,7 +49,7 @@ def test_a_long_log_gives_the_bits_of_the_straight_line(name, tmp_path):
     for style in ("lines", "loops"):
         export = written(tmp_path / style, name, style)
         twin = Twin(tmp_path / style)
-        first = Sample(*(float(column[0]) for column in samples))
+        first = SocSample(*(float(column[0]) for column in samples))
         twin.start(first, **dict(zip(twin.arguments, export.arguments, strict=True)))
         results.append(twin.run(samples))
     for lines, loops in zip(*results, strict=True):
@@ -66,7 +66,7 @@ def a_log(steps):
     for column in (current_A, voltage_V, dt_s):
         column[rng.random(steps) < 0.01] = np.nan
     voltage_V[0], dt_s[0], dt_s[steps // 2] = 13.2, 0.0, 30.0
-    return Sample(dt_s, current_A, voltage_V, np.full(steps, 25.0))
+    return SocSample(dt_s, current_A, voltage_V, np.full(steps, 25.0))
 
 
 @needs_gcc

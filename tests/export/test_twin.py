@@ -12,7 +12,7 @@ import pytest
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import Twin, battery_export, controller_export, library, observer_export, twin, write_library
 from ohmward.export.comparison import compare, in_double_precision
@@ -25,7 +25,7 @@ from ohmward.traction.control import Measurement, SlipCommand
 pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)
-FIRST = Sample(0.0, -1.0, 13.2, 25.0)
+FIRST = SocSample(0.0, -1.0, 13.2, 25.0)
 
 
 def made(export, folder):
@@ -53,9 +53,9 @@ def test_a_log_has_the_bits_of_numpy_singles_and_of_machine_code(name, tmp_path)
     run = pytest.importorskip("ohmward.trace.lower.llvm_run")
     export, log = battery_export(BATTERY, name, "soc"), a_log(60)
     copy = made(export, tmp_path)
-    copy.start(Sample(*log[0]), **dict(zip(copy.arguments, (0.7, 0.1), strict=False)))
+    copy.start(SocSample(*log[0]), **dict(zip(copy.arguments, (0.7, 0.1), strict=False)))
     state = np.concatenate([np.ravel(part) for part in copy.state])
-    found = rows(copy.run(Sample(*log.T)))
+    found = rows(copy.run(SocSample(*log.T)))
 
     _, numpy_rows = single_precision.run(export.step, state, log)
     np.testing.assert_array_equal(found, numpy_rows)
@@ -79,12 +79,12 @@ def test_live_samples_and_a_whole_log_are_the_same(tmp_path):
     log = a_log(40)
     for copy in (live, whole):
         copy.start(FIRST, soc=0.5, soc_std=0.3)
-    one_by_one = np.array([live.step(Sample(*row)) for row in log], np.float32)
-    np.testing.assert_array_equal(one_by_one, rows(whole.run(Sample(*log.T))))
+    one_by_one = np.array([live.step(SocSample(*row)) for row in log], np.float32)
+    np.testing.assert_array_equal(one_by_one, rows(whole.run(SocSample(*log.T))))
     np.testing.assert_equal(live.state, whole.state)
     halves = made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path)
     halves.start(FIRST, soc=0.5, soc_std=0.3)
-    pair = [rows(halves.run(Sample(*part.T))) for part in (log[:13], log[13:])]
+    pair = [rows(halves.run(SocSample(*part.T))) for part in (log[:13], log[13:])]
     np.testing.assert_array_equal(one_by_one, np.concatenate(pair))
 
 
@@ -111,7 +111,7 @@ def test_nested_samples_are_those_of_the_controller(tmp_path):
 
 def test_flags_and_members_are_those_of_the_header(tmp_path):
     copy = made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
-    assert copy.name == "soc" and copy.arguments == () and copy.Sample._fields == Sample._fields
+    assert copy.name == "soc" and copy.arguments == () and copy.Sample._fields == SocSample._fields
     assert copy.example == {}
     assert copy.flags["NO_CURRENT"] == 1 and copy.flags["LOST"] == 256
     assert copy.dtype("sample").itemsize == 16
@@ -127,9 +127,9 @@ def test_the_example_is_what_it_was_exported_with(tmp_path):
 def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):
     export = battery_export(BATTERY, "ekf", "soc")
     log = a_log(300)
-    samples, start = Sample(*log.T), {"soc": 0.5, "soc_std": 0.3}
+    samples, start = SocSample(*log.T), {"soc": 0.5, "soc_std": 0.3}
     copy = made(export, tmp_path)
-    copy.start(Sample(*log[0]), **start)
+    copy.start(SocSample(*log[0]), **start)
     found = copy.run(samples)
     largest = compare(copy, export, found, samples, tuple(start.values()))
     assert set(largest) == set(found._fields) and largest["soc"] < 2e-4 and largest["flags"] == 0.0
@@ -146,7 +146,7 @@ def test_double_precision_needs_no_machine_code(monkeypatch):
     def none(*_):
         raise NoMachineCodeError("none")
 
-    export, samples = battery_export(BATTERY, "textbook-ekf", "soc"), Sample(*a_log(50).T)
+    export, samples = battery_export(BATTERY, "textbook-ekf", "soc"), SocSample(*a_log(50).T)
     fast = in_double_precision(export, samples, (0.5, 0.3))
     monkeypatch.setattr(comparison, "run_log", none)
     np.testing.assert_allclose(in_double_precision(export, samples, (0.5, 0.3)).soc, fast.soc, rtol=1e-9)
@@ -154,7 +154,7 @@ def test_double_precision_needs_no_machine_code(monkeypatch):
 
 def test_another_estimators_library_is_not_compared(tmp_path):
     copy = made(battery_export(BATTERY, "textbook-ekf", "soc"), tmp_path)
-    samples = Sample(*a_log(5).T)
+    samples = SocSample(*a_log(5).T)
     copy.start(FIRST, soc=0.5, soc_std=0.3)
     with pytest.raises(InputError, match=r"is not .*extended Kalman filter.*--filter"):
         compare(copy, battery_export(BATTERY, "ekf", "soc"), copy.run(samples), samples, (0.5, 0.3))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.main import main as ohmward
 from ohmward.export import battery_export, controller_export, observer_export
 from ohmward.logs import Log, write_log
@@ -33,7 +33,7 @@ def a_log(steps):
     """Samples (steps,) of a drive, not a whole number of blocks, with values lost and wild."""
     rng = np.random.default_rng(2)
     current = rng.normal(-1.0, 1.0, steps)
-    return measure.faulty(Sample(np.ones(steps), current, 3.6 + 0.02 * current, np.full(steps, 25.0)))
+    return measure.faulty(SocSample(np.ones(steps), current, 3.6 + 0.02 * current, np.full(steps, 25.0)))
 
 
 def first(case, machine=measure.MACHINES[0], option="-O2"):
@@ -164,7 +164,7 @@ def test_bits_are_the_same_or_no_number_both():
 
 
 def test_a_faulty_log_begins_whole_and_loses_some():
-    spoilt = measure.faulty(Sample(np.ones(100_000), np.ones(100_000), 3.7, 25.0))
+    spoilt = measure.faulty(SocSample(np.ones(100_000), np.ones(100_000), 3.7, 25.0))
     assert spoilt.dt_s[0] == spoilt.current_A[0] == 1.0 and spoilt.voltage_V == 3.7
     assert np.isnan(spoilt.current_A).mean() == pytest.approx(measure.LOST, rel=0.2)
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import dump_battery
-from ohmward.fleet import Job, Reading
+from ohmward.fleet import Job, ReadOptions
 from ohmward.logs import Log, write_log
 
-SIGNED = Reading(current_sign="charge")
+SIGNED = ReadOptions(current_sign="charge")
 
 
 def job() -> Job:

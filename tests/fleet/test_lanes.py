@@ -8,7 +8,7 @@ import pytest
 
 from battery.examples import NMC, drive, samples, simulate
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
@@ -17,7 +17,7 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
 
-NOISE = Noise()
+NOISE = BatteryNoise()
 
 
 def a_log(seed: int, steps: int) -> Log:

@@ -3,23 +3,23 @@ import pytest
 
 from battery.examples import NMC, drive, samples, simulate
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.rc_kalman import RcKalman
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
 from ohmward.published.hybrid import Hybrid, _surer
 from ohmward.trace import Kernel
 
-NOISE = Noise()
+NOISE = BatteryNoise()
 CAPACITANCE_F = rc.capacitance_for(NMC.capacity_Ah, NMC.ocv)
 RC = RcModel(0.97 * CAPACITANCE_F, 0.03 * CAPACITANCE_F, 0.03, 0.03, 0.06, NMC.ocv, NMC.capacity_Ah)
 
 
 def run(estimator, columns, soc):
-    state = estimator.init(Sample(*(float(c[0]) for c in columns)), soc)
-    return Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0)).scan(state, columns)
+    state = estimator.init(SocSample(*(float(c[0]) for c in columns)), soc)
+    return Kernel(estimator.step, state, SocSample(0.0, 0.0, 0.0, 0.0)).scan(state, columns)
 
 
 def test_the_surer_of_two_is_taken_whole_and_moves_what_is_correlated():
@@ -43,9 +43,9 @@ def test_without_a_rest_it_is_the_thevenin_filter():
     truth = simulate(NMC, np.full(600, -1.0), 0.8)
     columns = samples(truth, 0.0, NOISE)
     thevenin = TheveninFilter(NMC, NOISE)
-    start = thevenin.init(Sample(*(float(c[0]) for c in columns)), 0.8)
-    _, alone = Kernel(thevenin.step, start, Sample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
-    unsure = Noise(model_std_V=(0.2, 0.2))
+    start = thevenin.init(SocSample(*(float(c[0]) for c in columns)), 0.8)
+    _, alone = Kernel(thevenin.step, start, SocSample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
+    unsure = BatteryNoise(model_std_V=(0.2, 0.2))
     _, both = run(Hybrid(thevenin, RcKalman(RC, unsure)), columns, 0.8)
     assert both.soc == pytest.approx(alone.soc, abs=1e-12)
     assert both.soc_std == pytest.approx(alone.soc_std, abs=1e-12)
@@ -54,10 +54,10 @@ def test_without_a_rest_it_is_the_thevenin_filter():
 def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
     current_A = np.concatenate([drive(np.random.default_rng(1), 1200, rest_every=10**6), np.zeros(2400)])
     columns = samples(simulate(NMC, current_A, 0.8), 0.0, NOISE)
-    unsure = Noise(model_std_V=(0.3, 0.3), capacity_std=0.1, current_offset_std_A=0.5)
+    unsure = BatteryNoise(model_std_V=(0.3, 0.3), capacity_std=0.1, current_offset_std_A=0.5)
     hybrid = Hybrid(TheveninFilter(NMC, unsure), RcKalman(RC, NOISE))
     _, estimates = run(hybrid, columns, 0.8)
-    corrections = np.flatnonzero(estimates.flags.astype(int) & Flag.REST)
+    corrections = np.flatnonzero(estimates.flags.astype(int) & SocFlag.REST)
     assert len(corrections) == 1
     assert corrections[0] == pytest.approx(1200 + hybrid.settle_s, abs=2)
     assert estimates.soc_std[corrections[0]] < estimates.soc_std[corrections[0] - 1]
@@ -71,9 +71,9 @@ def test_it_finds_the_truth_from_a_wrong_start():
 
 def test_a_clock_that_is_set_is_no_rest():
     hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcKalman(RC, NOISE))
-    state = hybrid.init(Sample(0.0, 0.0, 3.7, 25.0), 0.5)
-    later, estimate = hybrid.step(state, Sample(1.5e9, 0.0, 3.7, 25.0))
-    assert int(estimate.flags) & Flag.BAD_TIME and not int(estimate.flags) & Flag.REST
+    state = hybrid.init(SocSample(0.0, 0.0, 3.7, 25.0), 0.5)
+    later, estimate = hybrid.step(state, SocSample(1.5e9, 0.0, 3.7, 25.0))
+    assert int(estimate.flags) & SocFlag.BAD_TIME and not int(estimate.flags) & SocFlag.REST
     assert later.rest == (0.0, 0.0)
-    rested, _ = hybrid.step(later, Sample(hybrid.settle_s + 1, 0.0, 3.7, 25.0))
+    rested, _ = hybrid.step(later, SocSample(hybrid.settle_s + 1, 0.0, 3.7, 25.0))
     assert rested.rest == (hybrid.settle_s + 1, 1.0)

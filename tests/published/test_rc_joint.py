@@ -10,7 +10,7 @@ import pytest
 
 from battery.rc_examples import EVEN, lanes, row, simulate
 from ohmward.battery.models import rc
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
@@ -33,7 +33,7 @@ def runs():
 
 @cache
 def kernel_of(joint):
-    return Kernel(joint.step, joint.init(Sample(0.0, 0.0, 12.5, NAN)), Sample(0.0, 0.0, 0.0, 0.0))
+    return Kernel(joint.step, joint.init(SocSample(0.0, 0.0, 12.5, NAN)), SocSample(0.0, 0.0, 0.0, 0.0))
 
 
 def scanned(joint, samples):
@@ -163,7 +163,7 @@ def test_follows_a_battery_that_warms_up_and_would_not_without_floors():
 
 @BOTH
 def test_traced_step_is_the_step(joint, runs):
-    samples = Sample(*(c[:60] for c in runs[0].samples))
+    samples = SocSample(*(c[:60] for c in runs[0].samples))
     state = joint.init(row(samples, 0))
     for k in range(60):
         state, _ = joint.step(state, row(samples, k))
@@ -181,16 +181,19 @@ def test_lanes_are_scans(joint, found, runs):
 
 
 FAULTS = {
-    "no voltage": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
-    "infinite voltage": ({"voltage_V": math.inf}, Flag.NO_VOLTAGE),
-    "no current": ({"current_A": NAN}, Flag.NO_CURRENT),
-    "no time": ({"dt_s": NAN}, Flag.BAD_TIME),
-    "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
-    "gap": ({"dt_s": 4000.0, "voltage_V": NAN}, Flag.GAP | Flag.NO_VOLTAGE),
-    "voltage spike": ({"voltage_V": 40.0}, Flag.VOLTAGE_REJECTED),
-    "voltage wire off": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
-    "nothing": ({"dt_s": NAN, "current_A": NAN, "voltage_V": NAN}, Flag.BAD_TIME | Flag.NO_CURRENT | Flag.NO_VOLTAGE),
-    "repeated": ({"dt_s": 0.0}, Flag(0)),
+    "no voltage": ({"voltage_V": NAN}, SocFlag.NO_VOLTAGE),
+    "infinite voltage": ({"voltage_V": math.inf}, SocFlag.NO_VOLTAGE),
+    "no current": ({"current_A": NAN}, SocFlag.NO_CURRENT),
+    "no time": ({"dt_s": NAN}, SocFlag.BAD_TIME),
+    "time backwards": ({"dt_s": -5.0}, SocFlag.BAD_TIME),
+    "gap": ({"dt_s": 4000.0, "voltage_V": NAN}, SocFlag.GAP | SocFlag.NO_VOLTAGE),
+    "voltage spike": ({"voltage_V": 40.0}, SocFlag.VOLTAGE_REJECTED),
+    "voltage wire off": ({"voltage_V": 0.0}, SocFlag.NO_VOLTAGE),
+    "nothing": (
+        {"dt_s": NAN, "current_A": NAN, "voltage_V": NAN},
+        SocFlag.BAD_TIME | SocFlag.NO_CURRENT | SocFlag.NO_VOLTAGE,
+    ),
+    "repeated": ({"dt_s": 0.0}, SocFlag(0)),
 }
 
 
@@ -198,7 +201,7 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_fault_is_flagged_and_survived(joint, fault, runs):
     changes, flag = FAULTS[fault]
-    samples = Sample(*(c.copy() for c in runs[0].samples))
+    samples = SocSample(*(c.copy() for c in runs[0].samples))
     for name, value in changes.items():
         getattr(samples, name)[705] = value
     _, found = scanned(joint, samples)
@@ -211,7 +214,7 @@ def test_fault_is_flagged_and_survived(joint, fault, runs):
 
 @BOTH
 def test_repeated_sample_teaches_nothing(joint, runs):
-    state, _ = scanned(joint, Sample(*(c[:300] for c in runs[0].samples)))
+    state, _ = scanned(joint, SocSample(*(c[:300] for c in runs[0].samples)))
     again, _ = joint.step(state, row(runs[0].samples, 299)._replace(dt_s=0.0))
     np.testing.assert_allclose(again.belief.mean, state.belief.mean, rtol=0, atol=1e-9)
     np.testing.assert_allclose(again.belief.lower, state.belief.lower, rtol=1e-6, atol=1e-12)
@@ -220,28 +223,28 @@ def test_repeated_sample_teaches_nothing(joint, runs):
 @BOTH
 def test_lost_belief_starts_again(joint, runs):
     samples = runs[0].samples
-    state, _ = scanned(joint, Sample(*(c[:200] for c in samples)))
+    state, _ = scanned(joint, SocSample(*(c[:200] for c in samples)))
     broken = Belief(np.full(len(joint.state_names), np.nan), np.full((len(joint.state_names),) * 2, np.nan))
     state, estimate = joint.step(state._replace(belief=pack(broken)), row(samples, 200))
-    assert estimate.flags == Flag.NOT_POSITIVE_DEFINITE
-    _, found = kernel_of(joint).scan(state, Sample(*(c[201:] for c in samples)))
+    assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
+    _, found = kernel_of(joint).scan(state, SocSample(*(c[201:] for c in samples)))
     assert found.circuit.r_terminal_ohm[-1] == pytest.approx(EVEN.r_terminal_ohm, rel=0.2)
 
 
 def test_patience_ends_when_it_is_the_filter_that_is_wrong(runs):
     """Another battery in the middle of a log: rejected for a minute, then believed."""
-    samples = Sample(*(c.copy() for c in runs[0].samples))
+    samples = SocSample(*(c.copy() for c in runs[0].samples))
     samples.voltage_V[700:] += 0.5
     _, found = scanned(SEVEN, samples)
-    rejected = (found.flags.astype(int) & Flag.VOLTAGE_REJECTED) > 0
+    rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[700:760].all()
     assert not rejected[800:].any()
 
 
 def test_first_voltage_may_be_missing_where_the_level_is_given():
     with pytest.raises(InputError, match="first sample has no voltage: give bulk_V"):
-        SEVEN.init(Sample(0.0, 0.0, NAN, NAN))
-    assert SEVEN.init(Sample(0.0, 0.0, NAN, NAN), bulk_V=12.5).belief.mean[-1] == 12.5
+        SEVEN.init(SocSample(0.0, 0.0, NAN, NAN))
+    assert SEVEN.init(SocSample(0.0, 0.0, NAN, NAN), bulk_V=12.5).belief.mean[-1] == 12.5
 
 
 @pytest.mark.parametrize(
@@ -261,14 +264,14 @@ def test_bad_settings_are_refused(change, message):
 
 def test_names_belong_to_the_state():
     for joint in (SEVEN, SIX):
-        assert len(joint.state_names) == len(joint.init(Sample(0.0, 0.0, 12.5, NAN)).belief.mean)
+        assert len(joint.state_names) == len(joint.init(SocSample(0.0, 0.0, 12.5, NAN)).belief.mean)
 
 
 @pytest.mark.slow
 def test_speed(runs):
     """Generous: several times what one quiet core needs (16 us and 670 ns)."""
     start, kernel = SEVEN.init(row(runs[0].samples, 0)), kernel_of(SEVEN)
-    kernel.scan(start, Sample(*(c[:10] for c in runs[0].samples)))
+    kernel.scan(start, SocSample(*(c[:10] for c in runs[0].samples)))
     began = time.perf_counter()
     kernel.scan(start, runs[0].samples)
     assert (time.perf_counter() - began) / LENGTH < 100e-6

@@ -8,7 +8,7 @@ import pytest
 
 from battery.rc_examples import EVEN, drive
 from ohmward.battery.models import rc
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import unpack
@@ -19,7 +19,7 @@ from ohmward.trace import Kernel, trace
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 JOINT = TextbookJoint(Nominal(1.3 * TRUE.c_bulk_F, 0.8 * TRUE.c_surface_F, 1.2 * TRUE.r_ohm, 0.8 * TRUE.r_terminal_ohm))
 NAN = math.nan
-EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 
 
 def circuit_of(nominal, z):
@@ -38,15 +38,15 @@ def simulated(count=3000, voltage_std_V=0.002, seed=0):
     for k, i in enumerate(mean_A[1:]):
         states[k + 1] = states[k] + A @ states[k] + B * i
     voltage_V = states[:, 2] + voltage_std_V * rng.standard_normal(count)
-    return Sample(np.ones(count), current_A, voltage_V, np.full(count, NAN)), states
+    return SocSample(np.ones(count), current_A, voltage_V, np.full(count, NAN)), states
 
 
 def rows(samples):
-    return [Sample(*map(float, row)) for row in zip(*samples, strict=True)]
+    return [SocSample(*map(float, row)) for row in zip(*samples, strict=True)]
 
 
 def run(joint, samples, lowering="python"):
-    first = Sample(*(float(column[0]) for column in samples))
+    first = SocSample(*(float(column[0]) for column in samples))
     state = joint.init(first)
     return Kernel(joint.step, state, EXAMPLE, lowering=lowering).scan(state, samples)
 
@@ -97,7 +97,7 @@ def test_bad_samples_change_nothing_and_stop_nothing():
     samples, _ = simulated(400)
     bad = [c.copy() for c in samples]
     bad[1][50], bad[2][60], bad[2][70], bad[0][80], bad[0][90] = NAN, NAN, math.inf, -1.0, NAN
-    after, found = run(JOINT, Sample(*bad))
+    after, found = run(JOINT, SocSample(*bad))
     assert np.isfinite(after.belief.mean).all()
     assert np.isfinite(after.belief.lower).all()
     assert np.isnan(found.innovation_V).sum() == 2
@@ -106,9 +106,9 @@ def test_bad_samples_change_nothing_and_stop_nothing():
 
 
 def test_a_missing_voltage_leaves_the_noise_as_it_was():
-    state = JOINT.init(Sample(0.0, -1.0, 12.5, NAN))
-    state, _ = JOINT.step(state, Sample(1.0, -1.0, 12.4, NAN))
-    after, estimate = JOINT.step(state, Sample(1.0, -1.0, NAN, NAN))
+    state = JOINT.init(SocSample(0.0, -1.0, 12.5, NAN))
+    state, _ = JOINT.step(state, SocSample(1.0, -1.0, 12.4, NAN))
+    after, estimate = JOINT.step(state, SocSample(1.0, -1.0, NAN, NAN))
     assert after.noise == state.noise
     assert (after.gain == 0).all()
     assert math.isnan(estimate.innovation_V)
@@ -130,7 +130,7 @@ def test_machine_code_gives_the_same():
 
 
 def test_it_stays_small():
-    state = JOINT.init(Sample(0.0, 0.0, 12.5, NAN))
+    state = JOINT.init(SocSample(0.0, 0.0, 12.5, NAN))
     assert 900 < len(trace(JOINT.step, state, EXAMPLE).nodes) <= 1100
 
 
@@ -152,4 +152,4 @@ def test_settings_are_checked(change, named):
 
 def test_a_start_without_a_voltage_is_refused():
     with pytest.raises(InputError, match="no voltage"):
-        JOINT.init(Sample(0.0, 0.0, NAN, NAN))
+        JOINT.init(SocSample(0.0, 0.0, NAN, NAN))

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, uniform
-from ohmward.traction.dynamics.forces import Input, rates, scene
+from ohmward.traction.dynamics.forces import RobotInput, rates, scene
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.friction.terrain import Terrain
@@ -46,7 +46,7 @@ def ours(p, chassis, mu, torque_N_m, grade_rad=0.0):
     robot = our_robot(p, chassis)
     ground = scene(robot, Terrain("creep", creep, RollingResistance(0.0, 1.0, 0.0), "this test"))
     torque = np.broadcast_to(np.asarray(torque_N_m, dtype=float), robot.driven)
-    u = Input(torque, grade_rad)
+    u = RobotInput(torque, grade_rad)
     x0 = np.zeros(robot.freedoms + robot.driven)
     solution = solve_ivp(lambda _, x: rates(x, u, ground), (0.0, 1.0), x0, "LSODA", TIMES_S, rtol=1e-6, atol=1e-8)
     return solution.y.T

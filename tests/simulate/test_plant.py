@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.battery.models.thevenin import Input
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
 from ohmward.simulate import BATTERIES, Profile, resting_state, simulate
 from ohmward.simulate.plant import Demand, current_at, fine_times, step, stored_energy_J
@@ -114,7 +114,7 @@ def test_charged_and_emptied_by_force_it_keeps_its_limits(chemistry, rate):
 @given(st.floats(-3.0, 3.0), st.sampled_from(sorted(BATTERIES)), st.floats(-20.0, 50.0))
 def test_current_at_inverts_the_instantaneous_overpotential(overpotential_V, chemistry, temperature_degC):
     battery = BATTERIES[chemistry]
-    u = Input(np.sign(overpotential_V), temperature_degC)
+    u = CircuitInput(np.sign(overpotential_V), temperature_degC)
     i = current_at(overpotential_V, u, 0.5, battery)
     p = battery.circuit
     warm = np.exp(p.activation_K * (1 / (temperature_degC + 273.15) - 1 / 298.15))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.traction.episodes import immobilised_episodes, slip_episodes
-from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.track import Track
 
 TIME = 0.1 * np.arange(100)
@@ -12,9 +12,9 @@ TIME = 0.1 * np.arange(100)
 
 def track(alarm, slip=0.0, ratio=0.0, stuck=0.0):
     wheels = np.ones((TIME.size, 2))
-    blank = dict.fromkeys(Estimate._fields, np.zeros(TIME.size))
+    blank = dict.fromkeys(SlipEstimate._fields, np.zeros(TIME.size))
     known = {"slipping": alarm * wheels, "slip_speed_m_s": slip * wheels, "slip_ratio": ratio * wheels}
-    return Track(TIME, Estimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
+    return Track(TIME, SlipEstimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
 
 
 def alarm_of(*stretches):

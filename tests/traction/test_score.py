@@ -6,7 +6,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.score import DriveTruth, score_drive, true_slip
-from ohmward.traction.speed_observer.estimate import Estimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 T = 1000
 RADIUS = RLMA.wheel.radius_m
@@ -15,7 +15,7 @@ RADIUS = RLMA.wheel.radius_m
 def estimates(speed, rim, slip, robot=RLMA, **others):
     """Estimates (T, ...) of one speed, one speed of all rims and one slip."""
     wheels = np.ones((T, robot.driven))
-    blank = dict.fromkeys(Estimate._fields, np.zeros(T)) | {"radius_share": np.ones(T)}
+    blank = dict.fromkeys(SlipEstimate._fields, np.zeros(T)) | {"radius_share": np.ones(T)}
     known = {
         "speed_m_s": speed * np.ones(T),
         "speed_std_m_s": 0.01 * np.ones(T),
@@ -25,7 +25,7 @@ def estimates(speed, rim, slip, robot=RLMA, **others):
         "slip_ratio": slip / rim * wheels,
         "slipping": 0 * wheels,
     }
-    return Estimate(**(blank | known | others))
+    return SlipEstimate(**(blank | known | others))
 
 
 def test_errors_that_are_known():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_positive
@@ -46,7 +46,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Provenance:
     """Where the numbers of a battery come from.
 
     Attributes:
@@ -91,9 +91,9 @@ class Battery:
     idle_current_A: float | None = None
     thevenin: Thevenin | None = None
     rc: RcModel | None = None
-    noise: Noise = field(default_factory=Noise)
-    rc_noise: Noise = field(default_factory=Noise)
-    identification: Identification | None = None
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
+    rc_noise: BatteryNoise = field(default_factory=BatteryNoise)
+    identification: Provenance | None = None
     not_identified: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
@@ -146,10 +146,10 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
     )
 
 
-def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) -> Noise:
+def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:
     """What to assume about a battery that nobody has tested; `ocv_known` when its OCV curve was measured."""
     curve_V = 0.008 if ocv_known else 0.030
-    return Noise(
+    return BatteryNoise(
         voltage_std_V=0.005 * n_series,
         model_std_V=(curve_V * n_series,) * 2,
         model_soc_length=0.1 if ocv_known else 0.3,

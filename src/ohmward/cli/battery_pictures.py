@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.battery.soc.score import BAND_95
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Band, Figure, Series, Span
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails
     from ohmward.battery.identification.circuit_fit import CircuitFit
     from ohmward.battery.identification.edges import Edge
-    from ohmward.battery.identification.ocv_from_low_rate import Branch
+    from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
     from ohmward.battery.identification.ocv_from_rests import RestPoint
     from ohmward.battery.identification.relaxation import ExponentialFit, Relaxation
 
 SOC_AXIS = "State of charge [%]"
-FAULTS = Flag.NO_CURRENT | Flag.NO_VOLTAGE | Flag.BAD_TIME | Flag.GAP | Flag.VOLTAGE_REJECTED
+FAULTS = SocFlag.NO_CURRENT | SocFlag.NO_VOLTAGE | SocFlag.BAD_TIME | SocFlag.GAP | SocFlag.VOLTAGE_REJECTED
 _MOST_SPANS = 300
 
 
@@ -34,7 +34,7 @@ def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
     return Figure("Current", TIME, "Current [A], > 0 charges", series, spans=spans, height_px=200)
 
 
-def voltage_figure(log: Log, estimates: Estimate | None = None) -> Figure:
+def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
     """Measured voltage, and what the estimator expected before it saw it."""
     series = [Series(log.time_s, log.voltage_V, "measured", role="quiet")]
     if estimates is not None and np.isfinite(estimates.voltage_V).any():
@@ -55,7 +55,7 @@ def interval_figure(log: Log) -> Figure:
     return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
 
 
-def soc_figure(log: Log, estimates: Estimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()) -> Figure:
+def soc_figure(log: Log, estimates: SocEstimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()) -> Figure:
     """Estimated state of charge with its 95 % band, and the reference.
 
     truth: (T,) in [0, 1], nan where there is none.
@@ -68,7 +68,7 @@ def soc_figure(log: Log, estimates: Estimate, truth: np.ndarray | None = None, s
     return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
 
 
-def soc_error_figure(log: Log, estimates: Estimate, truth: np.ndarray) -> Figure:
+def soc_error_figure(log: Log, estimates: SocEstimate, truth: np.ndarray) -> Figure:
     """Estimate minus reference, inside (or outside) the 95 % band that the estimator claimed around zero."""
     error, std = 100 * (estimates.soc - truth), 100 * estimates.soc_std
     series = [Series(log.time_s, error, "estimate - reference", role="comparison")]
@@ -79,13 +79,13 @@ def soc_error_figure(log: Log, estimates: Estimate, truth: np.ndarray) -> Figure
     )
 
 
-def offset_figure(log: Log, estimates: Estimate) -> Figure:
+def offset_figure(log: Log, estimates: SocEstimate) -> Figure:
     """Estimated offset of the current sensor."""
     series = [Series(log.time_s, 1e3 * estimates.current_offset_A, "estimate", role="estimate")]
     return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, height_px=180)
 
 
-def health_figure(log: Log, estimates: Estimate) -> Figure:
+def health_figure(log: Log, estimates: SocEstimate) -> Figure:
     """Estimated capacity and resistance as shares of the battery file's."""
     series = [
         Series(log.time_s, 100 * estimates.capacity_share, "capacity", role="estimate"),
@@ -94,13 +94,13 @@ def health_figure(log: Log, estimates: Estimate) -> Figure:
     return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, height_px=180)
 
 
-def voltage_error_figure(log: Log, estimates: Estimate) -> Figure:
+def voltage_error_figure(log: Log, estimates: SocEstimate) -> Figure:
     """Measured minus expected voltage over time."""
     series = [Series(log.time_s, 1e3 * (log.voltage_V - estimates.voltage_V), "measured - expected", role="estimate")]
     return Figure("Error of the voltage", TIME, "Error [mV]", series, height_px=180)
 
 
-def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray | None = None) -> Figure:
+def soc_comparison_figure(log: Log, estimates: Mapping[str, SocEstimate], truth: np.ndarray | None = None) -> Figure:
     """State of charge by every estimator, and the reference."""
     series = _side_by_side(log.time_s, {name: 100 * e.soc for name, e in estimates.items()})
     if truth is not None:
@@ -108,22 +108,22 @@ def soc_comparison_figure(log: Log, estimates: Mapping[str, Estimate], truth: np
     return Figure("State of charge", TIME, SOC_AXIS, series, height_px=320)
 
 
-def soc_errors_figure(log: Log, estimates: Mapping[str, Estimate], truth: np.ndarray) -> Figure:
+def soc_errors_figure(log: Log, estimates: Mapping[str, SocEstimate], truth: np.ndarray) -> Figure:
     """Estimate minus reference of every estimator."""
     series = _side_by_side(log.time_s, {name: 100 * (e.soc - truth) for name, e in estimates.items()})
     limit = _usual(np.concatenate([s.y for s in series]))
     return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
 
 
-def flag_spans(log: Log, flags: np.ndarray, wanted: Flag = Flag.REST | FAULTS) -> list[Span]:
+def flag_spans(log: Log, flags: np.ndarray, wanted: SocFlag = SocFlag.REST | FAULTS) -> list[Span]:
     """Stretches of samples that carry a flag, rests in grey and faults in red; the longest where there are many.
 
-    flags: (T,) sums of `Flag` values.
+    flags: (T,) sums of `SocFlag` values.
     """
     spans = []
     for flag in wanted:
         label = str(flag.name).lower().replace("_", " ")
-        role: Meaning = "quiet" if flag is Flag.REST else "alert"
+        role: Meaning = "quiet" if flag is SocFlag.REST else "alert"
         spans += [
             Span(float(log.time_s[a]), float(log.time_s[b]), label, role)
             for a, b in _runs(flags.astype(int) & flag != 0)
@@ -133,7 +133,7 @@ def flag_spans(log: Log, flags: np.ndarray, wanted: Flag = Flag.REST | FAULTS) -
 
 def ocv_figure(
     ocv: OcvCurve,
-    branches: Sequence[Branch] = (),
+    branches: Sequence[OcvBranch] = (),
     rests: Sequence[RestPoint] = (),
     fit: CircuitFit | None = None,
 ) -> Figure:

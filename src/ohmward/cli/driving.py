@@ -26,7 +26,7 @@ DEFAULT_TERRAIN = "dry asphalt"
 TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
 
 
-class Truth(NamedTuple):
+class NotedTruth(NamedTuple):
     """The reference of a drive, and where it comes from in one sentence."""
 
     values: DriveTruth
@@ -134,7 +134,7 @@ def read_drive_log(
     return replace(log, name=f"{log.name}:{chosen}") if chosen else log
 
 
-def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> Truth:
+def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> NotedTruth:
     """The truth in the columns that --truth names: speed, then yaw rate, then lateral speed, separated by commas.
 
     The slip ratios are those of the columns `<wheel>_slip_true`, where the log has them for all driven wheels.
@@ -153,7 +153,7 @@ def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> Truth:
     truth = DriveTruth(known["speed"], known.get("yaw rate"), known.get("lateral speed"), slip)
     note = ", ".join(f"{kind} from {name!r}" for kind, name in named.items() if name)
     how = "from the speeds of body and wheels" if slip is None else f"from {', '.join(map(repr, slips))}"
-    return Truth(truth, f"truth: {note}; slip {how}")
+    return NotedTruth(truth, f"truth: {note}; slip {how}")
 
 
 def truth_columns(text: str | None) -> list[str]:

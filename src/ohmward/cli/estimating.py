@@ -12,8 +12,8 @@ from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery
-    from ohmward.battery.soc.estimator import Run
-    from ohmward.cli.truth import Truth
+    from ohmward.battery.soc.estimator import SocRun
+    from ohmward.cli.truth import SocTruth
     from ohmward.logs import Log
 
 
@@ -25,12 +25,12 @@ _OTHER_BATTERY = 0.2
 _BEYOND_TESTS = 0.02
 
 
-class Task(NamedTuple):
+class SocTask(NamedTuple):
     """One log to estimate: the battery it is of, and the truth if there is one."""
 
     battery: Battery
     log: Log
-    truth: Truth | None
+    truth: SocTruth | None
 
     @property
     def notes(self) -> list[str]:
@@ -70,7 +70,7 @@ def add_task_options(parser: argparse.ArgumentParser) -> None:
     add_log_options(parser)
 
 
-def make_task(args: argparse.Namespace, report: Report | None = None) -> Task:
+def make_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Read what the options of `add_task_options` name."""
     from ohmward.battery.file import load_battery
     from ohmward.cli.truth import read_truth
@@ -78,7 +78,7 @@ def make_task(args: argparse.Namespace, report: Report | None = None) -> Task:
     battery = load_battery(args.battery)
     log = within_range(read(args.log, args, None if args.truth else (), report), battery)
     start = args.initial_soc if args.truth_start is None else args.truth_start
-    return Task(battery, log, read_truth(log, args.truth, battery.capacity_Ah, start) if args.truth else None)
+    return SocTask(battery, log, read_truth(log, args.truth, battery.capacity_Ah, start) if args.truth else None)
 
 
 def within_range(log: Log, battery: Battery) -> Log:
@@ -106,13 +106,13 @@ def within_range(log: Log, battery: Battery) -> Log:
     return log.with_notes(Note(text, "warning"))
 
 
-def estimate(task: Task, name: str, args: argparse.Namespace, report: Report | None = None) -> Run:
+def estimate(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> SocRun:
     """Run the estimator called `name` over the log."""
     from ohmward.battery.soc.estimator import SocEstimator
-    from ohmward.battery.soc.registry import Settings, make_estimator
+    from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 
     rest = task.battery.idle_current_A if args.rest_current is None else args.rest_current
-    settings = Settings(idle_current_A=None if rest == UNKNOWN else rest)
+    settings = EstimatorSettings(idle_current_A=None if rest == UNKNOWN else rest)
     estimator = make_estimator(name, task.battery, settings)
     return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, counting(report, name))
 

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
     from ohmward.battery.file import load_battery
     from ohmward.battery.soc.registry import make_estimator
-    from ohmward.fleet import Job, Reading, run_fleet
+    from ohmward.fleet import Job, ReadOptions, run_fleet
 
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> Outcome:
         filter=args.filter,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
-        reading=Reading(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time),
+        reading=ReadOptions(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time),
         estimates=str(folder / "estimates") if args.estimates else None,
     )
     with progress() as report:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ohmward.battery.battery import Battery
-    from ohmward.battery.soc.sample import Estimate
+    from ohmward.battery.soc.sample import SocEstimate
     from ohmward.energy.balance import DriveEnergy, PowerSplit
     from ohmward.energy.recorded import Driven
     from ohmward.logs import DriveLog, Log
@@ -51,7 +51,7 @@ class Recording(NamedTuple):
     battery_W: np.ndarray
     driven: list[Driven]
     split: Split | None
-    soc: Estimate | None
+    soc: SocEstimate | None
     notes: list[str]
 
 
@@ -90,11 +90,11 @@ def _battery_arguments(args: argparse.Namespace) -> argparse.Namespace:
     return argparse.Namespace(**{**vars(args), **kinds})
 
 
-def _soc(args: argparse.Namespace, battery: Battery, log: Log) -> Estimate:
+def _soc(args: argparse.Namespace, battery: Battery, log: Log) -> SocEstimate:
     from ohmward.battery.soc.estimator import SocEstimator
-    from ohmward.battery.soc.registry import Settings, make_estimator
+    from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 
-    estimator = make_estimator(args.filter, battery, Settings(idle_current_A=battery.idle_current_A))
+    estimator = make_estimator(args.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
     return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(log).estimates
 
 

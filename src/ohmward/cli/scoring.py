@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.battery.soc.sample import Estimate
+from ohmward.battery.soc.sample import SocEstimate
 from ohmward.battery.soc.score import BAND_95, Score, score
 from ohmward.logs.log import Log
 
@@ -14,7 +14,7 @@ _SUFFIX = "_after_1h"
 __all__ = ["BAND_95", "soc_scores", "voltage_score"]
 
 
-def soc_scores(log: Log, estimates: Estimate, truth: np.ndarray | None) -> dict[str, float | None]:
+def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> dict[str, float | None]:
     """Errors of the state of charge, over the whole log and after its first hour; None without a truth there.
 
     truth: (T,) reference, nan where there is none.
@@ -28,7 +28,7 @@ def soc_scores(log: Log, estimates: Estimate, truth: np.ndarray | None) -> dict[
     return figures
 
 
-def voltage_score(log: Log, estimates: Estimate) -> Score | None:
+def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
     """Expected minus measured voltage [V]; None where the estimator expects none."""
     return score(estimates.voltage_V, log.voltage_V)
 

@@ -18,7 +18,7 @@ _AMPERE_HOURS = re.compile(r"(?<![a-z])(?P<milli>m?)a[.\s]?h(?![a-z])", re.IGNOR
 _PERCENT = re.compile(r"%|pct|percent", re.IGNORECASE)
 
 
-class Truth(NamedTuple):
+class SocTruth(NamedTuple):
     """The reference and how it came about.
 
     soc: (T,) in [0, 1], nan where the column has no value.
@@ -29,7 +29,7 @@ class Truth(NamedTuple):
     note: str
 
 
-def read_truth(log: Log, column: str, capacity_Ah: float, start_soc: float | None = None) -> Truth:
+def read_truth(log: Log, column: str, capacity_Ah: float, start_soc: float | None = None) -> SocTruth:
     """The reference in a column of the log; its name and its range say what it is.
 
     capacity_Ah: turns a counter of ampere hours into a share.
@@ -44,9 +44,9 @@ def read_truth(log: Log, column: str, capacity_Ah: float, start_soc: float | Non
         return _from_counter(log, column, milli * values, capacity_Ah, start_soc)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if not _PERCENT.search(column) and low >= -MARGIN and high <= 1.0 + MARGIN:
-        return Truth(values, f"truth from {column!r}, taken as a share: {low:.3g} to {high:.3g}")
+        return SocTruth(values, f"truth from {column!r}, taken as a share: {low:.3g} to {high:.3g}")
     if low >= -100 * MARGIN and high <= 100 * (1.0 + MARGIN):
-        return Truth(values / 100, f"truth from {column!r}, taken as percent: {low:.3g} % to {high:.3g} %")
+        return SocTruth(values / 100, f"truth from {column!r}, taken as percent: {low:.3g} % to {high:.3g} %")
     raise InputError(
         f"{log.name}: --truth {column} runs from {low:g} to {high:g}; a state of charge lies between 0 and 1 or 0 and "
         "100 %; a counter of ampere hours must have Ah in its name"
@@ -67,7 +67,9 @@ def _column(log: Log, column: str) -> np.ndarray:
     return values
 
 
-def _from_counter(log: Log, column: str, counter_Ah: np.ndarray, capacity_Ah: float, start_soc: float | None) -> Truth:
+def _from_counter(
+    log: Log, column: str, counter_Ah: np.ndarray, capacity_Ah: float, start_soc: float | None
+) -> SocTruth:
     """Start plus counted charge over capacity; the current says which way the counter counts."""
     if start_soc is None:
         raise InputError(
@@ -86,7 +88,7 @@ def _from_counter(log: Log, column: str, counter_Ah: np.ndarray, capacity_Ah: fl
     note = (
         f"truth from {column!r}: {start_soc:g} at its first value, counted up in {charge.way}, over {capacity_Ah:g} Ah"
     )
-    return Truth(soc, note + (", resets undone" if charge.resets else ""))
+    return SocTruth(soc, note + (", resets undone" if charge.resets else ""))
 
 
 class _Counted(NamedTuple):

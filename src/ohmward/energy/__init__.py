@@ -1,28 +1,28 @@
 """Where the energy goes, what is left, and how far it reaches; see docs/energy.md."""
 
 from ohmward.energy.balance import PowerSplit, add_up, drive_split, model_split
-from ohmward.energy.consumption import Consumption, Need, begin_drive, learn, need, start, with_terrain
+from ohmward.energy.consumption import Consumption, EnergyDemand, begin_drive, learn, need, start, with_terrain
 from ohmward.energy.consumption_file import load_consumption, save_consumption
-from ohmward.energy.consumption_prior import Prior, prior_from_mass, prior_from_robot
-from ohmward.energy.get_home import Milestone, Outlook, get_home
+from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass, prior_from_robot
+from ohmward.energy.get_home import Milestone, MissionForecast, get_home
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range import Range, range_left, time_left
 from ohmward.energy.recorded import Cut, Driven, cut_drive
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
-from ohmward.energy.usable_energy import Charge, usable_energy
+from ohmward.energy.usable_energy import BatteryState, usable_energy
 
 __all__ = [
-    "Charge",
+    "BatteryState",
     "Consumption",
+    "ConsumptionPrior",
     "Cut",
     "Driven",
+    "EnergyDemand",
     "Leg",
     "Milestone",
-    "Need",
-    "Outlook",
+    "MissionForecast",
     "PowerSplit",
-    "Prior",
     "Quantiles",
     "Range",
     "SpeedAdvice",

@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.dynamics.forces import Forces, Input, Scene, momentum_rates, normal_loads
+from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, momentum_rates, normal_loads
 from ohmward.traction.dynamics.power import power
 from ohmward.traction.robot.motor import copper_loss, friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -64,7 +64,7 @@ class DriveEnergy(NamedTuple):
     regenerated_J: float
 
 
-class Seen(Protocol):
+class ObservedMotion(Protocol):
     """What the split needs of an observer's estimates along a drive, (T,) and (T, driven)."""
 
     @property
@@ -85,7 +85,7 @@ class Seen(Protocol):
     def grade_std_rad(self) -> np.ndarray: ...  # noqa: D102
 
 
-def model_split(x: np.ndarray, u: Input, p: Scene, f: Forces) -> PowerSplit:
+def model_split(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> PowerSplit:
     """The split [W] of a simulated robot in state x with the forces `f`; a pull behind it counts as climbing."""
     w = power(x, u, p, f)
     return _closed(
@@ -101,7 +101,7 @@ def model_split(x: np.ndarray, u: Input, p: Scene, f: Forces) -> PowerSplit:
 
 
 def drive_split(
-    log: DriveLog, seen: Seen, p: Scene, battery_W: np.ndarray | None = None, idle_W: float | None = None
+    log: DriveLog, seen: ObservedMotion, p: Scene, battery_W: np.ndarray | None = None, idle_W: float | None = None
 ) -> PowerSplit:
     """The split (T,) [W] of a recorded drive; nan where it was not measured.
 
@@ -130,7 +130,7 @@ def drive_split(
     )
 
 
-def add_up(log: DriveLog, split: PowerSplit, seen: Seen, robot: Robot) -> DriveEnergy:
+def add_up(log: DriveLog, split: PowerSplit, seen: ObservedMotion, robot: Robot) -> DriveEnergy:
     """Energies [J] of a drive by trapezoids over the samples where all parts are known; gaps are left out."""
     known = np.isfinite(np.sum(split, axis=0))
     weight_s = _weights(log.time_s, known)
@@ -149,18 +149,18 @@ def _closed(battery: Any, **parts: Any) -> PowerSplit:
     return PowerSplit(battery=battery, **parts, unexplained=battery - sum(parts.values()))
 
 
-def _rolling_W(seen: Seen, p: Scene) -> np.ndarray:
+def _rolling_W(seen: ObservedMotion, p: Scene) -> np.ndarray:
     """(T,) loss to rolling resistance on the ground that is assumed."""
     robot = p.robot
     motion = np.zeros((len(seen.speed_m_s), robot.freedoms))
     motion[:, 0], motion[:, -1] = seen.speed_m_s, seen.yaw_rate_rad_s
     travel = motion @ robot.rolling.T
-    load_N = normal_loads(Input(np.zeros(robot.driven)), robot, np.zeros(2))
+    load_N = normal_loads(RobotInput(np.zeros(robot.driven)), robot, np.zeros(2))
     wheels = zip(p.terrains, travel.T, load_N, strict=True)
     return -sum(t.rolling.force_N(v, np.full_like(v, N)) * v for t, v, N in wheels)
 
 
-def _kinetic_rate_W(time_s: np.ndarray, seen: Seen, robot: Robot) -> np.ndarray:
+def _kinetic_rate_W(time_s: np.ndarray, seen: ObservedMotion, robot: Robot) -> np.ndarray:
     """(T,) rate of change of the kinetic energy of body and driven wheels."""
     inertia = robot.inertia
     energy_J = 0.5 * (
@@ -180,7 +180,7 @@ def _sum(weight_s: np.ndarray, values: np.ndarray) -> float:
     return float(np.sum(weight_s * np.where(weight_s > 0, values, 0.0)))
 
 
-def _check(log: DriveLog, seen: Seen, battery_W: np.ndarray | None, robot: Robot) -> None:
+def _check(log: DriveLog, seen: ObservedMotion, battery_W: np.ndarray | None, robot: Robot) -> None:
     if log.motor_current_A.shape[1] != robot.driven or not np.isfinite(log.motor_current_A).any():
         raise InputError(
             f"log {log.name!r}: the split of the power needs the currents of all {robot.driven} motors; without them "

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_between, require_finite
-from ohmward.energy.consumption_prior import Prior
+from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.traction.robot.robot import GRAVITY
@@ -89,7 +89,7 @@ class Consumption:
         last_drive_unix_s: when the last drive ended, where its log had a wall clock.
     """
 
-    prior: Prior
+    prior: ConsumptionPrior
     terrains: tuple[str, ...]
     mean: np.ndarray
     cov: np.ndarray
@@ -118,7 +118,7 @@ class Consumption:
         return len(SHARED) + 2 * self.terrains.index(terrain)
 
 
-class Need(NamedTuple):
+class EnergyDemand(NamedTuple):
     """Energy that stretches will take: mean, and variances by what is not known.
 
     mean_J: expected.
@@ -141,7 +141,7 @@ class Need(NamedTuple):
         return float(np.sqrt(self.learned_J2 + self.day_J2 + self.scatter_J2))
 
 
-def start(prior: Prior) -> Consumption:
+def start(prior: ConsumptionPrior) -> Consumption:
     """What is known before the first drive."""
     p = prior
     mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.regain, p.heat_W_per_N2, 0.0])
@@ -190,7 +190,7 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     return _visited(replace(c, scatter=scatter), stretch, energy_J)
 
 
-def need(c: Consumption, stretches: Sequence[Stretch]) -> Need:
+def need(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     """Energy that stretches of the drive under way will take; for another day call `begin_drive` first.
 
     Raises:
@@ -201,7 +201,7 @@ def need(c: Consumption, stretches: Sequence[Stretch]) -> Need:
     shares[[LOAD, *(c.force_index(name) + 1 for name in c.terrains)]] = True
     all_J2, day_J2 = x @ c.cov @ x, x[shares] @ c.cov[np.ix_(shares, shares)] @ x[shares]
     scattered = sum(lumps(c, s) for s in stretches)
-    return Need(
+    return EnergyDemand(
         float(x @ c.mean),
         float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * (x @ c.mean)) ** 2),
         float(min(day_J2, all_J2)),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
-from ohmward.energy.consumption_prior import Prior
+from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.errors import InputError
 from ohmward.toml_file import parse_file
 
@@ -88,7 +88,7 @@ def parse_consumption(text: str) -> Consumption:
 def _from_tables(data: Mapping[str, Any]) -> Consumption:
     terrains = data.get("terrain", [])
     c = Consumption(
-        Prior(**data["prior"]),
+        ConsumptionPrior(**data["prior"]),
         tuple(str(t["name"]) for t in terrains),
         np.array(data["coefficients"]["mean"], dtype=float),
         np.array(data["coefficients"]["cov"], dtype=float),

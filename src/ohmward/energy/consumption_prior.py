@@ -36,7 +36,7 @@ ANY_IDLE_W = 10.0
 
 
 @dataclass(frozen=True)
-class Prior:
+class ConsumptionPrior:
     """What is believed of a robot before it has driven, and of a terrain before it was met.
 
     Attributes:
@@ -99,7 +99,7 @@ class Prior:
         return self.terrain_force_N.get(terrain, self.force_N)
 
 
-def prior_from_robot(robot: Robot) -> Prior:
+def prior_from_robot(robot: Robot) -> ConsumptionPrior:
     """From mass, wheels, motors and idle power of a robot."""
     efficiency = robot.motor.gear_efficiency * ELECTRONICS_EFFICIENCY
     friction_N = robot.driven * robot.motor.friction_Nm / robot.wheel.radius_m
@@ -113,7 +113,7 @@ def heat_W_per_N2(robot: Robot) -> float:
     return robot.driven * robot.motor.resistance_ohm * ampere_per_newton**2
 
 
-def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> Prior:
+def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> ConsumptionPrior:
     """From the mass alone; idle_W: 0 where nobody said."""
     require_positive("mass_kg", mass_kg)
     return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0, 0.0)
@@ -121,11 +121,11 @@ def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> Prior:
 
 def _prior(
     mass_kg: float, idle_W: float, efficiency: float, friction_N: float, damping_N_s_per_m: float, heat: float
-) -> Prior:
+) -> ConsumptionPrior:
     weight_N = mass_kg * GRAVITY
     force_N = (ANY_RESISTANCE * weight_N + friction_N) / efficiency
     drag = (SPEED_RESISTANCE_S_PER_M * weight_N + damping_N_s_per_m) / efficiency
-    return Prior(
+    return ConsumptionPrior(
         mass_kg=mass_kg,
         idle_W=idle_W or ANY_IDLE_W,
         idle_std_W=0.3 * idle_W if idle_W else ANY_IDLE_W,

@@ -14,7 +14,7 @@ from ohmward.energy.consumption import Consumption, need
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J
-from ohmward.energy.usable_energy import Charge, discharge, soc_after, usable_J
+from ohmward.energy.usable_energy import BatteryState, discharge, soc_after, usable_J
 from ohmward.errors import InputError
 
 #: Halvings of the way out when the latest point of return is looked for.
@@ -37,7 +37,7 @@ class Milestone(NamedTuple):
     probability: float
 
 
-class Outlook(NamedTuple):
+class MissionForecast(NamedTuple):
     """What becomes of a plan.
 
     probability: of driving all of it with the reserve left.
@@ -56,8 +56,8 @@ class Outlook(NamedTuple):
 
 
 def get_home(
-    c: Consumption, plan: Sequence[Leg], battery: Battery, charge: Charge, confidence: float = 0.95
-) -> Outlook:
+    c: Consumption, plan: Sequence[Leg], battery: Battery, charge: BatteryState, confidence: float = 0.95
+) -> MissionForecast:
     """The outlook of a plan, driven as the drive under way; call `begin_drive` first for a drive of its own.
 
     Raises:
@@ -85,7 +85,7 @@ def get_home(
 
     milestones = tuple(milestone(upto) for upto in accumulate([s] for s in stretches))
     turn_m = point_of_return(c, stretches, usable, confidence)
-    return Outlook(milestones[-1].probability, milestones, quantiles(usable), power_W, turn_m)
+    return MissionForecast(milestones[-1].probability, milestones, quantiles(usable), power_W, turn_m)
 
 
 def point_of_return(c: Consumption, plan: Sequence[Stretch], usable: np.ndarray, confidence: float) -> float:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.energy.consumption import Consumption, Need, need
+from ohmward.energy.consumption import Consumption, EnergyDemand, need
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
-from ohmward.energy.usable_energy import Charge, discharge, usable_J
+from ohmward.energy.usable_energy import BatteryState, discharge, usable_J
 from ohmward.errors import InputError
 
 #: Dimensions of the points: state of charge, capacity, resistance; then knowledge, day and scatter of the consumption.
@@ -41,7 +41,7 @@ class Range(NamedTuple):
     power_W: float
 
 
-def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, charge: Charge) -> Range:
+def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, charge: BatteryState) -> Range:
     """Distance and time left over ground like `ahead`, which may be of any length above zero.
 
     Raises:
@@ -77,7 +77,7 @@ def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.
     return np.where(costs, root**2, np.inf)
 
 
-def time_left(c: Consumption, battery: Battery, charge: Charge) -> Quantiles:
+def time_left(c: Consumption, battery: Battery, charge: BatteryState) -> Quantiles:
     """Time [s] for which the robot can stand where it is."""
     z = normal_points(DIMENSIONS)
     standing = need(c, [Stretch("", 1.0)])
@@ -86,16 +86,16 @@ def time_left(c: Consumption, battery: Battery, charge: Charge) -> Quantiles:
     return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
 
 
-def certain_part(n: Need, z: np.ndarray) -> np.ndarray:
+def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] at the points, without what averages out on the way."""
     return n.mean_J + np.sqrt(n.learned_J2) * z[3] + np.sqrt(n.day_J2) * student(z[4], n.day_dof)
 
 
-def scattered_part(n: Need, z: np.ndarray) -> np.ndarray:
+def scattered_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
     """(N,) deviation [J] at the points of what averages out."""
     return np.sqrt(n.scatter_J2) * student(z[5], n.scatter_dof)
 
 
-def needed_J(n: Need, z: np.ndarray) -> np.ndarray:
+def needed_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] at the points."""
     return certain_part(n, z) + scattered_part(n, z)

@@ -32,7 +32,7 @@ _NO_POWER_V = -1e9
 
 
 @dataclass(frozen=True)
-class Charge:
+class BatteryState:
     """What is known of a battery at an instant.
 
     Attributes:
@@ -82,12 +82,12 @@ class Discharge(NamedTuple):
     start_soc: np.ndarray
 
 
-def usable_energy(battery: Battery, charge: Charge, power_W: float) -> Quantiles:
+def usable_energy(battery: Battery, charge: BatteryState, power_W: float) -> Quantiles:
     """Energy [J] above the reserve at this mean power [W], P10/P50/P90."""
     return quantiles(usable_J(discharge(battery, charge, power_W, normal_points(3))))
 
 
-def discharge(battery: Battery, charge: Charge, power_W: float, z: np.ndarray) -> Discharge:
+def discharge(battery: Battery, charge: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
     """The batteries that this one might be, emptied.
 
     z: (3, N) standard normal points of state of charge, capacity and resistance.
@@ -131,7 +131,7 @@ def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float)
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.half_gap_V(soc)
     if isinstance(model, RcModel):
         return ocv_V, np.full(soc.shape, rc_resistance(model))
-    u = thevenin.Input(-1.0, temperature_degC)
+    u = thevenin.CircuitInput(-1.0, temperature_degC)
     parts = [thevenin.ohmic_resistance(soc, u, model), *thevenin.pair_resistances(soc, u, model)]
     return ocv_V, sum(parts) + np.zeros(soc.shape)
 

@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.soc.clean_sample import ROOM_DEGC
 from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, require_thevenin
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
@@ -41,7 +41,7 @@ Style = Literal["lines", "loops"]
 BULK_STD_V = 0.05
 
 _STEPS = 64
-_EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+_EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 
 
 class NoFlag(IntFlag):
@@ -81,7 +81,7 @@ def battery_export(
         battery, error_V = _on_lines(battery, filter_name, curve_error_V)
         title += f", curve within {1e3 * error_V:.2g} mV"
     estimator: Any = make_estimator(filter_name, battery)
-    rest = Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
+    rest = SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
     traceable, at_rate = hasattr(estimator, "start"), partial(_at_fixed_rate, sample_time_s=sample_time_s)
     start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
@@ -90,7 +90,7 @@ def battery_export(
         title=title,
         step=trace(at_rate(estimator.step), state, _EXAMPLE),
         start=start,
-        flags=Flag,
+        flags=SocFlag,
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
         loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
@@ -137,7 +137,7 @@ def _joint_export(battery: Battery, name: str, sample_time_s: float | None, styl
         )
     highest_V = battery.rc.ocv.voltage_V[-1]
     joint = TextbookJoint(even(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
-    state = joint.init(Sample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
+    state = joint.init(SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
     at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
     return Export(
         name=name,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.export.template import filled, template
 from ohmward.filters import unscented
@@ -25,7 +25,7 @@ from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Function, Loops, members, places
 from ohmward.trace.structure import Structure
 
-_EXAMPLE = Sample(0.0, 0.0, 0.0, 0.0)
+_EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 
 #: Bytes of Thumb-2 code of the loops themselves, compiled with -Os.
 _CODE_BYTES = {"textbook-joint": 690, "unscented": 640, "extended": 440}

@@ -24,8 +24,8 @@ from ohmward.traction.control import (
     driven_wheel,
 )
 from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.speed_observer.estimate import Flag
-from ohmward.traction.speed_observer.estimate import Sample as DriveSample
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.estimate import SlipSample as DriveSample
 from ohmward.traction.speed_observer.make_observer import FILTERS
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
@@ -50,7 +50,7 @@ class ControlSample(NamedTuple):
     dt_s: Any
 
 
-class Control(NamedTuple):
+class ControllerOutput(NamedTuple):
     """What a controller of one wheel answers.
 
     torque_Nm: to hold until the next step [N m].
@@ -78,7 +78,7 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
         title=f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents",
         step=trace(observer.step, state, example),
         start=trace(lambda sample: state, example),
-        flags=Flag,
+        flags=SlipFlag,
         arguments=(),
         samples=_drive(observer),
     )
@@ -103,16 +103,16 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
     example = ControlSample(command, Measurement(0.0, 0.0), 0.001)
     state = settings.init(example.measurement)
 
-    def step(state: Any, sample: ControlSample) -> tuple[Any, Control]:
+    def step(state: Any, sample: ControlSample) -> tuple[Any, ControllerOutput]:
         after, torque_Nm, report = settings.step(state, *sample)
-        return after, Control(torque_Nm, report)
+        return after, ControllerOutput(torque_Nm, report)
 
     return Export(
         name=name,
         title=f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode",
         step=trace(step, state, example),
         start=trace(lambda sample: state, example),
-        flags=control.Flag,
+        flags=control.ControlFlag,
         arguments=(),
         samples=_commands(command, wheel.radius_m),
     )

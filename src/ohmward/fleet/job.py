@@ -13,7 +13,7 @@ import numpy as np
 
 from ohmward.battery.file import parse_battery
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
-from ohmward.battery.soc.sample import Estimate, Flag
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.battery.soc.score import score
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
@@ -21,7 +21,7 @@ from ohmward.logs import Log, read_log, write_table
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadOptions:
     """How to read the logs, as `read_log` takes it.
 
     Attributes:
@@ -52,7 +52,7 @@ class Job:
     filter: str = DEFAULT
     initial_soc: float | None = None
     initial_soc_std: float = 0.03
-    reading: Reading = field(default_factory=Reading)
+    reading: ReadOptions = field(default_factory=ReadOptions)
     estimates: str | None = None
 
     @property
@@ -86,7 +86,7 @@ class Job:
             sort_time=how.sort_time,
         )
 
-    def _finished(self, row: dict[str, Any], logs: list[Log], estimates: list[Estimate]) -> dict[str, Any]:
+    def _finished(self, row: dict[str, Any], logs: list[Log], estimates: list[SocEstimate]) -> dict[str, Any]:
         number = row.pop("log", None)
         if number is None:
             return row
@@ -101,7 +101,7 @@ def failed(path: str, why: str) -> dict[str, Any]:
     return {"path": path, "error": why}
 
 
-def summary(log: Log, found: Estimate) -> dict[str, Any]:
+def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
     """The figures of one log; None for one that this estimator does not know."""
     flags = found.flags.astype(int)
     voltage = score(found.voltage_V, log.voltage_V)
@@ -117,10 +117,10 @@ def summary(log: Log, found: Estimate) -> dict[str, Any]:
         "current_offset_A": float(found.current_offset_A[-1]),
         "capacity_share": float(found.capacity_share[-1]),
         "resistance_share": float(found.resistance_share[-1]),
-        "flagged_share": float(np.mean((flags & ~int(Flag.REST)) != 0)),
+        "flagged_share": float(np.mean((flags & ~int(SocFlag.REST)) != 0)),
     }
     return {name: None if value != value else value for name, value in figures.items()}
 
 
-def _table(log: Log, found: Estimate) -> dict[str, np.ndarray]:
+def _table(log: Log, found: SocEstimate) -> dict[str, np.ndarray]:
     return {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}

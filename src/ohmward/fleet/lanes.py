@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ohmward.battery.soc.estimator import Estimator, samples_of
-from ohmward.battery.soc.sample import Estimate, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten, structure_of, unflatten
@@ -30,7 +30,7 @@ def estimate_logs(
     initial_soc: float | None = None,
     initial_soc_std: float = 0.03,
     lowering: str | None = None,
-) -> list[Estimate]:
+) -> list[SocEstimate]:
     """Estimates for each log, every field (T,); each is what `SocEstimator.run` gives, to rounding.
 
     initial_soc: of every log; None takes it from each log's first voltage.
@@ -41,28 +41,28 @@ def estimate_logs(
     samples = [samples_of(log) for log in logs]
     order = np.argsort([-len(log) for log in logs], kind="stable")
     lengths = np.array([len(logs[i]) for i in order])
-    columns = Sample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(Sample._fields))))
-    firsts = [Sample(*(float(column[0]) for column in samples[i])) for i in order]
+    columns = SocSample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(SocSample._fields))))
+    firsts = [SocSample(*(float(column[0]) for column in samples[i])) for i in order]
     states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
     kernel = _kernel(cast(Hashable, estimator), lowering)
-    found = Estimate(*(np.empty((lengths[0], len(logs))) for _ in Estimate._fields))
+    found = SocEstimate(*(np.empty((lengths[0], len(logs))) for _ in SocEstimate._fields))
     state = _side_by_side(states)
     for first, last, lanes in _parts(lengths):
-        part = Sample(*(column[first:last, :lanes] for column in columns))
+        part = SocSample(*(column[first:last, :lanes] for column in columns))
         state, estimates = kernel.scan_lanes(_lanes(state, lanes), part)
         for whole, values in zip(found, estimates, strict=True):
             whole[first:last, :lanes] = values
     results: list[Any] = [None] * len(logs)
     for lane, i in enumerate(order):
-        results[i] = Estimate(*(np.ascontiguousarray(values[: lengths[lane], lane]) for values in found))
+        results[i] = SocEstimate(*(np.ascontiguousarray(values[: lengths[lane], lane]) for values in found))
     return results
 
 
 @lru_cache(maxsize=4)
 def _kernel(estimator: Any, lowering: str | None) -> Kernel:
     """Traced and compiled once for all batches of a process."""
-    example = estimator.init(Sample(0.0, math.nan, math.nan, math.nan))
-    return Kernel(estimator.step, example, Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+    example = estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
+    return Kernel(estimator.step, example, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
 
 
 def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:

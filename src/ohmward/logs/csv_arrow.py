@@ -11,7 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ohmward.logs.csv_layout import Layout
+from ohmward.logs.csv_layout import CsvLayout
 from ohmward.logs.table import MISSING, Progress
 
 #: Below this Arrow is not worth its import.
@@ -22,7 +22,7 @@ _BLOCK = 1 << 23
 
 
 def read_numbers(
-    path: Path, layout: Layout, names: Sequence[str], progress: Progress | None = None
+    path: Path, layout: CsvLayout, names: Sequence[str], progress: Progress | None = None
 ) -> dict[str, np.ndarray] | None:
     """The named columns (T,) of a text table, one row for every line; None where one of its lines is not plain."""
     size = path.stat().st_size
@@ -64,7 +64,7 @@ def rows_as_text(columns: Sequence[np.ndarray]) -> str | None:
     return sink.getvalue().to_pybytes().decode("ascii")
 
 
-def _options(csv: ModuleType, arrow: ModuleType, layout: Layout, keys: list[str]) -> tuple:
+def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[str]) -> tuple:
     """Columns are called by their number, for a file may leave some unnamed."""
     names = [str(k) for k in range(len(layout.names))]
     missing = sorted({spelling for word in MISSING for spelling in (word, word.upper(), word.title(), _nan(word))})
@@ -85,7 +85,7 @@ def _nan(word: str) -> str:
     return "NaN" if word == "nan" else word
 
 
-def _plain_rows(path: Path, layout: Layout) -> int:
+def _plain_rows(path: Path, layout: CsvLayout) -> int:
     """Lines below the header; 0 where a quote may hide some, or a power failure left zeros."""
     lines, end = 0, b"\n"
     with path.open("rb") as stream:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import csv_arrow
-from ohmward.logs.csv_layout import Layout, bytes_read, find_layout, open_text
+from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, open_text
 from ohmward.logs.log import Note
 from ohmward.logs.table import Progress, Table, TableFile, number, row_numbers
 
@@ -49,7 +49,7 @@ def _unpacking(path: Path) -> Iterator[None]:
         raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack what is left of it") from error
 
 
-def _load(path: Path, layout: Layout, names: list[str], progress: Progress | None) -> Table:
+def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | None) -> Table:
     if (plain := csv_arrow.read_numbers(path, layout, names, progress)) is not None:
         return Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
@@ -67,7 +67,7 @@ def _load(path: Path, layout: Layout, names: list[str], progress: Progress | Non
 
 
 def _blocks(
-    path: Path, layout: Layout, notes: list[Note], progress: Progress | None
+    path: Path, layout: CsvLayout, notes: list[Note], progress: Progress | None
 ) -> Iterator[tuple[list[list[str]], np.ndarray]]:
     """Rows of equal length and their line numbers; says in `notes` when the last line is cut off."""
     width, size = len(layout.names), path.stat().st_size

@@ -21,7 +21,7 @@ _TIMESTAMP = re.compile(r"^\d{4}-\d\d-\d\d")
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 
 
-class Layout(NamedTuple):
+class CsvLayout(NamedTuple):
     """What is needed to read the rows: column names, how cells are split, lines to skip before the first row."""
 
     names: tuple[str, ...]
@@ -55,7 +55,7 @@ def bytes_read(stream: TextIO) -> int:
     return getattr(stream.buffer, "fileobj", stream.buffer).tell()
 
 
-def find_layout(path: Path) -> Layout:
+def find_layout(path: Path) -> CsvLayout:
     """Read the head of a text table.
 
     Comment lines (`#`, `%`, `//`) and empty lines may stand before the header. Where the first row is numbers, the last
@@ -78,7 +78,7 @@ def find_layout(path: Path) -> Layout:
     names = tuple(name.strip() for name in _cells(header, delimiter))
     _check_names(path, names)
     data = rows[1:] if skip > at else rows
-    return Layout(names, delimiter, _has_decimal_comma(data, delimiter), skip)
+    return CsvLayout(names, delimiter, _has_decimal_comma(data, delimiter), skip)
 
 
 def _encoding(head: bytes) -> str:

@@ -40,7 +40,7 @@ class Table(NamedTuple):
         return self._replace(columns=columns, line=self.line[rows])
 
 
-class Load(Protocol):
+class ColumnLoader(Protocol):
     """Reads the named columns of a file into a Table."""
 
     def __call__(self, names: Collection[str], progress: Progress | None = None) -> Table:
@@ -58,7 +58,7 @@ class TableFile(NamedTuple):
 
     source: str
     names: tuple[str, ...]
-    load: Load
+    load: ColumnLoader
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:

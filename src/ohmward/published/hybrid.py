@@ -15,7 +15,7 @@ import numpy as np
 from ohmward.battery.soc.clean_sample import Rest, rested
 from ohmward.battery.soc.rc_kalman import RcKalman
 from ohmward.battery.soc.rc_linear import LinearState
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import choose
@@ -47,27 +47,27 @@ class Hybrid:
     quiet_share: float = 0.03
     settle_s: float = 900.0
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
         """State before the first sample: the SoC of whichever filter is surer of it."""
         thevenin, rc = self.thevenin.init(first, soc, soc_std), self.rc.init(first, soc, soc_std)
         _, estimate = self.rc.step(rc, first)
         belief, _ = _surer(unpack(thevenin.belief), estimate.soc, estimate.soc_std)
         return HybridState(thevenin._replace(belief=pack(belief)), rc, Rest())
 
-    def step(self, state: HybridState, sample: Sample) -> tuple[HybridState, Estimate]:
-        """The state after a sample, and what is known then; `Flag.REST` marks a correction."""
+    def step(self, state: HybridState, sample: SocSample) -> tuple[HybridState, SocEstimate]:
+        """The state after a sample, and what is known then; `SocFlag.REST` marks a correction."""
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
         rc, second = self.rc.step(state.rc, sample)
         model, noise = self.thevenin.model, self.thevenin.noise
         quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.quiet_share)
-        dt_s = self.thevenin.read(state.thevenin, sample).dt_s
+        dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
         rest, due = rested(state.rest, quiet, dt_s, self.settle_s)
 
         before = unpack(thevenin.belief)
         surer, taken = _surer(before, second.soc, second.soc_std)
         belief = choose(due, surer, before)
         after = HybridState(thevenin._replace(belief=pack(belief)), rc, rest)
-        corrected = where(due & taken & (estimate.flags % (2 * Flag.REST) < Flag.REST), float(Flag.REST), 0.0)
+        corrected = where(due & taken & (estimate.flags % (2 * SocFlag.REST) < SocFlag.REST), float(SocFlag.REST), 0.0)
         return after, estimate._replace(
             soc=belief.mean[0],
             soc_std=np.sqrt(maximum(belief.cov[0, 0], 0.0)),

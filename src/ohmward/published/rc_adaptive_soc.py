@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.rc_linear import LinearState
 from ohmward.battery.soc.rc_soc import Parameters, RcSoc
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.filters.gate import choose
 from ohmward.published.rc_joint import JointState, Nominal, RcJoint
 from ohmward.trace import maximum, where
@@ -37,19 +37,19 @@ class RcAdaptiveSoc:
     joint: RcJoint
     soc: RcSoc
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         start = self.soc.init(first, soc, soc_std)
         return SchemeState(self.joint.init(first, bulk_V=float(start.belief.mean[0])), start)
 
-    def step(self, state: SchemeState, sample: Sample) -> tuple[SchemeState, Estimate]:
+    def step(self, state: SchemeState, sample: SocSample) -> tuple[SchemeState, SocEstimate]:
         """The state after a sample, and what is known then."""
         joint, found = self.joint.step(state.joint, sample)
-        lost = found.flags >= float(Flag.NOT_POSITIVE_DEFINITE)
+        lost = found.flags >= float(SocFlag.NOT_POSITIVE_DEFINITE)
         circuit = choose(lost, self.soc.model.circuit, found.circuit)
         doubts = where(lost, 1.0, found.c_bulk_std), where(lost, 1.0, maximum(found.r_std, found.r_terminal_std))
         soc, estimate = self.soc.step(state.soc, sample, Parameters(circuit, *doubts))
-        restarted = where(lost, float(Flag.NOT_POSITIVE_DEFINITE), 0.0)
+        restarted = where(lost, float(SocFlag.NOT_POSITIVE_DEFINITE), 0.0)
         shares = self.shares(circuit)
         estimate = estimate._replace(
             capacity_share=shares[0], resistance_share=shares[1], flags=estimate.flags + restarted
@@ -68,9 +68,9 @@ def lasting_resistance(p: rc.Circuit | rc.RcModel) -> Any:
     return rc.instant_resistance(p) + rc.slow_resistance(p)
 
 
-def adaptive_soc_of(model: rc.RcModel, noise: Noise | None = None) -> RcAdaptiveSoc:
+def adaptive_soc_of(model: rc.RcModel, noise: BatteryNoise | None = None) -> RcAdaptiveSoc:
     """The scheme for a model; the joint filter starts at its circuit."""
-    noise = noise or Noise()
+    noise = noise or BatteryNoise()
     std = max(noise.resistance_std, _LEAST_START_STD)
     soc = RcSoc(model, noise)
     joint = RcJoint(

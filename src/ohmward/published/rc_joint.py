@@ -25,8 +25,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, Reading, is_voltage, read
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.clean_sample import ROOM_DEGC, CleanSocSample, is_voltage, sanitize
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
@@ -88,7 +88,7 @@ class JointEstimate(NamedTuple):
     bulk_V, surface_V: voltages of the capacitors.
     voltage_V, voltage_std_V: terminal voltage expected before the measurement, and how far off it may be.
     innovation_V: measured minus expected voltage; nan when there was none.
-    flags: sum of `Flag`.
+    flags: sum of `SocFlag`.
     """
 
     circuit: rc.Circuit
@@ -162,7 +162,7 @@ class RcJoint:
         circuit = rc.STATE_NAMES_WITH_VOLTAGE if self.voltage_as == "state" else rc.STATE_NAMES
         return ("ln_c_bulk", "ln_c_surface", "ln_r", "ln_r_terminal", *circuit)
 
-    def init(self, first: Sample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
+    def init(self, first: SocSample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
         """State before the first sample: at rest, at `bulk_V`, or at the first voltage where that is None.
 
         bulk_std_V: how far the open-circuit voltage may be from it.
@@ -185,9 +185,9 @@ class RcJoint:
         parameters = np.diag(np.square(self.start_std))
         return Belief(mean, np.block([[parameters, np.zeros((PARAMETERS, n))], [np.zeros((n, PARAMETERS)), voltages]]))
 
-    def step(self, state: JointState, sample: Sample) -> tuple[JointState, JointEstimate]:
+    def step(self, state: JointState, sample: SocSample) -> tuple[JointState, JointEstimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A)
+        reading = sanitize(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A)
         measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
         y = where(measured, sample.voltage_V, state.belief.mean[-1])
         before, healthy = self.revived(unpack(state.belief), y)
@@ -214,14 +214,16 @@ class RcJoint:
         )
         flags = (
             reading.flags
-            + where(measured, 0.0, float(Flag.NO_VOLTAGE))
-            + where(outside & logical_not(used), float(Flag.VOLTAGE_REJECTED), 0.0)
-            + where(healthy, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
+            + where(measured, 0.0, float(SocFlag.NO_VOLTAGE))
+            + where(outside & logical_not(used), float(SocFlag.VOLTAGE_REJECTED), 0.0)
+            + where(healthy, 0.0, float(SocFlag.NOT_POSITIVE_DEFINITE))
         )
         innovation_V = where(measured, correction.innovation.value[0], math.nan)
         return after, self.estimate(posterior, y, correction.innovation, innovation_V, flags)
 
-    def verdict(self, state: JointState, reading: Reading, measured: Any, innovation: Innovation) -> tuple[Any, Any]:
+    def verdict(
+        self, state: JointState, reading: CleanSocSample, measured: Any, innovation: Innovation
+    ) -> tuple[Any, Any]:
         """Whether the voltage is used, and whether it is outside the gate; a repeated sample (dt = 0) is neither.
 
         Once patience is at its end every voltage is used, until one is inside again.
@@ -245,7 +247,7 @@ class RcJoint:
         c_bulk, c_surface, r, r_terminal = np.array(self.nominal) * np.exp(x[:PARAMETERS])
         return rc.Circuit(c_bulk, c_surface, r, r, r_terminal)
 
-    def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def next_state(self, x: np.ndarray, reading: CleanSocSample) -> np.ndarray:
         """State after the step, (n,); the parameters stay."""
         p, voltages = self.circuit(x), x[PARAMETERS:]
         if self.voltage_as == "output":
@@ -256,13 +258,13 @@ class RcJoint:
             moved = rc.next_state_with_voltage(voltages, before_A, reading.mean.current_A, now_A, p, reading.dt_s)
         return np.array([*x[:PARAMETERS], *moved])
 
-    def voltage(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def voltage(self, x: np.ndarray, reading: CleanSocSample) -> np.ndarray:
         """Terminal voltage [V] in state x, (1,)."""
         return (
             x[-1:] if self.voltage_as == "state" else rc.voltage(x[PARAMETERS:], reading.now.current_A, self.circuit(x))
         )
 
-    def process_noise(self, state: JointState, reading: Reading) -> np.ndarray:
+    def process_noise(self, state: JointState, reading: CleanSocSample) -> np.ndarray:
         """Q (n, n) of this step: the floor, and what the innovations of the last steps say."""
         dt_s = reading.dt_s
         charge_As2 = self.current_std_A**2 * dt_s + where(reading.known > 0.5, 0.0, (self.unknown_A * dt_s) ** 2)
@@ -275,7 +277,7 @@ class RcJoint:
         K, C = state.gain[:, None], where(dt_s > 0, state.noise.innovation, 0.0)
         return mirror_lower(Q + K @ C @ K.T)
 
-    def measurement_noise(self, state: JointState, before: Belief, reading: Reading) -> np.ndarray:
+    def measurement_noise(self, state: JointState, before: Belief, reading: CleanSocSample) -> np.ndarray:
         """R (1, 1) of this step: the floor, and what the residuals of the last steps say."""
         instant_ohm = self.nominal.r_terminal_ohm + 0.5 * self.nominal.r_ohm
         unknown_V2 = where(reading.known > 0.5, 0.0, (self.unknown_A * instant_ohm) ** 2)

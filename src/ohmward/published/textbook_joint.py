@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.soc.clean_sample import first_input, is_current, is_voltage
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
@@ -69,7 +69,7 @@ class TextbookJointEstimate(NamedTuple):
     innovation_V: Any
 
 
-class Reading(NamedTuple):
+class CleanJointSample(NamedTuple):
     """What a sample says.
 
     dt_s: step [s], >= 0.
@@ -118,7 +118,7 @@ class TextbookJoint:
         require_positive("voltage_std_V", self.voltage_std_V)
         require_between("window", self.window, 1.0, math.inf)
 
-    def init(self, first: Sample, bulk_std_V: float = 0.05) -> TextbookJointState:
+    def init(self, first: SocSample, bulk_std_V: float = 0.05) -> TextbookJointState:
         """State before the first sample: at rest at its voltage, give or take `bulk_std_V`.
 
         Raises:
@@ -128,7 +128,7 @@ class TextbookJoint:
             raise InputError("the first sample has no voltage, which this filter starts from; begin with one that has")
         return self.start(first, bulk_std_V)
 
-    def start(self, first: Sample, bulk_std_V: Any) -> TextbookJointState:
+    def start(self, first: SocSample, bulk_std_V: Any) -> TextbookJointState:
         """The same, traceable."""
         mean = np.array([*np.ones(PARAMETERS), *[first.voltage_V] * 3])
         variances = np.square(np.array([*[self.start_std] * PARAMETERS, *[bulk_std_V] * 3]))
@@ -136,9 +136,9 @@ class TextbookJoint:
         belief = pack(Belief(mean, np.diag(variances)))
         return TextbookJointState(belief, moments, np.zeros(len(mean)), first_input(first).current_A)
 
-    def step(self, state: TextbookJointState, sample: Sample) -> tuple[TextbookJointState, TextbookJointEstimate]:
+    def step(self, state: TextbookJointState, sample: SocSample) -> tuple[TextbookJointState, TextbookJointEstimate]:
         """The state after a sample, and what is known then."""
-        reading = self.read(state, sample)
+        reading = self.sanitize(state, sample)
         before, noise = unpack(state.belief), state.noise
         P_yy = before.cov[-1:, -1:]
         prior, correction = unscented.correct_reusing_points(
@@ -155,11 +155,11 @@ class TextbookJoint:
         after = state._replace(belief=pack(corrected), gain=K[:, 0])
         return self.concluded(after, correction.innovation.value[0], reading)
 
-    def read(self, state: TextbookJointState, sample: Sample) -> Reading:
+    def read(self, state: TextbookJointState, sample: SocSample) -> CleanJointSample:
         """What a sample says."""
         current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
         measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
-        return Reading(
+        return CleanJointSample(
             where(sample.dt_s > 0, sample.dt_s, 0.0),
             current_A,
             0.5 * (current_A + state.current_A),
@@ -168,7 +168,7 @@ class TextbookJoint:
         )
 
     def concluded(
-        self, state: TextbookJointState, innovation_V: Any, reading: Reading
+        self, state: TextbookJointState, innovation_V: Any, reading: CleanJointSample
     ) -> tuple[TextbookJointState, TextbookJointEstimate]:
         """The state with possible parameters and its moments of the noise renewed, and what is known then."""
         mean = self.possible(state.belief.mean)

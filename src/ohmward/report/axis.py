@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 from ohmward.report.figure import TIME, Figure
 
 
-class Unit(NamedTuple):
+class AxisUnit(NamedTuple):
     """A unit of time: its name and its length."""
 
     name: str
@@ -54,11 +54,11 @@ def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
     return (low, high) if low < high else (low - 0.5, high + 0.5)
 
 
-def time_unit(duration_s: float) -> Unit:
+def time_unit(duration_s: float) -> AxisUnit:
     """The unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
     if duration_s < 180:
-        return Unit("s", 1.0)
-    return Unit("min", 60.0) if duration_s < 3 * 3600 else Unit("h", 3600.0)
+        return AxisUnit("s", 1.0)
+    return AxisUnit("min", 60.0) if duration_s < 3 * 3600 else AxisUnit("h", 3600.0)
 
 
 def nice_step(span: float, intervals: int) -> float:

@@ -19,7 +19,7 @@ _GRID_S = 1.0
 
 
 @dataclass(frozen=True)
-class Robot:
+class MissionRobot:
     """A 50 kg robot with 12 V drives, of the kind that carries crates or hoes between rows.
 
     Attributes:
@@ -58,13 +58,13 @@ class Robot:
             require_between(f"robot.{name}", getattr(self, name), 0.0, 1.0)
 
 
-def robot_day(rng: np.random.Generator, charge_current_A: float, robot: Robot | None = None) -> Profile:
+def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionRobot | None = None) -> Profile:
     """Nine and a half hours from 07:30: work, a break, work, charging at noon, work, docked without a load.
 
     The work takes about 16 Ah, more than a battery of 12 Ah holds: without the charge the day would not end well.
     charge_current_A: of the charger [A] before its constant-voltage phase.
     """
-    robot = robot or Robot()
+    robot = robot or MissionRobot()
     work = [drive(rng, robot, hours * _HOUR_S) for hours in (1.6, 1.6, 3.2)]
     idle_A = -robot.idle_W / robot.nominal_V
     day = join(
@@ -87,7 +87,7 @@ def ambient_degC(time_s: np.ndarray, start_hour: float) -> np.ndarray:
     return 18.0 - 6.0 * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
 
 
-def drive(rng: np.random.Generator, robot: Robot, duration_s: float) -> Profile:
+def drive(rng: np.random.Generator, robot: MissionRobot, duration_s: float) -> Profile:
     """Legs of 5 to 40 m with stops between them, on ground of changing slope and roughness."""
     time_s = np.arange(0.0, duration_s, _GRID_S)
     speed, grade, mass, tool = (np.zeros(time_s.size) for _ in range(4))
@@ -106,7 +106,7 @@ def drive(rng: np.random.Generator, robot: Robot, duration_s: float) -> Profile:
     return Profile(time_s, -(battery + robot.idle_W) / robot.nominal_V, np.zeros(time_s.size))
 
 
-def leg_speed(rng: np.random.Generator, robot: Robot) -> np.ndarray:
+def leg_speed(rng: np.random.Generator, robot: MissionRobot) -> np.ndarray:
     """Speed [m/s] each second of one leg: a ramp up, a cruise, a ramp down, a stop of 2 to 30 s."""
     cruise = rng.uniform(*robot.speed_m_s)
     ramp_s = cruise / robot.acceleration_m_s2

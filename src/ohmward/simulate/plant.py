@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.battery.models.thevenin import (
     KELVIN,
-    Input,
+    CircuitInput,
     next_state,
     ohmic_resistance,
     pair_resistances,
@@ -58,7 +58,7 @@ class Demand(NamedTuple):
     ambient_degC: Any
 
 
-class Truth(NamedTuple):
+class BatteryTruth(NamedTuple):
     """What really is at an instant, numbers or (T,) arrays; heat_J is counted from the start."""
 
     current_A: Any
@@ -72,7 +72,7 @@ class Simulation(NamedTuple):
     """The truth at the times (T,) [s], and the state at the last of them."""
 
     time_s: np.ndarray
-    truth: Truth
+    truth: BatteryTruth
     state: PlantState
 
 
@@ -106,33 +106,35 @@ def simulate(
     )
     last, truth = Kernel(step, state, Demand(0.0, 0.0, 0.0), constants=(battery,)).scan(state, wanted)
     rows = np.searchsorted(grid, time_s)
-    return Simulation(time_s, Truth(*(values[rows] for values in truth)), last)
+    return Simulation(time_s, BatteryTruth(*(values[rows] for values in truth)), last)
 
 
-def step(state: PlantState, demand: Demand, battery: SimulatedBattery) -> tuple[PlantState, Truth]:
+def step(state: PlantState, demand: Demand, battery: SimulatedBattery) -> tuple[PlantState, BatteryTruth]:
     """One small step: the current is linear, the circuit sees its mean, the temperature of its beginning.
 
     The limits hold for the state to which the present current would lead.
     """
     p, T = battery.circuit, state.temperature_degC
-    ahead = next_state(state.x, Input(state.current_A, T), p, demand.dt_s)
+    ahead = next_state(state.x, CircuitInput(state.current_A, T), p, demand.dt_s)
     current_A = within_limits(ahead, demand.current_A, T, battery)
-    mean = Input(0.5 * (state.current_A + current_A), T)
+    mean = CircuitInput(0.5 * (state.current_A + current_A), T)
     x = next_state(state.x, mean, p, demand.dt_s)
     x[0] = state.x[0] + accepted_share(state.x[0], mean.current_A, battery) * (x[0] - state.x[0])
-    heat_W = heat(x, Input(current_A, T), battery)
+    heat_W = heat(x, CircuitInput(current_A, T), battery)
     mean_heat_W = 0.5 * (state.heat_W + heat_W)
     T = next_temperature(T, mean_heat_W, demand, battery)
     after = PlantState(x, T, current_A, heat_W, state.heat_J + mean_heat_W * demand.dt_s)
-    return after, Truth(current_A, terminal_voltage(x, Input(current_A, T), battery), x[0], T, after.heat_J)
+    return after, BatteryTruth(
+        current_A, terminal_voltage(x, CircuitInput(current_A, T), battery), x[0], T, after.heat_J
+    )
 
 
-def terminal_voltage(x: np.ndarray, u: Input, battery: SimulatedBattery) -> Any:
+def terminal_voltage(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Terminal voltage [V] at the current of this instant."""
     return voltage(x, u, battery.circuit)[0] + transfer_overpotential(u, battery)
 
 
-def transfer_overpotential(u: Input, battery: SimulatedBattery) -> Any:
+def transfer_overpotential(u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Butler-Volmer with symmetry 1/2 [V]: linear at small currents, logarithmic at large ones."""
     return battery.transfer_V * np.arcsinh(u.current_A * warmth(u, battery.circuit) / battery.exchange_A)
 
@@ -141,15 +143,15 @@ def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery:
     """The part of the wanted current that keeps the voltage in its limits, as a charger's constant-voltage phase."""
 
     def most(limit_V: float, direction: float) -> Any:
-        u = Input(direction, temperature_degC)
-        at_rest_V = voltage(x, Input(0.0, temperature_degC), battery.circuit)[0]
+        u = CircuitInput(direction, temperature_degC)
+        at_rest_V = voltage(x, CircuitInput(0.0, temperature_degC), battery.circuit)[0]
         return current_at(limit_V - at_rest_V, u, x[0], battery)
 
     charge = minimum(current_A, maximum(most(battery.voltage_max_V, 1.0), 0.0))
     return where(current_A > 0, charge, maximum(current_A, minimum(most(battery.voltage_min_V, -1.0), 0.0)))
 
 
-def current_at(overpotential_V: Any, u: Input, soc: Any, battery: SimulatedBattery) -> Any:
+def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -> Any:
     """The current [A] with R_0 i + B arcsinh(i / i_x) = overpotential_V, R_0 as in the direction of u.
 
     Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
@@ -176,7 +178,7 @@ def stored_current(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
     return accepted_share(soc, current_A, battery) * efficiency * current_A
 
 
-def heat(x: np.ndarray, u: Input, battery: SimulatedBattery) -> Any:
+def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Heat [W] set free in state x; the formula is at the top of the file."""
     p = battery.circuit
     soc, *v, h = x
@@ -199,7 +201,7 @@ def stored_energy_J(state: PlantState, battery: SimulatedBattery) -> float:
     """Chemical energy (enthalpy) above that of the empty battery plus that of the RC pairs' capacitors [J]."""
     p = battery.circuit
     soc, *v, _ = state.x
-    u = Input(state.current_A, state.temperature_degC)
+    u = CircuitInput(state.current_A, state.temperature_degC)
     middle = soc * (np.arange(_ENERGY_PARTS) + 0.5) / _ENERGY_PARTS
     reversible_V = (p.reference_degC + KELVIN) * _entropy_V_per_K(middle, battery)
     chemical = p.capacity_As * soc * np.mean(p.ocv.mean_V(middle, p.reference_degC) - reversible_V)

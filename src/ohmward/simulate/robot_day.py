@@ -14,7 +14,7 @@ from ohmward.simulate import mission
 from ohmward.simulate.bench_profiles import bench_times, pulse_test
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward.simulate.plant import Simulation, resting_state, simulate
-from ohmward.simulate.sensors import Sensors, low_cost_sensors, on_the_bench
+from ohmward.simulate.sensors import BatterySensors, low_cost_sensors, on_the_bench
 from ohmward.simulate.telemetry import Telemetry
 
 CHEMISTRIES = ("lfp", "lead-acid")
@@ -71,7 +71,7 @@ def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulati
 
 
 def record(
-    battery: SimulatedBattery, name: str, simulation: Simulation, sensors: Sensors, rng: np.random.Generator
+    battery: SimulatedBattery, name: str, simulation: Simulation, sensors: BatterySensors, rng: np.random.Generator
 ) -> Log:
     """The simulation as the sensors show it, with the true SoC as the extra column `soc_true`."""
     time_s, truth = simulation.time_s, simulation.truth

@@ -69,7 +69,7 @@ class RobotSensors:
                 raise InputError(f"robot_sensors.{name} must number wheels from 0 on, got {getattr(self, name)}")
 
 
-class Reading(NamedTuple):
+class SensorFrame(NamedTuple):
     """What the board saw at one instant.
 
     time_s, arrival_s: when it was taken, and when it arrives [s].
@@ -92,12 +92,12 @@ class Board(NamedTuple):
     """When the next sample is due [s], and the readings that are still under way."""
 
     next_s: float = 0.0
-    under_way: tuple[Reading, ...] = ()
+    under_way: tuple[SensorFrame, ...] = ()
 
 
 def sample(
     board: Board, truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator
-) -> tuple[Board, tuple[Reading, ...]]:
+) -> tuple[Board, tuple[SensorFrame, ...]]:
     """Take a reading of `truth` if one is due; the board after it and the readings that have arrived by now.
 
     Call it at least every `interval_s`; where calls come later than samples are due, the samples come late too.
@@ -112,17 +112,17 @@ def sample(
     return board._replace(under_way=tuple(r for r in under_way if r.arrival_s > now)), arrived
 
 
-def record(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> list[Reading]:
+def record(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> list[SensorFrame]:
     """The readings of a whole drive that arrive before its end, in the order of arrival; truth: stacked over time."""
     board = Board(float(truth.time_s[0]))
-    readings: list[Reading] = []
+    readings: list[SensorFrame] = []
     for instant in zip(*truth, strict=True):
         board, arrived = sample(board, RobotTruth(*instant), sensors, rng)
         readings.extend(arrived)
     return readings
 
 
-def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> Reading:
+def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> SensorFrame:
     """What the board shows of this instant."""
 
     def shown(sensor: Sensor, true: np.ndarray) -> np.ndarray:
@@ -130,7 +130,7 @@ def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> 
 
     current_A = truth.torque_N_m[list(sensors.motor_wheels)] / sensors.torque_constant_N_m_per_A
     turns = truth.wheel_angle_rad[list(sensors.encoder_wheels)] / (2 * np.pi)
-    return Reading(
+    return SensorFrame(
         time_s=float(truth.time_s),
         arrival_s=float(truth.time_s + sensors.delay_s + sensors.jitter_s * rng.random()),
         encoder_count=np.floor(turns * sensors.counts_per_turn).astype(int),
@@ -146,7 +146,7 @@ def pitch(truth: RobotTruth) -> np.ndarray:
     return np.array([math.asin(math.sin(truth.grade_rad) * math.cos(truth.heading_rad))])
 
 
-def wheel_speed(before: Reading, after: Reading, sensors: RobotSensors) -> np.ndarray:
+def wheel_speed(before: SensorFrame, after: SensorFrame, sensors: RobotSensors) -> np.ndarray:
     """Mean speed of the encoder wheels between two readings [rad/s], to within a count.
 
     Raises:

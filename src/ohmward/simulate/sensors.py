@@ -61,7 +61,7 @@ class Sensor:
         return np.cumsum(self.offset_walk_std * np.sqrt(hours) * rng.standard_normal(time_s.size))
 
 
-class Sensors(NamedTuple):
+class BatterySensors(NamedTuple):
     """What measures a battery on board: current [A], voltage [V], temperature [degC]."""
 
     current: Sensor
@@ -69,7 +69,7 @@ class Sensors(NamedTuple):
     temperature: Sensor
 
 
-def low_cost_sensors(rng: np.random.Generator) -> Sensors:
+def low_cost_sensors(rng: np.random.Generator) -> BatterySensors:
     """One copy of the electronics of [P]'s kind of robot; its offsets and gains are drawn, as parts differ.
 
     Current: Hall sensor ACS712-20A, 100 mV/A, 5 V converter of 10 bit (49 mA), 16 readings averaged (12 mA); the
@@ -99,10 +99,10 @@ def low_cost_sensors(rng: np.random.Generator) -> Sensors:
         missing_share=5e-4,
     )
     temperature = Sensor(-55.0, 125.0, resolution=0.0625, noise_std=0.03, offset=float(rng.uniform(-0.4, 0.4)))
-    return Sensors(current, voltage, temperature)
+    return BatterySensors(current, voltage, temperature)
 
 
-def on_the_bench(sensors: Sensors) -> Sensors:
+def on_the_bench(sensors: BatterySensors) -> BatterySensors:
     """The same sensors, the current's zero just trimmed to 1 mA, without the interference of the drives."""
     current = replace(sensors.current, offset=0.001, offset_walk_std=0.0, spike_share=0.0, missing_share=0.0)
-    return Sensors(current, replace(sensors.voltage, spike_share=0.0, missing_share=0.0), sensors.temperature)
+    return BatterySensors(current, replace(sensors.voltage, spike_share=0.0, missing_share=0.0), sensors.temperature)

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.thevenin import Input, Thevenin, next_state, voltage
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, finite_or, read
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
+from ohmward.battery.soc.clean_sample import ROOM_DEGC, finite_or, sanitize
 from ohmward.battery.soc.estimator import samples_of
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
@@ -45,14 +45,14 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
     require_between("initial_soc", initial_soc, 0.0, 1.0)
     require_between("hysteresis", hysteresis, -1.0, 1.0)
 
-    def step(state: SimulationState, sample: Sample) -> tuple[SimulationState, Simulated]:
-        reading = read(sample, state.current_A, state.temperature_degC, NO_GAP_S)
+    def step(state: SimulationState, sample: SocSample) -> tuple[SimulationState, Simulated]:
+        reading = sanitize(sample, state.current_A, state.temperature_degC, NO_GAP_S)
         circuit = next_state(state.circuit, reading.mean, model, reading.dt_s)
         after = SimulationState(circuit, reading.now.current_A, reading.now.temperature_degC)
         return after, Simulated(circuit[0], voltage(circuit, reading.now, model)[0])
 
     samples = samples_of(log)
-    first = Input(finite_or(samples.current_A[0], 0.0), finite_or(samples.temperature_degC[0], ROOM_DEGC))
+    first = CircuitInput(finite_or(samples.current_A[0], 0.0), finite_or(samples.temperature_degC[0], ROOM_DEGC))
     start = np.array([initial_soc, *(0.0 for _ in range(model.pairs)), hysteresis])
-    kernel = Kernel(step, SimulationState(start, 0.0, 0.0), Sample(0.0, 0.0, 0.0, 0.0))
+    kernel = Kernel(step, SimulationState(start, 0.0, 0.0), SocSample(0.0, 0.0, 0.0, 0.0))
     return kernel.scan(SimulationState(start, *first), samples)[1]

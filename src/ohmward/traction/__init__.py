@@ -1,6 +1,6 @@
 """Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
 
-from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces, rates, scene
+from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, rates, scene
 from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, Step, next_state, step
 from ohmward.traction.dynamics.power import Power, power
 from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_speed
@@ -19,11 +19,11 @@ __all__ = [
     "CompactionResistance",
     "Differential",
     "Forces",
-    "Input",
     "Motor",
     "Omni",
     "Power",
     "Robot",
+    "RobotInput",
     "RollingResistance",
     "Scene",
     "SkidSteer",

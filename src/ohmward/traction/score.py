@@ -9,8 +9,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: Standard deviations that a normal error exceeds in 5 % of the cases.
 BAND_95 = 1.959964
@@ -67,7 +67,7 @@ class TrueSlip(NamedTuple):
     rim_m_s: np.ndarray
 
 
-def score_drive(robot: Robot, estimates: Estimate, truth: DriveTruth, test: SlipTest | None = None) -> DriveScore:
+def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth, test: SlipAlarm | None = None) -> DriveScore:
     """The score of estimates (T, ...) of this robot.
 
     test: what slip is allowed, as the observer's.
@@ -76,7 +76,7 @@ def score_drive(robot: Robot, estimates: Estimate, truth: DriveTruth, test: Slip
         InputError: shapes differ.
     """
     _check(estimates, truth)
-    slip, test = true_slip(robot, estimates, truth), test or SlipTest()
+    slip, test = true_slip(robot, estimates, truth), test or SlipAlarm()
     speed_error = estimates.speed_m_s - truth.speed_m_s
     slip_error = estimates.slip_speed_m_s - slip.speed_m_s
     allowed = test.allowed_m_s + test.allowed_ratio * np.abs(slip.rim_m_s)
@@ -93,7 +93,7 @@ def score_drive(robot: Robot, estimates: Estimate, truth: DriveTruth, test: Slip
     )
 
 
-def true_slip(robot: Robot, estimates: Estimate, truth: DriveTruth) -> TrueSlip:
+def true_slip(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> TrueSlip:
     """Slip from the true motion of the body and the wheels' speeds and radius, which the observer knows well enough.
 
     Where the slip ratio lambda itself is known, the slip speed is lambda max(|r omega|, |v|).
@@ -109,7 +109,7 @@ def true_slip(robot: Robot, estimates: Estimate, truth: DriveTruth) -> TrueSlip:
     return TrueSlip(truth.slip_ratio * faster, np.where(faster < SLIP_FLOOR_M_S, np.nan, truth.slip_ratio), rim)
 
 
-def true_motion(robot: Robot, estimates: Estimate, truth: DriveTruth) -> np.ndarray:
+def true_motion(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> np.ndarray:
     """(T, freedoms) of the body."""
     yaw_rate = estimates.yaw_rate_rad_s if truth.yaw_rate_rad_s is None else truth.yaw_rate_rad_s
     left = np.full(len(yaw_rate), np.nan) if truth.lateral_speed_m_s is None else truth.lateral_speed_m_s
@@ -117,7 +117,7 @@ def true_motion(robot: Robot, estimates: Estimate, truth: DriveTruth) -> np.ndar
     return np.column_stack([columns[name] for name in robot.chassis.freedoms])
 
 
-def _check(estimates: Estimate, truth: DriveTruth) -> None:
+def _check(estimates: SlipEstimate, truth: DriveTruth) -> None:
     samples, wheels = np.shape(estimates.slip_speed_m_s)
     for name, values in truth._asdict().items():
         wanted = (samples, wheels) if name == "slip_ratio" else (samples,)

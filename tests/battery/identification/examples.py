@@ -12,7 +12,7 @@ import pytest
 
 from ohmward.battery import identification
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import Input, Thevenin, next_state, voltage
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
 from ohmward.logs import Log, read_log
 
 RESISTANCE_GRID = np.linspace(0, 1, 21)
@@ -54,8 +54,8 @@ def play(
     for k in range(time_s.size):
         if k:
             mean_A = 0.5 * (current_A[k] + current_A[k - 1])
-            x = next_state(x, Input(mean_A, 25.0), p, time_s[k] - time_s[k - 1])
-        seen_V.append(float(voltage(x, Input(current_A[k], 25.0), p)[0]))
+            x = next_state(x, CircuitInput(mean_A, 25.0), p, time_s[k] - time_s[k - 1])
+        seen_V.append(float(voltage(x, CircuitInput(current_A[k], 25.0), p)[0]))
     noise_V = np.random.default_rng(seed).normal(0.0, std_V, time_s.size) if std_V else 0.0
     return Log(name, time_s, current_A, np.array(seen_V) + noise_V)
 

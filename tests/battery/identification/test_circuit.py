@@ -6,9 +6,16 @@ import pytest
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.identification.anchor import anchor_soc
 from ohmward.battery.identification.circuit import circuit_of
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, Layout, Rates, design, hat
+from ohmward.battery.identification.circuit_design import (
+    OCV_KNOTS,
+    RESISTANCE_GRID,
+    ParameterLayout,
+    Rates,
+    design,
+    hat,
+)
 from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.circuit_prior import Prior, ocv_precision
+from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_precision
 from ohmward.battery.identification.circuit_solve import Problem, last_direction, solve
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.record import make_records
@@ -16,7 +23,7 @@ from ohmward.battery.identification.samples import thin
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.
-PRIOR = Prior(slow_tau_s=800.0)
+PRIOR = CircuitPrior(slow_tau_s=800.0)
 
 
 def problem_of(*logs, ocv=NMC_OCV, capacity_Ah=2.0, prior=PRIOR, fit_activation=False, degC=()):
@@ -35,7 +42,7 @@ def exact():
 
 def test_design_times_truth_is_the_simulated_voltage(exact):
     problem, p = exact
-    layout, rates = Layout(2, 1, False), Rates(p.tau_s, p.hysteresis_rate)
+    layout, rates = ParameterLayout(2, 1, False), Rates(p.tau_s, p.hysteresis_rate)
     x = np.zeros(layout.size)
     for j, ohm in enumerate((0.030, 0.030, 0.010, 0.025)):
         x[layout.block(j)] = ohm
@@ -167,7 +174,7 @@ def test_hat_is_linear_interpolation():
 
 
 def test_ocv_prior_has_the_stated_spread():
-    covariance = np.linalg.inv(ocv_precision(Prior(), NMC_OCV, 1.0))
+    covariance = np.linalg.inv(ocv_precision(CircuitPrior(), NMC_OCV, 1.0))
     k = int(np.argmin(np.abs(OCV_KNOTS - 0.5)))
     slope = np.gradient(np.asarray(NMC_OCV.mean_V(OCV_KNOTS, 25.0)), OCV_KNOTS)[k]
     assert np.sqrt(covariance[k, k]) == pytest.approx(np.hypot(0.004, 0.01 * slope), rel=1e-6)

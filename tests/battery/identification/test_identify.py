@@ -17,7 +17,7 @@ from battery.identification.examples import (
     steps,
 )
 from ohmward.battery.file import dump_battery, parse_battery
-from ohmward.battery.identification import MODELS, Settings
+from ohmward.battery.identification import MODELS, IdentificationSettings
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import equivalent_thevenin
 from ohmward.errors import InputError
@@ -34,7 +34,7 @@ def pulses():
 
 @pytest.fixture(scope="module")
 def found(pulses):
-    return identify_in_detail(pulses, Settings(2.0, name="cell A", chemistry="nmc"))
+    return identify_in_detail(pulses, IdentificationSettings(2.0, name="cell A", chemistry="nmc"))
 
 
 def test_pulse_test_alone(found):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import identify, identify_in_detail, measured
-from ohmward.battery.identification import Settings
+from ohmward.battery.identification import IdentificationSettings
 from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import anchor_soc
 from ohmward.battery.identification.record import make_records
@@ -44,7 +44,9 @@ def test_leaf_at_other_temperatures(log, rms_V, middle_ohm):
 def test_a123_from_one_half_reproduces_the_other(degC, bias_mV):
     sweeps = [measured(A123 + "ocv.parquet", where={"temp_C": degC, "script": script}) for script in (1, 3)]
     drive = measured(A123 + "dyn.parquet", where={"temp_C": degC, "script": 1})
-    found = identify_in_detail([*sweeps, drive.select(slice(0, len(drive) // 2))], Settings(2.03, chemistry="lfp"))
+    found = identify_in_detail(
+        [*sweeps, drive.select(slice(0, len(drive) // 2))], IdentificationSettings(2.03, chemistry="lfp")
+    )
     assert found.battery.identification.logs[0].residual_rms_V < 0.004
     error_V, part = voltage_error_V(found.battery.thevenin, drive, 2.03, found.first_ocv)
     unseen = (part.soc > 0.1) & (part.soc < 0.45)
@@ -55,7 +57,7 @@ def test_a123_from_one_half_reproduces_the_other(degC, bias_mV):
 
 def test_panasonic_pulse_test_reproduces_a_drive():
     logs = [measured(PANASONIC + "C20_OCV.parquet"), measured(PANASONIC + "HPPC.parquet")]
-    found = identify_in_detail(logs, Settings(2.9, chemistry="nca"))
+    found = identify_in_detail(logs, IdentificationSettings(2.9, chemistry="nca"))
     said = found.battery.identification.notes
     assert any("moved 2.995 Ah (+3.3% of the given capacity)" in note and note.startswith("warning") for note in said)
     assert any("in 13 gaps" in note for note in said)

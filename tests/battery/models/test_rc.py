@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, model_of
 from ohmward.battery.models import rc, thevenin
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import Input
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
 
@@ -147,7 +147,7 @@ def test_equivalent_thevenin_circuit_has_the_same_voltage(circuit):
     p = rc.equivalent_thevenin(model)
     x, y = model.at_rest(0.8), np.array([0.8, 0.0, 0.0])
     for current_A in np.random.default_rng(3).normal(-1, 4, 200):
-        u = Input(current_A, 25.0)
+        u = CircuitInput(current_A, 25.0)
         x, y = rc.next_state(x, current_A, model, 2.0), thevenin.next_state(y, u, p, 2.0)
         assert rc.voltage(x, current_A, model)[0] == pytest.approx(thevenin.voltage(y, u, p)[0], abs=1e-9)
 

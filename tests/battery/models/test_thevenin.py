@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from battery.examples import NMC, STRAIGHT
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import (
+    CircuitInput,
     Health,
-    Input,
     Thevenin,
     next_hysteresis,
     next_state,
@@ -33,20 +33,20 @@ steps = st.floats(0.0, 2000.0)
 def test_one_hour_at_1C_empties_the_cell():
     x = np.array([1.0, 0.0, 0.0, 0.0])
     for _ in range(60):
-        x = next_state(x, Input(-2.0, 25.0), STRAIGHT, 60.0)
+        x = next_state(x, CircuitInput(-2.0, 25.0), STRAIGHT, 60.0)
     assert x[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_charging_stores_its_share_and_discharging_takes_all():
     lossy = replace(STRAIGHT, coulombic_efficiency=0.9)
-    charged = next_state(X, Input(2.0, 25.0), lossy, 360.0)
-    discharged = next_state(X, Input(-2.0, 25.0), lossy, 360.0)
+    charged = next_state(X, CircuitInput(2.0, 25.0), lossy, 360.0)
+    discharged = next_state(X, CircuitInput(-2.0, 25.0), lossy, 360.0)
     assert charged[0] - X[0] == pytest.approx(0.9 * 0.1, abs=1e-15)
     assert discharged[0] - X[0] == pytest.approx(-0.1, abs=1e-15)
 
 
 def test_a_smaller_capacity_moves_faster():
-    moved = next_state(X, Input(-2.0, 25.0), STRAIGHT, 360.0, Health(capacity_share=0.8))[0] - X[0]
+    moved = next_state(X, CircuitInput(-2.0, 25.0), STRAIGHT, 360.0, Health(capacity_share=0.8))[0] - X[0]
     assert moved == pytest.approx(-0.125, abs=1e-15)
 
 
@@ -61,29 +61,29 @@ def test_the_step_solves_the_differential_equation(current_A):
         return [current_A / p.capacity_As, *pairs, p.hysteresis_rate * abs(current_A) / p.capacity_As * toward]
 
     solution = solve_ivp(rate, (0.0, dt_s), X, rtol=1e-11, atol=1e-13)
-    assert next_state(X, Input(current_A, 25.0), p, dt_s) == pytest.approx(solution.y[:, -1], abs=1e-9)
+    assert next_state(X, CircuitInput(current_A, 25.0), p, dt_s) == pytest.approx(solution.y[:, -1], abs=1e-9)
 
 
 @given(currents, steps, steps)
 def test_two_steps_are_one(current_A, first_s, second_s):
-    u = Input(current_A, 25.0)
+    u = CircuitInput(current_A, 25.0)
     twice = next_state(next_state(X, u, HYSTERETIC, first_s), u, HYSTERETIC, second_s)
     assert twice == pytest.approx(next_state(X, u, HYSTERETIC, first_s + second_s), abs=1e-12)
 
 
 def test_no_time_changes_nothing():
-    assert np.array_equal(next_state(X, Input(-5.0, 10.0), NMC, 0.0), X)
+    assert np.array_equal(next_state(X, CircuitInput(-5.0, 10.0), NMC, 0.0), X)
 
 
 def test_long_current_brings_the_pairs_to_ohms_law():
-    x = next_state(X, Input(-2.0, 25.0), STRAIGHT, 1e5)
+    x = next_state(X, CircuitInput(-2.0, 25.0), STRAIGHT, 1e5)
     assert x[1:3] == pytest.approx([-0.02, -0.04], rel=1e-12)
     expected = 3.0 + x[0] - 2.0 * (0.02 + 0.01 + 0.02)
-    assert voltage(x, Input(-2.0, 25.0), STRAIGHT)[0] == pytest.approx(expected, rel=1e-12)
+    assert voltage(x, CircuitInput(-2.0, 25.0), STRAIGHT)[0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_resistance_share_scales_what_the_current_adds():
-    u, worn = Input(-2.0, 25.0), Health(resistance_share=1.5)
+    u, worn = CircuitInput(-2.0, 25.0), Health(resistance_share=1.5)
     x = next_state(np.array([0.5, 0.0, 0.0, 0.0]), u, STRAIGHT, 1e5, worn)
     added_V = voltage(x, u, STRAIGHT, worn)[0] - open_circuit(x, u, STRAIGHT)
     assert added_V == pytest.approx(1.5 * -2.0 * 0.05, rel=1e-12)
@@ -105,36 +105,36 @@ def test_hysteresis_follows_charge_not_time(h, current_A, dt_s, faster):
 def test_hysteresis_is_developed_after_its_charge():
     dt_s = HYSTERETIC.capacity_As / HYSTERETIC.hysteresis_rate / 2.0
     assert next_hysteresis(0.0, -2.0, dt_s, HYSTERETIC) == pytest.approx(-(1 - np.exp(-1)), rel=1e-12)
-    rested = open_circuit(np.array([0.5, 0.0, 0.0, -1.0]), Input(0.0, 25.0), HYSTERETIC)
+    rested = open_circuit(np.array([0.5, 0.0, 0.0, -1.0]), CircuitInput(0.0, 25.0), HYSTERETIC)
     assert rested == pytest.approx(3.5 - 0.05, rel=1e-12)
 
 
 def test_cold_resists_after_arrhenius():
-    cold = warmth(Input(0.0, 0.0), NMC)
+    cold = warmth(CircuitInput(0.0, 0.0), NMC)
     assert cold == pytest.approx(np.exp(2500.0 * (1 / 273.15 - 1 / 298.15)), rel=1e-12)
-    assert warmth(Input(0.0, 25.0), NMC) == 1.0
-    assert ohmic_resistance(0.5, Input(-1.0, 0.0), NMC) == pytest.approx(0.05 * cold, rel=1e-12)
-    assert pair_resistances(0.5, Input(-1.0, 0.0), NMC) == pytest.approx([0.01 * cold, 0.02 * cold], rel=1e-12)
+    assert warmth(CircuitInput(0.0, 25.0), NMC) == 1.0
+    assert ohmic_resistance(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx(0.05 * cold, rel=1e-12)
+    assert pair_resistances(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx([0.01 * cold, 0.02 * cold], rel=1e-12)
 
 
 def test_resistance_depends_on_soc_and_on_the_direction():
-    assert ohmic_resistance(0.25, Input(-1.0, 25.0), NMC) == pytest.approx(0.055, rel=1e-12)
-    assert ohmic_resistance(0.25, Input(1.0, 25.0), NMC) == pytest.approx(0.0525, rel=1e-12)
-    assert ohmic_resistance(-0.5, Input(-1.0, 25.0), NMC) == pytest.approx(0.06, rel=1e-12)
-    assert ohmic_resistance(1.5, Input(-1.0, 25.0), NMC) == pytest.approx(0.05, rel=1e-12)
+    assert ohmic_resistance(0.25, CircuitInput(-1.0, 25.0), NMC) == pytest.approx(0.055, rel=1e-12)
+    assert ohmic_resistance(0.25, CircuitInput(1.0, 25.0), NMC) == pytest.approx(0.0525, rel=1e-12)
+    assert ohmic_resistance(-0.5, CircuitInput(-1.0, 25.0), NMC) == pytest.approx(0.06, rel=1e-12)
+    assert ohmic_resistance(1.5, CircuitInput(-1.0, 25.0), NMC) == pytest.approx(0.05, rel=1e-12)
 
 
 @given(st.lists(currents, min_size=1, max_size=30))
 def test_charge_is_conserved(profile):
     x = X
     for current_A in profile:
-        x = next_state(x, Input(current_A, 25.0), HYSTERETIC, 7.0)
+        x = next_state(x, CircuitInput(current_A, 25.0), HYSTERETIC, 7.0)
     assert x[0] - X[0] == pytest.approx(7.0 * sum(profile) / HYSTERETIC.capacity_As, abs=1e-12)
 
 
 @given(st.floats(0.0, 1.0), currents, st.floats(-20.0, 50.0), st.integers(1, 16))
 def test_a_pack_is_its_cells(soc, current_A, temperature_degC, cells):
-    pack, u = NMC.in_series(cells), Input(current_A, temperature_degC)
+    pack, u = NMC.in_series(cells), CircuitInput(current_A, temperature_degC)
     x = np.array([soc, 0.0, 0.0, 0.3])
     y = x.copy()
     for _ in range(3):
@@ -157,16 +157,16 @@ def test_derivatives_are_those_of_casadi():
     output = 3.0 + s + 0.05 * h + v1 + v2 + 0.02 * i
     functions = casadi.Function("f", [casadi.vertcat(*x)], [after, casadi.jacobian(after, casadi.vertcat(*x)), output])
     value, F, y = (np.array(m) for m in functions(X))
-    ours, J = linearize(lambda x: next_state(x, Input(i, 25.0), p, dt_s), X)
+    ours, J = linearize(lambda x: next_state(x, CircuitInput(i, 25.0), p, dt_s), X)
     assert ours == pytest.approx(value.ravel(), abs=1e-14)
     assert pytest.approx(F, abs=1e-14) == J
-    y_hat, H = linearize(lambda x: voltage(x, Input(i, 25.0), p), X)
+    y_hat, H = linearize(lambda x: voltage(x, CircuitInput(i, 25.0), p), X)
     assert y_hat[0] == pytest.approx(y.item(), abs=1e-14)
     assert pytest.approx(np.array([[1.0, 1.0, 1.0, 0.05]]), abs=1e-12) == H
 
 
 def test_derivatives_with_tables_are_differences():
-    u, eps, x = Input(-2.0, 5.0), 1e-6, np.array([0.234, *X[1:]])
+    u, eps, x = CircuitInput(-2.0, 5.0), 1e-6, np.array([0.234, *X[1:]])
     _, H = linearize(lambda x: voltage(x, u, NMC), x)
     _, F = linearize(lambda x: next_state(x, u, NMC, 5.0), x)
     for k, e in enumerate(eps * np.eye(4)):
@@ -209,5 +209,5 @@ def test_refuses_a_pack_without_cells():
 
 def test_a_circuit_without_pairs_is_a_resistor():
     bare = Thevenin(2.0, STRAIGHT.ocv, (0.02, 0.02), (0.02, 0.02), (), ())
-    x = next_state(np.array([0.5, 0.0]), Input(-2.0, 25.0), bare, 360.0)
-    assert voltage(x, Input(-2.0, 25.0), bare)[0] == pytest.approx(3.4 - 0.04, rel=1e-12)
+    x = next_state(np.array([0.5, 0.0]), CircuitInput(-2.0, 25.0), bare, 360.0)
+    assert voltage(x, CircuitInput(-2.0, 25.0), bare)[0] == pytest.approx(3.4 - 0.04, rel=1e-12)

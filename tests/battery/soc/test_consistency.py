@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from ohmward.battery.models.noise import Noise
-from ohmward.battery.models.thevenin import Input, next_state, voltage
-from ohmward.battery.soc.sample import Sample
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import CircuitInput, next_state, voltage
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.trace import Kernel
 
 RUNS, STEPS = 200, 300
-NOISE = Noise()
+NOISE = BatteryNoise()
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])
@@ -46,7 +46,7 @@ def draw_runs(settings, start, columns, rng):
 
     def step(x, sample):
         measured, before, normal = sample
-        reading = settings.read(start._replace(current_A=before), measured)
+        reading = settings.sanitize(start._replace(current_A=before), measured)
         now = start._replace(belief=pack(Belief(x, cov)))
         x = settings.next_state(x, reading) + np.sqrt(np.diag(settings.process_noise(now, reading))) * normal
         error = settings.voltage_error(Belief(x, cov / 1e4), reading)
@@ -73,7 +73,7 @@ class Errors(NamedTuple):
 @pytest.mark.parametrize(("model", "soc"), [(NMC, 0.8), (LFP, 0.8)], ids=["nmc", "lfp"])
 @pytest.mark.parametrize("method", ["ekf", "ukf"])
 def test_the_band_covers_robots_whose_sensors_and_models_are_wrong(method, model, soc):
-    """The physics, with errors drawn as `Noise` says: of curve and axis as functions of SoC, the others constant.
+    """The physics, with errors drawn as `BatteryNoise` says: of curve and axis along SoC, the others constant.
 
     95 % must be at least 90.
     """
@@ -84,9 +84,9 @@ def test_the_band_covers_robots_whose_sensors_and_models_are_wrong(method, model
     shown_A = current_A[:, None] + errors.offset_A + NOISE.current_std_A * rng.standard_normal((steps, RUNS))
     shown_V = clean_V + NOISE.voltage_std_V * rng.standard_normal((steps, RUNS))
     settings = TheveninFilter(model, NOISE, method, idle_current_A=0.0)
-    first = Sample(0.0, 0.0, np.nan, 25.0)
+    first = SocSample(0.0, 0.0, np.nan, 25.0)
     start = settings.init(first, soc)
-    columns = Sample(np.r_[0.0, np.ones(steps - 1)], shown_A, shown_V, np.full(steps, 25.0))
+    columns = SocSample(np.r_[0.0, np.ones(steps - 1)], shown_A, shown_V, np.full(steps, 25.0))
     _, estimates = Kernel(settings.step, start, first).scan_lanes(start, columns)
     z = (estimates.soc - socs) / estimates.soc_std
     assert np.mean(np.abs(z) < 1.96) > 0.9
@@ -103,12 +103,12 @@ def simulate_robots(model, current_A, soc, errors, rng):
 
     def step(x, sample):
         mean, now, dt, gain, resistance, axis, over, lag = sample
-        moved = next_state(x, Input(mean, 25.0), model, dt)
+        moved = next_state(x, CircuitInput(mean, 25.0), model, dt)
         x = np.array([x[0] + (1.0 + gain) * (moved[0] - x[0]), *moved[1:]])
         along = x[0] / NOISE.model_soc_length + lag
-        u, seen = Input(now, 25.0), np.array([x[0] + np.sqrt(2) * axis * np.cos(2 * along), *x[1:]])
+        u, seen = CircuitInput(now, 25.0), np.array([x[0] + np.sqrt(2) * axis * np.cos(2 * along), *x[1:]])
         rested = np.array([seen[0], *(0.0 * v for v in x[1:-1]), x[-1]])
-        open_V = voltage(rested, Input(0.0 * now, 25.0), model)[0]
+        open_V = voltage(rested, CircuitInput(0.0 * now, 25.0), model)[0]
         added_V = (voltage(seen, u, model)[0] - open_V) * (1.0 + resistance + over)
         return x, (x[0], open_V + added_V + model_V * np.sin(along))
 

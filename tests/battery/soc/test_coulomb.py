@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from battery.examples import NMC, STRAIGHT, row, samples, simulate
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.rest_ocv import RestOcv
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
 
-QUIET = Noise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.0)
+QUIET = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.0)
 
 
 def scan(estimator, columns, soc=None, soc_std=0.03):
@@ -31,7 +31,7 @@ def test_one_hour_at_1C_empties_the_cell(dt_s):
 
 
 def test_a_ramp_is_counted_exactly():
-    columns = Sample(np.array([0.0, 60.0]), np.array([0.0, -2.0]), np.array([3.8, 3.8]), np.array([25.0, 25.0]))
+    columns = SocSample(np.array([0.0, 60.0]), np.array([0.0, -2.0]), np.array([3.8, 3.8]), np.array([25.0, 25.0]))
     state, _ = scan(CoulombCounting(STRAIGHT, QUIET), columns, 0.8)
     assert state.moved == pytest.approx(-1.0 * 60.0 / 7200.0, rel=1e-12)
 
@@ -39,8 +39,8 @@ def test_a_ramp_is_counted_exactly():
 def test_an_offset_adds_up_in_time_and_a_gain_with_charge():
     truth = constant(-1.0, 1.0)
     start = scan(CoulombCounting(STRAIGHT, QUIET), samples(truth), 1.0)[1].soc_std[0]
-    offset = Noise(current_std_A=0.0, current_offset_std_A=0.05, capacity_std=0.0)
-    gain = Noise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.03)
+    offset = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.05, capacity_std=0.0)
+    gain = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.03)
     with_offset = scan(CoulombCounting(STRAIGHT, offset), samples(truth), 1.0)[1].soc_std
     with_gain = scan(CoulombCounting(STRAIGHT, gain), samples(truth), 1.0)[1].soc_std
     assert with_offset[-1] ** 2 - with_offset[0] ** 2 == pytest.approx((0.05 / 2.0) ** 2, rel=1e-3)
@@ -49,7 +49,7 @@ def test_an_offset_adds_up_in_time_and_a_gain_with_charge():
 
 def test_white_noise_adds_up_as_a_random_walk_at_any_rate():
     """The same share of an hour's variance at each rate, for sensor noise of samples 1 s apart."""
-    noise = Noise(current_std_A=0.5, current_offset_std_A=0.0, capacity_std=0.0)
+    noise = BatteryNoise(current_std_A=0.5, current_offset_std_A=0.0, capacity_std=0.0)
     for dt_s in (0.5, 1.0, 20.0):
         columns, estimator = samples(constant(0.0, 1.0, dt_s, 0.5)), CoulombCounting(STRAIGHT, noise)
         state, _ = scan(estimator, columns, 0.5)
@@ -60,7 +60,7 @@ def test_white_noise_adds_up_as_a_random_walk_at_any_rate():
 def test_the_claimed_sigma_is_the_spread_of_many_sensors():
     rng = np.random.default_rng(1)
     truth = simulate(NMC, np.full(3601, -0.5), 0.8)
-    noise = Noise(current_std_A=0.3)
+    noise = BatteryNoise(current_std_A=0.3)
     estimator = CoulombCounting(NMC, noise)
     one = samples(truth)
     lanes = 300
@@ -82,7 +82,7 @@ def test_the_claimed_sigma_is_the_spread_of_many_sensors():
 def test_counting_stops_at_the_ends_and_says_so(current_A, soc, end):
     _, estimates = scan(CoulombCounting(STRAIGHT, QUIET), samples(constant(current_A, 0.5, soc=soc)), soc, 1e-3)
     assert estimates.soc[-1] == end
-    assert int(estimates.flags[-1]) & Flag.SOC_LIMITED
+    assert int(estimates.flags[-1]) & SocFlag.SOC_LIMITED
 
 
 def resting(minutes_before, minutes_rest, soc):
@@ -93,7 +93,7 @@ def resting(minutes_before, minutes_rest, soc):
 def test_a_rest_corrects_the_count_once():
     truth = resting(20, 40, 0.8)
     state, estimates = scan(RestOcv(NMC), samples(truth, 0.02), 0.6, 0.1)
-    used = np.flatnonzero(estimates.flags.astype(int) & Flag.REST)
+    used = np.flatnonzero(estimates.flags.astype(int) & SocFlag.REST)
     assert used.size == 1
     assert used[0] == pytest.approx(1200 + 900, abs=2)
     assert abs(estimates.soc[used[0]] - truth.soc[used[0]]) < 2 * estimates.soc_std[used[0]]
@@ -109,7 +109,7 @@ def test_the_correction_is_the_scalar_kalman_update():
     state = estimator.init(row(columns, 0), 0.8)
     for k in range(len(truth.soc)):
         before, (state, estimate) = state, estimator.step(state, row(columns, k))
-        if int(estimate.flags) & Flag.REST:
+        if int(estimate.flags) & SocFlag.REST:
             break
     counting, counted = estimator.counting.step(before.counting, row(columns, k))
     eps, at = 1e-6, float(counting.soc)
@@ -125,7 +125,7 @@ def test_no_rest_while_the_current_is_unknown():
     columns = samples(truth)
     columns.current_A[100:] = np.nan
     _, estimates = scan(RestOcv(NMC), columns, 0.8)
-    assert not np.any(estimates.flags.astype(int) & Flag.REST)
+    assert not np.any(estimates.flags.astype(int) & SocFlag.REST)
 
 
 @pytest.mark.parametrize("kind", [CoulombCounting, RestOcv])

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import Estimator, SocEstimator, samples_of
 from ohmward.battery.soc.rest_ocv import RestOcv
-from ohmward.battery.soc.sample import Flag
+from ohmward.battery.soc.sample import SocFlag
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, snapshot
 
-NOISE = Noise()
+NOISE = BatteryNoise()
 TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)
 COLUMNS = samples(TRUTH, 0.03, NOISE)
 LOG = Log("drive", TRUTH.time_s + 100.0, COLUMNS.current_A, COLUMNS.voltage_V)
@@ -139,7 +139,7 @@ def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
 
 
 def test_the_identity_is_that_of_equal_settings():
-    again = TheveninFilter(LFP, Noise(), idle_current_A=0.0)
+    again = TheveninFilter(LFP, BatteryNoise(), idle_current_A=0.0)
     assert snapshot.identity(again) == snapshot.identity(ESTIMATORS["ekf"])
 
 
@@ -147,10 +147,10 @@ def test_a_late_sample_takes_no_time_and_a_clock_that_was_set_goes_on():
     estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
     flags = [int(estimator.update(t, -1.0, 3.3).flags) for t in (0.0, 10.0, 4.0, 11.0, 1e9, 12.0, 13.0, math.nan, 14.0)]
     late, clock_set = 2, (4, 5)
-    assert flags[late] == Flag.BAD_TIME
-    assert all(flags[k] & Flag.BAD_TIME for k in clock_set)
+    assert flags[late] == SocFlag.BAD_TIME
+    assert all(flags[k] & SocFlag.BAD_TIME for k in clock_set)
     assert flags[6] == flags[3] == 0
-    assert flags[7] == Flag.BAD_TIME
+    assert flags[7] == SocFlag.BAD_TIME
     assert estimator.state.elapsed_s == 10.0 + 1.0 + 1.0 + 1.0
 
 
@@ -171,7 +171,7 @@ def test_samples_of_a_log_count_from_the_last_time():
 def test_a_run_counts_its_flags():
     estimates = SocEstimator(ESTIMATORS["ekf"], 0.8).run(LOG)
     flags = estimates.estimates.flags.astype(int)
-    assert estimates.counts() == {"rest": int(np.count_nonzero(flags & Flag.REST))}
+    assert estimates.counts() == {"rest": int(np.count_nonzero(flags & SocFlag.REST))}
     assert estimates.counts()["rest"] > 100
     assert estimates.seconds > 0.0
 

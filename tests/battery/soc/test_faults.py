@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import Estimator
 from ohmward.battery.soc.rest_ocv import RestOcv
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 
-NOISE = Noise()
+NOISE = BatteryNoise()
 NAN, INF = math.nan, math.inf
 LENGTH, FIRST, LAST = 5400, 1800, 3600
 OUTAGE, ONE = slice(FIRST, LAST), slice(FIRST, FIRST + 1)
@@ -61,25 +61,25 @@ def assert_sane(estimates):
     assert np.all(np.isfinite(estimates.soc_std) & (estimates.soc_std > 0.0))
 
 
-SINGLE: dict[str, tuple[dict[str, Any], Flag]] = {
-    "voltage nan": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
-    "voltage inf": ({"voltage_V": INF}, Flag.NO_VOLTAGE),
-    "voltage 0": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
-    "voltage +5 V": ({"voltage_V": lambda v: v + 5.0}, Flag.NO_VOLTAGE),
-    "voltage -5 V": ({"voltage_V": lambda v: v - 5.0}, Flag.NO_VOLTAGE),
-    "voltage +3 V": ({"voltage_V": lambda v: v + 3.0}, Flag.VOLTAGE_REJECTED),
-    "voltage -2 V": ({"voltage_V": lambda v: v - 2.0}, Flag.VOLTAGE_REJECTED),
-    "current nan": ({"current_A": NAN}, Flag.NO_CURRENT),
-    "current inf": ({"current_A": -INF}, Flag.NO_CURRENT),
-    "current 1000 A": ({"current_A": 1000.0}, Flag.NO_CURRENT),
-    "current -1000 A": ({"current_A": -1000.0}, Flag.NO_CURRENT),
-    "everything nan": ({"current_A": NAN, "voltage_V": NAN}, Flag.NO_CURRENT | Flag.NO_VOLTAGE),
-    "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
-    "time nan": ({"dt_s": NAN}, Flag.BAD_TIME),
-    "time 50 years on": ({"dt_s": 1.6e9}, Flag.BAD_TIME),
-    "temperature nan": ({"temperature_degC": NAN}, Flag(0)),
-    "temperature -127": ({"temperature_degC": -127.0}, Flag(0)),
-    "time stands": ({"dt_s": 0.0}, Flag(0)),
+SINGLE: dict[str, tuple[dict[str, Any], SocFlag]] = {
+    "voltage nan": ({"voltage_V": NAN}, SocFlag.NO_VOLTAGE),
+    "voltage inf": ({"voltage_V": INF}, SocFlag.NO_VOLTAGE),
+    "voltage 0": ({"voltage_V": 0.0}, SocFlag.NO_VOLTAGE),
+    "voltage +5 V": ({"voltage_V": lambda v: v + 5.0}, SocFlag.NO_VOLTAGE),
+    "voltage -5 V": ({"voltage_V": lambda v: v - 5.0}, SocFlag.NO_VOLTAGE),
+    "voltage +3 V": ({"voltage_V": lambda v: v + 3.0}, SocFlag.VOLTAGE_REJECTED),
+    "voltage -2 V": ({"voltage_V": lambda v: v - 2.0}, SocFlag.VOLTAGE_REJECTED),
+    "current nan": ({"current_A": NAN}, SocFlag.NO_CURRENT),
+    "current inf": ({"current_A": -INF}, SocFlag.NO_CURRENT),
+    "current 1000 A": ({"current_A": 1000.0}, SocFlag.NO_CURRENT),
+    "current -1000 A": ({"current_A": -1000.0}, SocFlag.NO_CURRENT),
+    "everything nan": ({"current_A": NAN, "voltage_V": NAN}, SocFlag.NO_CURRENT | SocFlag.NO_VOLTAGE),
+    "time backwards": ({"dt_s": -5.0}, SocFlag.BAD_TIME),
+    "time nan": ({"dt_s": NAN}, SocFlag.BAD_TIME),
+    "time 50 years on": ({"dt_s": 1.6e9}, SocFlag.BAD_TIME),
+    "temperature nan": ({"temperature_degC": NAN}, SocFlag(0)),
+    "temperature -127": ({"temperature_degC": -127.0}, SocFlag(0)),
+    "time stands": ({"dt_s": 0.0}, SocFlag(0)),
 }
 
 
@@ -90,8 +90,8 @@ def test_one_bad_sample_is_flagged_and_changes_next_to_nothing(name, fault):
     _, good = run(name, broken(ONE))
     _, estimates = run(name, broken(ONE, **changes))
     assert_sane(estimates)
-    added = int(estimates.flags[FIRST]) & ~int(good.flags[FIRST]) & ~int(Flag.REST)
-    assert Flag(added) == expected
+    added = int(estimates.flags[FIRST]) & ~int(good.flags[FIRST]) & ~int(SocFlag.REST)
+    assert SocFlag(added) == expected
     assert np.max(np.abs(estimates.soc - good.soc)) < 0.002
 
 
@@ -100,7 +100,7 @@ def test_one_bad_sample_is_flagged_and_changes_next_to_nothing(name, fault):
 def test_one_bad_current_costs_counting_no_charge(name, current_A):
     _, good = run(name, broken(ONE))
     _, estimates = run(name, broken(ONE, current_A=current_A))
-    assert flagged(estimates, Flag.NO_CURRENT).tolist() == [FIRST]
+    assert flagged(estimates, SocFlag.NO_CURRENT).tolist() == [FIRST]
     assert np.max(np.abs(estimates.soc - good.soc)) < 0.001
 
 
@@ -109,10 +109,10 @@ def test_flags_are_counted_sample_by_sample():
     columns.current_A[10:15] = NAN
     columns.dt_s[20] = -1.0
     _, estimates = run("ekf", columns)
-    counts = Counter({flag: len(flagged(estimates, flag)) for flag in Flag})
-    assert counts[Flag.NO_VOLTAGE] == LAST - FIRST
-    assert counts[Flag.NO_CURRENT] == 5
-    assert counts[Flag.BAD_TIME] == 1
+    counts = Counter({flag: len(flagged(estimates, flag)) for flag in SocFlag})
+    assert counts[SocFlag.NO_VOLTAGE] == LAST - FIRST
+    assert counts[SocFlag.NO_CURRENT] == 5
+    assert counts[SocFlag.BAD_TIME] == 1
 
 
 LASTING: dict[str, dict[str, Any]] = {
@@ -141,7 +141,7 @@ def test_half_an_hour_of_a_fault_is_survived_and_the_estimate_returns(name, faul
 @pytest.mark.parametrize("fault", ["voltage +0.2 V", "voltage -0.2 V", "voltage of another battery", "current stuck"])
 def test_a_lasting_contradiction_is_noticed_in_time(fault):
     _, estimates = run("ekf", broken(OUTAGE, **LASTING[fault]))
-    lost = flagged(estimates, Flag.LOST)
+    lost = flagged(estimates, SocFlag.LOST)
     assert lost.size
     assert lost[0] >= FIRST + 60
     assert estimates.soc_std[lost[0] : LAST].max() > 0.1
@@ -149,7 +149,7 @@ def test_a_lasting_contradiction_is_noticed_in_time(fault):
 
 def test_nothing_is_lost_without_a_fault():
     _, estimates = run("ekf", broken(ONE))
-    assert not flagged(estimates, Flag.LOST | Flag.VOLTAGE_REJECTED).size
+    assert not flagged(estimates, SocFlag.LOST | SocFlag.VOLTAGE_REJECTED).size
 
 
 @pytest.mark.parametrize("name", ["ekf", "ukf", "coulomb"])
@@ -158,11 +158,11 @@ def test_without_a_current_sigma_grows_as_without_samples(name):
     columns = broken(OUTAGE, current_A=NAN, voltage_V=NAN)
     _, dark = run(name, columns)
     keep = np.r_[0:FIRST, LAST - 1 : LENGTH]
-    short = Sample(*(column[keep] for column in columns))._replace(dt_s=np.diff(TRUTH.time_s[keep], prepend=0.0))
+    short = SocSample(*(column[keep] for column in columns))._replace(dt_s=np.diff(TRUTH.time_s[keep], prepend=0.0))
     _, gap = run(name, short)
     assert gap.soc_std[FIRST] == pytest.approx(dark.soc_std[LAST - 1], rel=0.02)
     assert gap.soc_std[FIRST] > 0.14
-    assert int(gap.flags[FIRST]) & Flag.GAP
+    assert int(gap.flags[FIRST]) & SocFlag.GAP
 
 
 @pytest.mark.parametrize("model", [NMC, LFP], ids=["nmc", "lfp"])
@@ -171,7 +171,7 @@ def test_after_an_hour_off_sigma_covers_what_may_have_happened(model, inside_A):
     current = np.concatenate([drive(np.random.default_rng(3), 1200), np.full(3600, inside_A), np.full(1200, -0.5)])
     truth = simulate(model, current, 0.8)
     keep = np.r_[0:1200, 4800:6000]
-    columns = Sample(*(column[keep] for column in samples(truth, 0.02, NOISE)))
+    columns = SocSample(*(column[keep] for column in samples(truth, 0.02, NOISE)))
     columns = columns._replace(dt_s=np.diff(truth.time_s[keep], prepend=0.0))
     estimator = TheveninFilter(model, NOISE)
     state = estimator.init(row(columns, 0), 0.8)
@@ -182,10 +182,10 @@ def test_after_an_hour_off_sigma_covers_what_may_have_happened(model, inside_A):
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 @pytest.mark.parametrize(
-    "first", [Sample(NAN, NAN, NAN, NAN), Sample(0.0, 1e300, 1e300, 1e300), Sample(-1.0, INF, 0.0, -INF)]
+    "first", [SocSample(NAN, NAN, NAN, NAN), SocSample(0.0, 1e300, 1e300, 1e300), SocSample(-1.0, INF, 0.0, -INF)]
 )
 def test_a_first_sample_of_garbage_is_a_start_from_nothing(name, first):
-    estimator, sample = ESTIMATORS[name], Sample(*first)
+    estimator, sample = ESTIMATORS[name], SocSample(*first)
     _, estimate = estimator.step(estimator.init(sample), sample)
     assert estimate.soc == pytest.approx(0.5, abs=0.01)
     assert estimate.soc_std == pytest.approx(0.289, abs=0.01)
@@ -200,9 +200,9 @@ anything = st.one_of(
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.builds(Sample, anything, anything, anything, anything), min_size=1, max_size=60))
+@given(st.lists(st.builds(SocSample, anything, anything, anything, anything), min_size=1, max_size=60))
 def test_whatever_the_samples_hold_the_estimate_is_one(name, garbage):
-    columns = Sample(*(np.array(column) for column in zip(*garbage, strict=True)))
+    columns = SocSample(*(np.array(column) for column in zip(*garbage, strict=True)))
     state, estimates = run(name, columns)
     assert_sane(estimates)
     if hasattr(state, "belief"):
@@ -229,7 +229,7 @@ def test_a_hundred_thousand_samples_of_garbage(name):
         return np.where(rng.random(100_000) < 0.3, absurd, plausible)
 
     with np.errstate(all="ignore"):
-        columns = Sample(column(0.0, 3.0), column(-20.0, 20.0), column(2.0, 5.0), column(-20.0, 60.0))
+        columns = SocSample(column(0.0, 3.0), column(-20.0, 20.0), column(2.0, 5.0), column(-20.0, 60.0))
     state, estimates = run(name, columns)
     assert_sane(estimates)
     if hasattr(state, "belief"):
@@ -245,7 +245,7 @@ def test_a_million_steps(name):
     current = np.concatenate([swing[1350:], swing[:1350]])
     truth = simulate(NMC, current, 0.5)
     one = samples(truth, 0.02, NOISE)
-    columns = Sample(*(np.tile(column, repeats) for column in one))
+    columns = SocSample(*(np.tile(column, repeats) for column in one))
     columns.dt_s[:] = 1.0
     state, estimates = run(name, columns)
     assert_sane(estimates)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, STRAIGHT
-from ohmward.battery.models.noise import Noise
-from ohmward.battery.models.thevenin import Input
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.initial_soc import first_voltage_std, initial_soc
 from ohmward.errors import InputError
 
-REST = Input(0.0, 25.0)
-NOISE = Noise()
+REST = CircuitInput(0.0, 25.0)
+NOISE = BatteryNoise()
 
 
 def test_nothing_known_is_uniform():
@@ -44,7 +44,7 @@ def test_a_value_that_is_surely_known_is_kept_wherever_it_lies(soc, soc_std):
 
 
 def test_a_current_is_taken_out_of_the_voltage():
-    assert initial_soc(3.5 - 2 * 0.02, Input(-2.0, 25.0), STRAIGHT, NOISE).soc == pytest.approx(0.5, abs=1e-4)
+    assert initial_soc(3.5 - 2 * 0.02, CircuitInput(-2.0, 25.0), STRAIGHT, NOISE).soc == pytest.approx(0.5, abs=1e-4)
 
 
 def test_a_value_that_the_voltage_contradicts_is_overruled():

@@ -9,8 +9,8 @@ from battery.examples import NMC, drive, simulate
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, Settings, make_estimator
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
@@ -31,14 +31,14 @@ FAULTS: dict[str, tuple[float, ...]] = {
 }
 
 
-def faulty_samples() -> Sample:
+def faulty_samples() -> SocSample:
     """A drive at intervals from 0.05 to 20 s; one sample in thirty carries a fault, some faults last for a while."""
     rng = np.random.default_rng(5)
     truth = simulate(NMC, drive(rng, STEPS, -0.1, rest_every=3), 0.8)
     dt_s = 10.0 ** rng.uniform(-1.3, 1.3, STEPS)
     columns = [dt_s, truth.current_A + 0.01, truth.voltage_V, 20.0 + 5.0 * rng.standard_normal(STEPS)]
     columns[0][0] = 0.0
-    samples = Sample(*columns)
+    samples = SocSample(*columns)
     for name, values in FAULTS.items():
         for at in rng.integers(1, STEPS, STEPS // 30):
             lasting = 1 if name == "dt_s" else int(rng.integers(1, 4))
@@ -54,9 +54,9 @@ SAMPLES = faulty_samples()
 
 def scanned(name: str, lowering: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Estimates by field, and the scalars of the last state."""
-    estimator = make_estimator(name, BATTERY, Settings(idle_current_A=0.0))
-    state = estimator.init(Sample(*(float(c[0]) for c in SAMPLES)))
-    kernel = Kernel(estimator.step, state, Sample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+    estimator = make_estimator(name, BATTERY, EstimatorSettings(idle_current_A=0.0))
+    state = estimator.init(SocSample(*(float(c[0]) for c in SAMPLES)))
+    kernel = Kernel(estimator.step, state, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
     after, estimates = kernel.scan(state, SAMPLES)
     return estimates._asdict(), np.array(flat(after))
 
@@ -71,14 +71,21 @@ def flat(tree) -> list[float]:
 def test_machine_code_is_python_on_a_log_with_every_fault(name):
     (expected, last), (found, also_last) = (scanned(name, lowering) for lowering in ("python", "machine"))
     np.testing.assert_array_equal(found["flags"], expected["flags"])
-    for field in Estimate._fields:
+    for field in SocEstimate._fields:
         np.testing.assert_allclose(found[field], expected[field], rtol=1e-9, atol=1e-9, err_msg=field)
     np.testing.assert_allclose(also_last, last, rtol=1e-9, atol=1e-9)
 
 
 def test_the_log_has_every_fault():
     flags = np.bitwise_or.reduce(scanned("ekf", "python")[0]["flags"].astype(int))
-    wanted = Flag.NO_CURRENT | Flag.NO_VOLTAGE | Flag.BAD_TIME | Flag.GAP | Flag.VOLTAGE_REJECTED | Flag.REST
+    wanted = (
+        SocFlag.NO_CURRENT
+        | SocFlag.NO_VOLTAGE
+        | SocFlag.BAD_TIME
+        | SocFlag.GAP
+        | SocFlag.VOLTAGE_REJECTED
+        | SocFlag.REST
+    )
     assert flags & wanted == wanted
 
 

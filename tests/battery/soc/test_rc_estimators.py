@@ -11,15 +11,15 @@ import pytest
 from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
 from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc import rc_linear
-from ohmward.battery.soc.clean_sample import read
+from ohmward.battery.soc.clean_sample import sanitize
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.rc_kalman import RcKalman
 from ohmward.battery.soc.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
 from ohmward.battery.soc.rc_soc import SOC, Parameters, RcSoc
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
@@ -28,7 +28,7 @@ from ohmward.trace import Kernel
 
 NAN = math.nan
 MODEL = model_of(EVEN)
-SENSORS = Noise(
+SENSORS = BatteryNoise(
     voltage_std_V=0.002,
     model_std_V=(1e-4, 1e-4),
     overpotential_share=0.0,
@@ -54,7 +54,7 @@ def simulated(seed=0, count=1500, **options):
 @cache
 def kernel_of(name):
     estimator = ESTIMATORS[name]
-    first = Sample(0.0, 0.0, 12.5, NAN)
+    first = SocSample(0.0, 0.0, 12.5, NAN)
     return Kernel(estimator.step, estimator.init(first), first)
 
 
@@ -187,17 +187,20 @@ def test_scheme_starts_with_the_same_lasting_resistance():
 
 
 FAULTS = {
-    "no voltage": ({"voltage_V": NAN}, Flag.NO_VOLTAGE),
-    "no current": ({"current_A": NAN}, Flag.NO_CURRENT),
-    "no time": ({"dt_s": NAN}, Flag.BAD_TIME),
-    "time backwards": ({"dt_s": -5.0}, Flag.BAD_TIME),
-    "gap": ({"dt_s": 1200.0, "voltage_V": NAN}, Flag.GAP | Flag.NO_VOLTAGE),
-    "voltage spike": ({"voltage_V": 20.0}, Flag.VOLTAGE_REJECTED),
-    "voltage wire off": ({"voltage_V": 0.0}, Flag.NO_VOLTAGE),
-    "voltage of no such battery": ({"voltage_V": 40.0}, Flag.NO_VOLTAGE),
-    "current of no such battery": ({"current_A": -1e4}, Flag.NO_CURRENT),
-    "nothing": ({"dt_s": NAN, "current_A": NAN, "voltage_V": NAN}, Flag.BAD_TIME | Flag.NO_CURRENT | Flag.NO_VOLTAGE),
-    "repeated": ({"dt_s": 0.0}, Flag(0)),
+    "no voltage": ({"voltage_V": NAN}, SocFlag.NO_VOLTAGE),
+    "no current": ({"current_A": NAN}, SocFlag.NO_CURRENT),
+    "no time": ({"dt_s": NAN}, SocFlag.BAD_TIME),
+    "time backwards": ({"dt_s": -5.0}, SocFlag.BAD_TIME),
+    "gap": ({"dt_s": 1200.0, "voltage_V": NAN}, SocFlag.GAP | SocFlag.NO_VOLTAGE),
+    "voltage spike": ({"voltage_V": 20.0}, SocFlag.VOLTAGE_REJECTED),
+    "voltage wire off": ({"voltage_V": 0.0}, SocFlag.NO_VOLTAGE),
+    "voltage of no such battery": ({"voltage_V": 40.0}, SocFlag.NO_VOLTAGE),
+    "current of no such battery": ({"current_A": -1e4}, SocFlag.NO_CURRENT),
+    "nothing": (
+        {"dt_s": NAN, "current_A": NAN, "voltage_V": NAN},
+        SocFlag.BAD_TIME | SocFlag.NO_CURRENT | SocFlag.NO_VOLTAGE,
+    ),
+    "repeated": ({"dt_s": 0.0}, SocFlag(0)),
 }
 
 
@@ -206,12 +209,12 @@ FAULTS = {
 def test_fault_is_flagged_and_survived(name, fault):
     changes, flag = FAULTS[fault]
     run = simulated(soc=0.8)
-    samples = Sample(*(c.copy() for c in run.samples))
+    samples = SocSample(*(c.copy() for c in run.samples))
     for column, value in changes.items():
         getattr(samples, column)[705] = value
     found = estimated(name, samples)
     assert found.flags[705] == float(flag)
-    assert np.count_nonzero(found.flags.astype(int) & ~int(Flag.SOC_LIMITED)) == (1 if flag else 0)
+    assert np.count_nonzero(found.flags.astype(int) & ~int(SocFlag.SOC_LIMITED)) == (1 if flag else 0)
     assert np.isfinite(found.soc).all()
     assert np.isfinite(found.voltage_V).all()
     assert np.abs(found.soc - run.soc)[800:].max() < (0.05 if fault == "gap" else 0.02)
@@ -223,10 +226,10 @@ def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
     run = simulated(soc=0.6)
     samples = run.samples._replace(voltage_V=run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700))
     found = estimated(name, samples)
-    rejected = (found.flags.astype(int) & Flag.VOLTAGE_REJECTED) > 0
+    rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[700:760].all()
     assert not rejected[770:].any()
-    assert np.count_nonzero(found.flags.astype(int) & Flag.LOST) <= 3
+    assert np.count_nonzero(found.flags.astype(int) & SocFlag.LOST) <= 3
     assert found.soc[-1] - run.soc[-1] > 0.1
 
 
@@ -236,16 +239,16 @@ def test_scheme_survives_a_joint_filter_that_is_lost():
     state = scheme.init(row(run.samples, 0))
     lost = state.joint.belief._replace(mean=np.full(7, NAN), lower=np.full(28, NAN))
     state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
-    assert estimate.flags == Flag.NOT_POSITIVE_DEFINITE
+    assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
     assert (estimate.capacity_share, estimate.resistance_share) == (1.0, 1.0)
-    _, found = kernel_of("scheme").scan(state, Sample(*(c[1:] for c in run.samples)))
+    _, found = kernel_of("scheme").scan(state, SocSample(*(c[1:] for c in run.samples)))
     assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
 
 
 @pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
 def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
     estimator = RcSoc(MODEL, SENSORS)
-    state, sample = estimator.init(Sample(0.0, -5.0, 12.6, NAN)), Sample(10.0, -5.0, 12.6, NAN)
+    state, sample = estimator.init(SocSample(0.0, -5.0, 12.6, NAN)), SocSample(10.0, -5.0, 12.6, NAN)
     _, sure = estimator.step(state, sample, Parameters(EVEN))
     _, unsure = estimator.step(state, sample, Parameters(EVEN, **{doubt: 0.5}))
     assert unsure.voltage_std_V > 1.1 * sure.voltage_std_V
@@ -253,7 +256,7 @@ def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
 
 def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
     noise = replace(SENSORS, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
-    reading = read(Sample(10.0, 1.0, 12.0, NAN), 1.0, 25.0, 600.0)
+    reading = sanitize(SocSample(10.0, 1.0, 12.0, NAN), 1.0, 25.0, 600.0)
     once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
     assert rc_linear.voltage_variance(reading, 0.5, 1.2, noise, 0.1) == pytest.approx(20 * once)
     rarely = reading._replace(dt_s=300.0)
@@ -266,12 +269,12 @@ def test_charge_beyond_full_is_limited_and_said(name):
     samples = run.samples._replace(current_A=np.full(1500, 6.0), voltage_V=np.full(1500, NAN))
     found = estimated(name, samples, soc=0.98)
     assert found.soc.max() <= 1.0
-    assert int(found.flags[-1]) & Flag.SOC_LIMITED
+    assert int(found.flags[-1]) & SocFlag.SOC_LIMITED
 
 
 @ALL
 def test_traced_step_is_the_step(name):
-    samples = Sample(*(c[:80] for c in simulated(soc=0.7).samples))
+    samples = SocSample(*(c[:80] for c in simulated(soc=0.7).samples))
     estimator = ESTIMATORS[name]
     state, by_float = estimator.init(row(samples, 0)), []
     for k in range(80):
@@ -290,7 +293,7 @@ def test_bad_settings_are_refused(kind, name):
 
 
 def test_names_belong_to_the_state():
-    first = Sample(0.0, 0.0, 12.5, NAN)
+    first = SocSample(0.0, 0.0, 12.5, NAN)
     for estimator in (ESTIMATORS["kalman"], ESTIMATORS["soc"]):
         assert len(estimator.state_names) == len(estimator.init(first).belief.mean)
     names = ESTIMATORS["soc"].state_names

@@ -8,18 +8,18 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
 from ohmward.errors import InputError
 from ohmward.filters import unscented
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 
-NOISE = Noise(current_offset_std_A=0.0)
-FIRST = Sample(0.0, 0.0, 3.7, 25.0)
+NOISE = BatteryNoise(current_offset_std_A=0.0)
+FIRST = SocSample(0.0, 0.0, 3.7, 25.0)
 both = pytest.mark.parametrize("method", ["ekf", "ukf"])
 
 
@@ -43,7 +43,7 @@ def test_on_a_straight_curve_it_is_filterpys_kalman_filter(method):
     state, peer, before = filter_.start(FIRST, 0.5, 0.1), filterpy_of(2.0), 0.0
     for _ in range(50):
         current, voltage = rng.normal(-1.0, 0.5), rng.normal(3.6, 0.05)
-        state, estimate = filter_.step(state, Sample(2.0, current, voltage, 25.0))
+        state, estimate = filter_.step(state, SocSample(2.0, current, voltage, 25.0))
         peer.predict(u=np.array([[0.5 * (current + before)]]))
         peer.update(voltage - 3.0 - 0.02 * current)
         before = current
@@ -81,16 +81,16 @@ def test_bad_samples_do_not_stop_it(method):
     filter_ = TextbookFilter(NMC, NOISE, method)
     state = filter_.init(FIRST, 0.5)
     bad = [
-        Sample(1.0, math.nan, 3.7, math.nan),
-        Sample(1.0, -1.0, math.nan, 25.0),
-        Sample(-5.0, -1.0, 3.7, 25.0),
-        Sample(math.inf, -1.0, 3.7, 25.0),
-        Sample(math.nan, math.inf, -math.inf, 25.0),
+        SocSample(1.0, math.nan, 3.7, math.nan),
+        SocSample(1.0, -1.0, math.nan, 25.0),
+        SocSample(-5.0, -1.0, 3.7, 25.0),
+        SocSample(math.inf, -1.0, 3.7, 25.0),
+        SocSample(math.nan, math.inf, -math.inf, 25.0),
     ]
     for sample in bad:
         state, estimate = filter_.step(state, sample)
         assert math.isfinite(estimate.soc) and math.isfinite(estimate.soc_std)
-    assert int(estimate.flags) & Flag.NO_VOLTAGE
+    assert int(estimate.flags) & SocFlag.NO_VOLTAGE
 
 
 def test_another_method_is_refused():
@@ -111,7 +111,7 @@ def test_the_unscented_filter_is_that_of_all_sigma_points():
         prior = filter_.predict(unpack(state.belief), 0.5 * (current + state.current_A), 1.0)
         drop_V = ohmic_resistance(prior.mean[0], filter_.input(current), NMC) * current
         expected = unscented.correct(prior, y, partial(voltage, drop_V), R)
-        state, estimate = filter_.step(state, Sample(1.0, current, y[0], 25.0))
+        state, estimate = filter_.step(state, SocSample(1.0, current, y[0], 25.0))
         np.testing.assert_allclose(state.belief.mean, expected.belief.mean, rtol=1e-10, atol=1e-13)
         np.testing.assert_allclose(unpack(state.belief).cov, expected.belief.cov, rtol=1e-9, atol=1e-15)
         assert estimate.innovation_V == pytest.approx(expected.innovation.value[0], abs=1e-12)
@@ -123,6 +123,6 @@ def test_without_a_voltage_it_is_the_prediction_to_the_bit(method):
     filter_ = TextbookFilter(NMC, NOISE, method)
     state = filter_.start(FIRST, 0.5, 0.1)
     prior = filter_.predict(unpack(state.belief), -0.5, 2.0)
-    after, _ = filter_.step(state, Sample(2.0, -1.0, math.nan, 25.0))
+    after, _ = filter_.step(state, SocSample(2.0, -1.0, math.nan, 25.0))
     np.testing.assert_array_equal(after.belief.mean, prior.mean)
     np.testing.assert_array_equal(unpack(after.belief).cov, prior.cov)

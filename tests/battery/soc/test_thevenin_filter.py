@@ -8,19 +8,19 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from battery.examples import LFP, NMC, STRAIGHT, drive, row, samples, simulate
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.trace import Kernel, linearize
 
 METHODS = ["ekf", "ukf"]
-NOISE = Noise()
+NOISE = BatteryNoise()
 #: Only white voltage noise, current noise and what the circuit itself has: the filter is then a plain textbook one.
-PLAIN = Noise(
+PLAIN = BatteryNoise(
     model_std_V=(0.0, 0.0),
     overpotential_share=0.0,
     soc_axis_std=0.0,
@@ -79,7 +79,7 @@ def test_is_the_filter_of_filterpy(method):
 
 def peer_step(settings, state, sample):
     """Mean and covariance that FilterPy has after the sample."""
-    reading, (mean, cov) = settings.read(state, sample), unpack(state.belief)
+    reading, (mean, cov) = settings.sanitize(state, sample), unpack(state.belief)
     Q, y = settings.process_noise(state, reading).astype(float), np.array([sample.voltage_V])
 
     def f(x, _dt=None):
@@ -122,7 +122,7 @@ def test_rest_shows_the_offset_of_the_current_sensor(method, offset_A):
     truth = simulate(LFP, drive(np.random.default_rng(5), 3000), 0.8)
     _, estimates = scan(TheveninFilter(LFP, NOISE, method, idle_current_A=0.0), samples(truth, offset_A, NOISE), 0.8)
     assert estimates.current_offset_A[-1] == pytest.approx(offset_A, abs=0.008)
-    assert np.mean(estimates.flags.astype(int) & Flag.REST > 0) == pytest.approx(1 / 8, abs=0.07)
+    assert np.mean(estimates.flags.astype(int) & SocFlag.REST > 0) == pytest.approx(1 / 8, abs=0.07)
 
 
 def test_rest_at_the_declared_idle_current_is_no_offset():
@@ -134,14 +134,14 @@ def test_rest_at_the_declared_idle_current_is_no_offset():
 def test_without_a_declared_rest_it_learns_no_offset_from_one():
     truth = simulate(LFP, np.zeros(600), 0.5)
     _, estimates = scan(TheveninFilter(LFP, NOISE), samples(truth, 0.05, NOISE), 0.5)
-    assert not np.any(estimates.flags.astype(int) & Flag.REST)
+    assert not np.any(estimates.flags.astype(int) & SocFlag.REST)
 
 
 def test_a_small_true_current_is_no_rest_once_the_offset_is_known():
     current = np.concatenate([np.zeros(900), np.full(900, -0.25)])
     columns = samples(simulate(LFP, current, 0.8), 0.05, NOISE)
     _, estimates = scan(TheveninFilter(LFP, NOISE, idle_current_A=0.0), columns, 0.8)
-    resting = estimates.flags.astype(int) & Flag.REST > 0
+    resting = estimates.flags.astype(int) & SocFlag.REST > 0
     assert resting[100:900].mean() > 0.75
     assert not resting[901:].any()
     assert estimates.current_offset_A[-1] == pytest.approx(0.05, abs=0.01)
@@ -168,10 +168,10 @@ def test_a_wrong_start_that_no_first_voltage_corrects_is_recovered():
 @pytest.mark.parametrize("dt_s", [0.0, 1.0, 100.0, 5000.0])
 def test_process_noise_is_never_negative(current_A, dt_s):
     settings = TheveninFilter(LFP, NOISE)
-    state = settings.init(Sample(0.0, -1.0, 3.3, 25.0))
+    state = settings.init(SocSample(0.0, -1.0, 3.3, 25.0))
     for _ in range(3):
-        sample = Sample(dt_s, current_A, 3.3, 25.0)
-        assert np.all(np.diag(settings.process_noise(state, settings.read(state, sample))) >= 0.0)
+        sample = SocSample(dt_s, current_A, 3.3, 25.0)
+        assert np.all(np.diag(settings.process_noise(state, settings.sanitize(state, sample))) >= 0.0)
         state, _ = settings.step(state, sample)
 
 
@@ -239,7 +239,7 @@ def test_estimates_stay_within_empty_and_full():
     columns = samples(truth, 1.0)
     _, estimates = scan(TheveninFilter(replace(LFP, ocv=full), NOISE), columns, 0.99)
     assert estimates.soc.max() == 1.0
-    assert np.any(estimates.flags.astype(int) & Flag.SOC_LIMITED)
+    assert np.any(estimates.flags.astype(int) & SocFlag.SOC_LIMITED)
 
 
 def test_names_of_the_belief():

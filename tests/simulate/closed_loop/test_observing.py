@@ -17,13 +17,13 @@ from ohmward.simulate.closed_loop.observing import (
 from ohmward.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
 from ohmward.traction import RLMA, SkidSteer
 from ohmward.traction.friction.law import contact
-from ohmward.traction.speed_observer.estimate import Sample
+from ohmward.traction.speed_observer.estimate import SlipSample
 
 BASE = Patch(friction=0.5)
 
 
 def sample(dt_s, wheel_speed_rad_s):
-    return Sample(dt_s, np.array([wheel_speed_rad_s] * 2 + [math.nan] * 2), np.zeros(2))
+    return SlipSample(dt_s, np.array([wheel_speed_rad_s] * 2 + [math.nan] * 2), np.zeros(2))
 
 
 def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():

@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.ground import Patch
-from ohmward.simulate.closed_loop.sensing import ExternalSpeed, Sensing, Sensors
+from ohmward.simulate.closed_loop.sensing import ExternalSpeed, Sensing, SensorSuite
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward.traction import RLMA
 
@@ -22,7 +22,7 @@ def truths():
 
 def watch(sensing, truths, seed=1):
     """When each sample arrives, and what arrives."""
-    sensors = Sensors(sensing, RLMA, np.random.default_rng(seed))
+    sensors = SensorSuite(sensing, RLMA, np.random.default_rng(seed))
     return [(truth.time_s, arrival) for truth in truths for arrival in sensors.see(truth)]
 
 
@@ -90,7 +90,7 @@ def test_a_speed_from_outside_may_be_lost(truths):
 
 
 def test_the_drives_know_their_wheels_to_within_their_noise(truths):
-    sensors = Sensors(replace(QUIET, drive_speed_std_rad_s=0.05), RLMA, np.random.default_rng(2))
+    sensors = SensorSuite(replace(QUIET, drive_speed_std_rad_s=0.05), RLMA, np.random.default_rng(2))
     error = np.array([sensors.drive_speeds(t) - t.wheel_speed_rad_s[:2] for t in truths])
     assert error.std() == pytest.approx(0.05, rel=0.2)
 

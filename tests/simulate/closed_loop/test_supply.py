@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.models.thevenin import Input
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.power_limit import affordable_share, available_torque
-from ohmward.simulate.closed_loop.supply import Load, Pack, Supply, current_for_power, step
+from ohmward.simulate.closed_loop.supply import ElectricalLoad, Pack, Supply, current_for_power, step
 from ohmward.simulate.plant import heat, resting_state
 from ohmward.traction import RLMA
 from simulate.examples import simple_battery
@@ -53,8 +53,8 @@ def test_a_full_battery_takes_back_no_more_than_its_charger_would():
 
 def test_losses_warm_the_battery():
     battery = simple_battery()
-    state, now = step(resting_state(battery, 0.5), Load(1.0, 400.0, 25.0), battery)
-    assert state.heat_J == pytest.approx(heat(state.x, Input(now.current_A, 25.0), battery))
+    state, now = step(resting_state(battery, 0.5), ElectricalLoad(1.0, 400.0, 25.0), battery)
+    assert state.heat_J == pytest.approx(heat(state.x, CircuitInput(now.current_A, 25.0), battery))
     assert now.temperature_degC == pytest.approx(25.0 + state.heat_J / battery.heat_capacity_J_per_K, rel=1e-3)
 
 

@@ -8,9 +8,9 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
-from ohmward.traction import RLMA, Input, RollingResistance, Terrain, scene, step
+from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, scene, step
 from ohmward.traction.calibration import (
-    Drive,
+    CalibrationDrive,
     Parameter,
     calibrate_motor,
     calibrate_radius,
@@ -45,7 +45,7 @@ def straight():
     plant, dt_s = scene(truth, floor), 0.01
 
     def one(x, current_A):
-        result = step(x, Input(current_A), plant, dt_s)
+        result = step(x, RobotInput(current_A), plant, dt_s)
         return result.state, result.state
 
     kernel, drives = Kernel(one, np.zeros(4), np.zeros(2)), []
@@ -59,7 +59,7 @@ def straight():
         speeds[:, :2] = states[:, 2:] + rng.normal(0.0, 0.05, (t.size, 2))
         log = DriveLog("rlma", t, speeds, current + rng.normal(0.0, 0.1, current.shape))
         motion = np.column_stack([states[:, 0] + rng.normal(0.0, 0.01, t.size), states[:, 1]])
-        drives.append(Drive(log, motion))
+        drives.append(CalibrationDrive(log, motion))
     return truth, drives
 
 

@@ -10,7 +10,7 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmwa
 from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
 from ohmward.simulate.robot_truth import stack
 from ohmward.traction.control import (
-    Flag,
+    ControlFlag,
     FuzzySlidingMode,
     Measurement,
     SlipCommand,
@@ -97,7 +97,7 @@ def test_case_1_braking_on_slippery_ground():
     fast = (truth.time_s > 0.06) & (truth.speed_m_s > 0.25)
     assert np.abs(truth.slip_ratio[fast, :2] + 0.18).max() <= 0.02
     assert truth.speed_m_s.min() > -0.05
-    assert flags[-1, 0] & Flag.STOPPED
+    assert flags[-1, 0] & ControlFlag.STOPPED
 
 
 def test_case_2_driving_on_the_normal_floor_then_braking_on_the_slippery_one():
@@ -120,4 +120,4 @@ def test_the_speed_loop_stays_within_its_bound_where_the_floor_turns_slippery():
     assert (truth.slip_speed_m_s[late, :2] <= np.maximum(0.12 * rim[late], control.creep_m_s) + 0.01).all()
     hard = late & (truth.time_s < 1.4)
     assert (truth.traction_N[hard, :2] >= 0.99 * 0.2 * truth.normal_N[hard, :2]).all()
-    assert (flags[900:, 0] & Flag.SLIP_BOUND).any()
+    assert (flags[900:, 0] & ControlFlag.SLIP_BOUND).any()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
 from ohmward.traction.control import (
-    Flag,
+    ControlFlag,
     FuzzySlidingMode,
     Limits,
     Measurement,
@@ -102,7 +102,7 @@ def test_braking_opposes_travel_whatever_direction_is_commanded():
 def test_braking_ends_in_a_stop_without_torque():
     start = Truth(0.5 / WHEEL.radius_m, 0.5)
     steps = drive(controller(), hold(-0.18), DRY, 1.0, start=start)
-    assert flagged(steps, Flag.STOPPED)[-1]
+    assert flagged(steps, ControlFlag.STOPPED)[-1]
     assert steps[-1][1] == 0.0
     assert abs(steps[-1][0].speed_m_s) < 0.05
     assert min(x.speed_m_s for x, _, _ in steps) > -0.05
@@ -135,7 +135,7 @@ def test_a_stale_speed_takes_the_torque_away_and_the_memory():
     for _ in range(5):
         stale = Measurement(0.0, 0.0, age_s=0.11)
         state, torque, report = control.step(state, SlipCommand(0.12), stale, DT)
-        assert int(report.flags) & Flag.STALE
+        assert int(report.flags) & ControlFlag.STALE
     assert torque == 0.0
     assert state.memory.integral_Nm == 0.0
     assert state.slip_target == 0.0
@@ -157,14 +157,14 @@ def test_the_integral_does_not_wind_up_at_the_limit():
 
 def test_a_slip_that_the_ground_does_not_give_is_said():
     strong_ground = drive(controller(limits=Limits(2.0)), hold(0.5), DRY, 1.0)
-    assert flagged(strong_ground, Flag.UNREACHABLE)[-1]
-    assert not any(flagged(drive(controller(), hold(0.5), SLIPPERY, 1.0), Flag.UNREACHABLE))
+    assert flagged(strong_ground, ControlFlag.UNREACHABLE)[-1]
+    assert not any(flagged(drive(controller(), hold(0.5), SLIPPERY, 1.0), ControlFlag.UNREACHABLE))
 
 
 @pytest.mark.parametrize("slip", [1.0, -1.5, math.nan])
 def test_a_command_that_is_no_slip_is_said_and_gives_no_torque(slip):
     steps = drive(controller(), hold(slip), DRY, 0.1)
-    assert all(flagged(steps, Flag.BAD_COMMAND))
+    assert all(flagged(steps, ControlFlag.BAD_COMMAND))
     assert {torque for _, torque, _ in steps} == {0.0}
 
 

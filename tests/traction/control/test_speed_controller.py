@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward.traction.control import Flag, Limits, Measurement, SpeedCommand, SpeedController
+from ohmward.traction.control import ControlFlag, Limits, Measurement, SpeedCommand, SpeedController
 from traction.control.examples import DRY, LIMITS, SLIDING, SLIPPERY, WHEEL, Truth, drive, measured, turn
 
 DT = 1e-3
@@ -33,7 +33,7 @@ def test_where_the_wheel_grips_the_speed_follows_its_ramp():
     speeds = np.array([x.speed_m_s for x, _, _ in steps])
     assert speeds[499] == pytest.approx(0.25, abs=0.02)
     assert speeds[-1] == pytest.approx(0.5, abs=0.002)
-    assert flagged(steps, Flag.SLIP_BOUND).mean() < 0.01
+    assert flagged(steps, ControlFlag.SLIP_BOUND).mean() < 0.01
 
 
 def test_a_ramp_that_eases_off_covers_as_much_in_the_same_time_with_eight_ninths_of_the_loss():
@@ -54,7 +54,7 @@ def test_where_the_ground_gives_way_slip_stays_at_its_bound_and_it_is_said():
     speed = np.array([WHEEL.radius_m * x.wheel_speed_rad_s for x, _, _ in steps])
     bound = np.maximum(0.12 * speed, hard.creep_m_s)
     assert (slips_m_s(steps) <= bound + 0.01).all()
-    assert flagged(steps, Flag.SLIP_BOUND)[100:].all()
+    assert flagged(steps, ControlFlag.SLIP_BOUND)[100:].all()
     assert slips_m_s(steps)[100:] == pytest.approx(bound[100:], abs=0.003)
 
 
@@ -62,7 +62,7 @@ def test_braking_has_its_bound_too():
     hard = SpeedController(WHEEL, SLIDING, LIMITS, acceleration_m_s2=8.0)
     steps = drive(hard, go(0.0), SLIPPERY, 0.5, start=Truth(2.0 / WHEEL.radius_m, 2.0))
     assert slips_m_s(steps).min() >= -0.12 * 2.0 - 0.01
-    assert flagged(steps, Flag.SLIP_BOUND)[100:].all()
+    assert flagged(steps, ControlFlag.SLIP_BOUND)[100:].all()
 
 
 def test_after_a_slippery_stretch_the_speed_does_not_overshoot():
@@ -109,7 +109,7 @@ def test_reverse_is_the_mirror_image():
 def test_a_robot_that_stands_holds_its_place_on_a_slope():
     start = Truth(0.02 / WHEEL.radius_m, 0.02)
     steps = drive(CONTROL, go(0.0), DRY, 6.0, start=start, pull_N=10.0)
-    assert flagged(steps, Flag.STOPPED)[-1]
+    assert flagged(steps, ControlFlag.STOPPED)[-1]
     assert steps[-1][1] == pytest.approx(10.0 * WHEEL.radius_m, rel=0.02)
     rim = np.array([WHEEL.radius_m * x.wheel_speed_rad_s for x, _, _ in steps])
     assert abs(rim[-1]) < 1e-3
@@ -142,7 +142,7 @@ def test_the_limits_are_never_exceeded_whatever_comes(sequence):
 )
 def test_a_command_that_is_none_is_said_and_gives_no_torque(command):
     steps = drive(CONTROL, lambda _: command, DRY, 0.05)
-    assert flagged(steps, Flag.BAD_COMMAND).all()
+    assert flagged(steps, ControlFlag.BAD_COMMAND).all()
     assert {torque for _, torque, _ in steps} == {0.0}
 
 
@@ -154,7 +154,7 @@ def test_a_stale_speed_takes_the_torque_away_and_the_ramp_starts_anew():
     for _ in range(5):
         state, torque, report = CONTROL.step(state, SpeedCommand(1.0), Measurement(0.0, 0.0, 0.2), DT)
     assert (torque, state.integral_m, state.reference_m_s) == (0.0, 0.0, 0.0)
-    assert int(report.flags) & Flag.STALE
+    assert int(report.flags) & ControlFlag.STALE
 
 
 def test_it_traces_and_the_compiled_step_is_the_same():

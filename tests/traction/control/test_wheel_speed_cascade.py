@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.traction.control import Flag, Limits, Measurement, SlipCommand, WheelSpeedCascade, WheelSpeedDrive
+from ohmward.traction.control import ControlFlag, Limits, Measurement, SlipCommand, WheelSpeedCascade, WheelSpeedDrive
 from ohmward.traction.control.surface import surface
 from ohmward.traction.control.wheel_speed_cascade import rim_speed_m_s
 from traction.control.examples import DRY, LIMITS, SLIPPERY, WHEEL, Truth, measured, turn
@@ -40,9 +40,9 @@ def test_at_50_hz_it_holds_a_slip(ground, direction):
 def test_what_cannot_be_used_asks_for_standstill():
     state = CASCADE.init(Measurement(5.0, 0.6))
     for command, m, flag in (
-        (SlipCommand(0.12), Measurement(5.0, math.nan), Flag.STALE),
-        (SlipCommand(1.2), Measurement(5.0, 0.6), Flag.BAD_COMMAND),
-        (SlipCommand(-0.18), Measurement(0.1, 0.01), Flag.STOPPED),
+        (SlipCommand(0.12), Measurement(5.0, math.nan), ControlFlag.STALE),
+        (SlipCommand(1.2), Measurement(5.0, 0.6), ControlFlag.BAD_COMMAND),
+        (SlipCommand(-0.18), Measurement(0.1, 0.01), ControlFlag.STOPPED),
     ):
         _, reference, report = CASCADE.step(state, command, m, 0.02)
         assert reference == pytest.approx(5.0 - 200.0 * 0.02)

@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from ohmward.trace import Kernel
-from ohmward.traction import ALEXANDER, EULER, RLMA, Input, RollingResistance, Terrain, next_state, rates, scene, step
+from ohmward.traction import (
+    ALEXANDER,
+    EULER,
+    RLMA,
+    RobotInput,
+    RollingResistance,
+    Terrain,
+    next_state,
+    rates,
+    scene,
+    step,
+)
 from ohmward.traction.dynamics.implicit_step import solve
 from ohmward.traction.dynamics.power import kinetic_energy, losses
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
@@ -27,7 +38,7 @@ def stepper(robot="front-driven", ground="hard", method="alexander"):
 
     def one(x, sample):
         current, grade, drawbar, dt = sample
-        result = step(x, Input(current, grade, 0.0, drawbar), p, dt, METHODS[method])
+        result = step(x, RobotInput(current, grade, 0.0, drawbar), p, dt, METHODS[method])
         return result.state, (result, kinetic_energy(result.state, p.robot))
 
     return Kernel(one, np.zeros(n), (np.zeros(driven), 0.0, 0.0, 0.0))
@@ -35,7 +46,7 @@ def stepper(robot="front-driven", ground="hard", method="alexander"):
 
 @cache
 def compiled_rates():
-    return Kernel(lambda x, current: rates(x, Input(current), P), np.zeros(4), np.zeros(2))
+    return Kernel(lambda x, current: rates(x, RobotInput(current), P), np.zeros(4), np.zeros(2))
 
 
 def reference(x, u, duration):
@@ -52,7 +63,7 @@ def run(x, u, duration, steps, method="alexander"):
 @pytest.mark.parametrize("method, order, counts", [("euler", 1, (320, 640)), ("alexander", 2, (160, 320))])
 def test_the_order_of_convergence(method, order, counts):
     # from inside the slow manifold, where the solution is smooth
-    u, start = Input(np.array([4.0, 2.5])), reference(np.zeros(4), Input(np.array([4.0, 2.5])), 0.02)
+    u, start = RobotInput(np.array([4.0, 2.5])), reference(np.zeros(4), RobotInput(np.array([4.0, 2.5])), 0.02)
     exact = reference(start, u, 0.4)
     errors = [abs(run(start, u, 0.4, n, method)[0] - exact)[0] for n in counts]
     assert errors[0] / errors[1] == pytest.approx(2.0**order, rel=0.15)
@@ -60,7 +71,7 @@ def test_the_order_of_convergence(method, order, counts):
 
 @pytest.mark.parametrize("method, tolerance", [("euler", 0.02), ("alexander", 0.002)])
 def test_ten_milliseconds_are_enough_though_the_wheels_settle_in_half_of_one(method, tolerance):
-    u = Input(np.array([3.0, 3.0]))
+    u = RobotInput(np.array([3.0, 3.0]))
     for x in (np.zeros(4), np.array([0.5, 0.0, 0.0, 0.0]), np.array([0.0, 0.3, 20.0, -5.0])):
         end, _ = run(x, u, 1.0, 100, method)
         np.testing.assert_allclose(end * [1, 1, 0.12, 0.12], reference(x, u, 1.0) * [1, 1, 0.12, 0.12], atol=tolerance)
@@ -69,7 +80,7 @@ def test_ten_milliseconds_are_enough_though_the_wheels_settle_in_half_of_one(met
 def test_explicit_steps_of_ten_milliseconds_blow_the_slip_up():
     x = np.array([0.5, 0.0, 0.501 / 0.12, 0.501 / 0.12])
     for _ in range(4):
-        x = x + 0.01 * rates(x, Input(np.zeros(2)), P)
+        x = x + 0.01 * rates(x, RobotInput(np.zeros(2)), P)
     assert abs(0.12 * x[2] - x[0]) > 0.1  # from 0.001
 
 
@@ -77,7 +88,7 @@ def test_explicit_steps_of_ten_milliseconds_blow_the_slip_up():
 def test_on_a_linear_law_it_is_the_methods_own_function_of_the_matrix(method):
     frictionless = Terrain("creep", CoulombCreep(10.0, 14.0), RollingResistance(0.0, 1.0, 0.0), "tests")
     p, h = scene(LOW, frictionless), 0.01
-    A = np.column_stack([rates(e, Input(np.zeros(2)), p) for e in 1e-3 * np.eye(4)]) / 1e-3
+    A = np.column_stack([rates(e, RobotInput(np.zeros(2)), p) for e in 1e-3 * np.eye(4)]) / 1e-3
     x = np.array([0.3, 0.1, 2.0, 3.0])
     gamma = 1 - 1 / np.sqrt(2)
     one, implicit = np.eye(4), np.linalg.inv(np.eye(4) - gamma * h * A)
@@ -85,7 +96,7 @@ def test_on_a_linear_law_it_is_the_methods_own_function_of_the_matrix(method):
         "euler": np.linalg.inv(one - h * A),
         "alexander": implicit @ (one + (1 - gamma) * h * A @ implicit),
     }
-    found = next_state(x, Input(np.zeros(2)), p, h, METHODS[method])
+    found = next_state(x, RobotInput(np.zeros(2)), p, h, METHODS[method])
     np.testing.assert_allclose(found, functions[method] @ x, rtol=1e-9)
 
 
@@ -126,7 +137,7 @@ def test_without_input_energy_only_falls(robot, ground, longest_s, seed, share):
 
 
 def test_the_numerical_part_vanishes_with_the_order():
-    u = Input(np.array([4.0, 2.5]))
+    u = RobotInput(np.array([4.0, 2.5]))
     start = reference(np.zeros(4), u, 0.02)
 
     def numerical(method, n):
@@ -138,7 +149,7 @@ def test_the_numerical_part_vanishes_with_the_order():
 
 @pytest.mark.parametrize("start", [[0.0, 0.0, 30.0, 30.0], [0.8, 0.0, 0.0, 0.0], [0.5, -1.0, -20.0, 20.0]])
 def test_spinning_and_locked_wheels_find_their_grip(start):
-    _, (result, _) = run(np.array(start), Input(np.zeros(2)), 2.0, 200)
+    _, (result, _) = run(np.array(start), RobotInput(np.zeros(2)), 2.0, 200)
     assert result.defect_m_s.max() < 1e-9
     v, yaw_rate, left, right = result.state[-1]
     assert 0.12 * left == pytest.approx(v - 0.15 * yaw_rate, abs=1e-3)
@@ -147,14 +158,14 @@ def test_spinning_and_locked_wheels_find_their_grip(start):
 
 def test_no_time_no_change():
     x = np.array([0.3, 0.1, 4.0, 1.0])
-    result = step(x, Input(np.array([3.0, 1.0])), P, 0.0)
+    result = step(x, RobotInput(np.array([3.0, 1.0])), P, 0.0)
     np.testing.assert_array_equal(result.state, x)
     assert result.energy.flows.electrical == 0.0
     assert result.energy.numerical == 0.0
 
 
 def test_substeps_are_shorter_steps():
-    x, u = np.array([0.3, 0.1, 4.0, 1.0]), Input(np.array([3.0, 1.0]))
+    x, u = np.array([0.3, 0.1, 4.0, 1.0]), RobotInput(np.array([3.0, 1.0]))
     halves = next_state(next_state(x, u, P, 0.005), u, P, 0.005)
     np.testing.assert_array_equal(next_state(x, u, P, 0.01, substeps=2), halves)
 
@@ -164,12 +175,12 @@ def test_with_floats_it_is_the_compiled_step(robot):
     x = np.linspace(0.1, 0.4, len(ROBOTS[robot].state_names))
     current = np.linspace(1.0, 2.0, ROBOTS[robot].driven)
     compiled, _ = stepper(robot)(x, (current, 0.05, 1.0, 0.01))
-    plain = next_state(x, Input(current, 0.05, 0.0, 1.0), scene(ROBOTS[robot], HARD), 0.01)
+    plain = next_state(x, RobotInput(current, 0.05, 0.0, 1.0), scene(ROBOTS[robot], HARD), 0.01)
     np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
 
 
 def test_a_newton_that_was_cut_short_is_reported():
-    x, u = np.array([0.0, 0.0, 30.0, 30.0]), Input(np.zeros(2))
+    x, u = np.array([0.0, 0.0, 30.0, 30.0]), RobotInput(np.zeros(2))
     assert step(x, u, scene(RLMA, SLIPPERY), 0.05, newton_steps=0).defect_m_s > 1e-4
     assert step(x, u, scene(RLMA, SLIPPERY), 0.05).defect_m_s < 1e-12
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.traction import Input, forces, scene
+from ohmward.traction import RobotInput, forces, scene
 from ohmward.traction.dynamics.forces import momentum_rates
 from ohmward.traction.dynamics.power import kinetic_energy, losses, power
 from traction.examples import HARD, ROBOTS, TERRAINS
@@ -15,7 +15,7 @@ from traction.examples import HARD, ROBOTS, TERRAINS
 def test_in_every_state_losses_are_losses_and_the_balance_closes(name, ground, seed, grade, bank, drawbar):
     robot, rng = ROBOTS[name], np.random.default_rng(seed)
     x = rng.normal(0, rng.uniform(0, 5), len(robot.state_names))
-    u = Input(rng.normal(0, 5, robot.driven), grade, bank if robot.freedoms == 3 else 0.0, drawbar)
+    u = RobotInput(rng.normal(0, 5, robot.driven), grade, bank if robot.freedoms == 3 else 0.0, drawbar)
     p = scene(robot, TERRAINS[ground])
     f = forces(x, u, p)
     w = power(x, u, p, f)
@@ -27,7 +27,7 @@ def test_in_every_state_losses_are_losses_and_the_balance_closes(name, ground, s
 
 def test_climbing_lifts_the_weight():
     robot = ROBOTS["front-driven"]
-    x, u = np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12]), Input(np.zeros(2), grade_rad=0.1)
+    x, u = np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12]), RobotInput(np.zeros(2), grade_rad=0.1)
     p = scene(robot, HARD)
     w = power(x, u, p, forces(x, u, p))
     assert w.climb == pytest.approx(42.0 * 9.80665 * 0.5 * np.sin(0.1))
@@ -40,9 +40,9 @@ def test_the_wheels_power_is_pull_and_slip(slip_ratio):
     omega = v / (r * (1 - slip_ratio)) if slip_ratio > 0 else v * (1 + slip_ratio) / r
     x = np.array([v, 0.0, omega, omega])
     p = scene(robot, HARD)
-    f = forces(x, Input(np.zeros(2)), p)
+    f = forces(x, RobotInput(np.zeros(2)), p)
     torque = r * f.traction_N[0]
-    u = Input(np.full(2, torque / 0.517))
+    u = RobotInput(np.full(2, torque / 0.517))
     w = power(x, u, p, forces(x, u, p))
     at_wheel = torque * v / (r * (1 - slip_ratio)) if slip_ratio > 0 else torque * v * (1 + slip_ratio) / r
     assert w.electrical - w.copper == pytest.approx(2 * at_wheel)

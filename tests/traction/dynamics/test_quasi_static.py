@@ -5,14 +5,14 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, linearize
-from ohmward.traction import RLMA, Input, next_state, scene
+from ohmward.traction import RLMA, RobotInput, next_state, scene
 from ohmward.traction.dynamics.quasi_static import motion_rates, next_motion, slip_at_force, wheel_slip
 from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from traction.examples import HARD, LAWS, LOAD_N, ROBOTS, SLIPPERY
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-P, U = scene(RLMA, HARD), Input(np.array([2.0, 4.0]))
+P, U = scene(RLMA, HARD), RobotInput(np.array([2.0, 4.0]))
 
 
 @every_law
@@ -47,7 +47,7 @@ def test_its_derivative_is_that_of_the_inverse():
 
 def test_it_follows_the_full_model_once_the_wheels_have_settled():
     kernel = Kernel(lambda x, u: (next_state(x, u, P, 0.002), x), np.zeros(4), U)
-    x, _ = kernel.scan(np.zeros(4), Input(np.tile(U.current_A, (500, 1))))
+    x, _ = kernel.scan(np.zeros(4), RobotInput(np.tile(U.current_A, (500, 1))))
     motion = np.zeros(2)
     for _ in range(100):
         motion = next_motion(motion, U, P, 0.01)
@@ -62,14 +62,14 @@ def test_with_a_high_centre_it_follows_the_full_model_too():
     p = scene(ROBOTS["front-driven, lossy, high"], HARD)
     x = np.zeros(4)
     kernel = Kernel(lambda x, u: (next_state(x, u, p, 0.002), x), x, U)
-    x, _ = kernel.scan(x, Input(np.tile(U.current_A, (500, 1))))
+    x, _ = kernel.scan(x, RobotInput(np.tile(U.current_A, (500, 1))))
     wheels = wheel_slip(x[:2], U, p)
     slip = 0.12 * x[2:] - (x[0] + np.array([-0.15, 0.15]) * x[1])
     np.testing.assert_allclose(wheels.slip_speed_m_s, slip, rtol=0.02)
 
 
 def test_too_much_torque_is_nan_and_enough_adhesion_is_not():
-    strong = Input(np.full(2, 19.0))
+    strong = RobotInput(np.full(2, 19.0))
     assert np.isnan(wheel_slip(np.zeros(2), strong, scene(RLMA, SLIPPERY)).slip_speed_m_s).all()
     assert np.isfinite(wheel_slip(np.zeros(2), replace_share(strong, 20.0), scene(RLMA, SLIPPERY)).slip_speed_m_s).all()
 
@@ -100,12 +100,12 @@ def test_traced_it_is_the_same():
 
 def test_skid_steering_is_refused():
     with pytest.raises(InputError, match="quasi-static slip needs wheels that are free sideways; use implicit_step"):
-        next_motion(np.zeros(3), Input(np.zeros(4)), scene(ROBOTS["skid-steer"], HARD), 0.01)
+        next_motion(np.zeros(3), RobotInput(np.zeros(4)), scene(ROBOTS["skid-steer"], HARD), 0.01)
 
 
 def test_the_omni_robot_rolls_too():
     robot = replace(ROBOTS["omni"])
     p = scene(robot, HARD)
-    motion = next_motion(np.zeros(3), Input(np.full(3, 0.5)), p, 0.01)
+    motion = next_motion(np.zeros(3), RobotInput(np.full(3, 0.5)), p, 0.01)
     assert motion[2] > 0.0
     np.testing.assert_allclose(motion[:2], 0.0, atol=1e-12)

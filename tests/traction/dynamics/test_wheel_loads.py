@@ -7,7 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import ROBOTINO
-from ohmward.traction.dynamics.forces import Input, normal_loads
+from ohmward.traction.dynamics.forces import RobotInput, normal_loads
 from ohmward.traction.robot.file import dump_robot, parse_robot
 
 LOADS = (30.4, 50.0, 30.4)
@@ -17,7 +17,7 @@ def test_weighed_loads_are_the_loads_of_the_models():
     robot = replace(ROBOTINO, wheel_load_N=LOADS)
     weight = robot.mass_kg * 9.80665
     np.testing.assert_allclose(
-        normal_loads(Input(np.zeros(3)), robot, np.zeros(2)), np.array(LOADS) / sum(LOADS) * weight, rtol=1e-12
+        normal_loads(RobotInput(np.zeros(3)), robot, np.zeros(2)), np.array(LOADS) / sum(LOADS) * weight, rtol=1e-12
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, Differential, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.estimate import Sample
+from ohmward.traction.speed_observer.estimate import SlipSample
 
 DT_S = 0.01
 FLOOR = Terrain("rubber on a hard floor", WardIagnemma(0.7, 20.0), RollingResistance(a3_s_per_m=0.0), "tests")
@@ -44,5 +44,5 @@ def log(wheel_speed_rad_s, current_A, **others):
         "wheel_speed_rad_s": np.column_stack([speed, speed, nothing, nothing]),
         "current_A": np.column_stack([current, current]),
     }
-    blank = dict.fromkeys(Sample._fields, nothing) | {"speed_age_s": np.zeros(len(speed))}
-    return Sample(**(blank | columns | others))
+    blank = dict.fromkeys(SlipSample._fields, nothing) | {"speed_age_s": np.zeros(len(speed))}
+    return SlipSample(**(blank | columns | others))

@@ -12,8 +12,8 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.encoder import wheel_speeds
-from ohmward.traction.speed_observer.estimate import Sample
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 DT_S = 0.01
@@ -65,7 +65,7 @@ def samples_of(truth, rng, passive=False, speed_every=0, speed_std=0.05, age_ste
         external[age_steps::speed_every] = noisy[: len(true) - age_steps : speed_every]
     nothing = np.full(len(speeds), np.nan)
     pitch = nothing if pitch_std is None else truth.grade_rad[1:] + pitch_std * rng.standard_normal(len(speeds))
-    return Sample(
+    return SlipSample(
         np.diff(time_s),
         speeds,
         np.array([r.motor_current_A for r in readings[1:]]),
@@ -103,7 +103,7 @@ def drives(
     for seed in seeds:
         rng = np.random.default_rng(seed)
         observer = SpeedObserver(
-            believed(rng, terrain=terrain), noise=noise or Noise(), method=method, rest_hold_s=np.inf
+            believed(rng, terrain=terrain), noise=noise or ObserverNoise(), method=method, rest_hold_s=np.inf
         )
         truth = drive_on(friction, np.radians(1.0) * rng.standard_normal(), torque(rng), duration_s)
         e = observed(observer, samples_of(truth, rng, **sensors))

@@ -7,8 +7,8 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.encoders import true_share, with_part_of_gain
-from ohmward.traction.speed_observer.estimate import Flag
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 from .examples import RLMA_ON_FLOOR, at_rest, log
@@ -40,9 +40,9 @@ def test_a_state_is_learnt_from_what_is_more_than_noise():
 def test_a_wheel_that_goes_on_to_surprise_teaches_its_friction_and_does_not_drag_the_body():
     samples = log(np.full(220, CRUISE_RAD_S), np.full(220, CRUISE_A))
     samples.wheel_speed_rad_s[200:, 0] = 0.0
-    observer = SpeedObserver(RLMA_ON_FLOOR, noise=Noise(gyro_std_rad_s=0.01))
+    observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(gyro_std_rad_s=0.01))
     first = at_rest(observer)._replace(wheel_speed_rad_s=np.full(4, CRUISE_RAD_S), current_A=np.full(2, CRUISE_A))
     _, e = Kernel(observer.step, observer.init(first), first).scan(observer.init(first), samples)
-    assert e.flags[200].astype(int) & Flag.GROUND_CHANGED
+    assert e.flags[200].astype(int) & SlipFlag.GROUND_CHANGED
     assert e.friction_share[205, 0] < 0.1
     assert e.speed_m_s[200:210] == pytest.approx(e.speed_m_s[199], abs=0.015)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction import Input, next_state
+from ohmward.traction import RobotInput, next_state
 from ohmward.traction.speed_observer.encoder import wheel_speeds
-from ohmward.traction.speed_observer.estimate import Flag
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 from .examples import DT_S, RLMA_ON_FLOOR, log, observed
@@ -30,7 +30,7 @@ def current(steps):
 
 
 def watch(samples, **noise):
-    return observed(SpeedObserver(RLMA_ON_FLOOR, noise=Noise(**noise)), samples)[1]
+    return observed(SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(**noise)), samples)[1]
 
 
 def has(e, flag):
@@ -54,7 +54,7 @@ def test_numbers_that_are_none(column, value):
     getattr(samples, column)[250:300] = value
     e = watch(samples)
     assert within(e, 0.5)[200:].all()
-    flag = Flag.NO_CURRENT if column == "current_A" else Flag.NO_ENCODER
+    flag = SlipFlag.NO_CURRENT if column == "current_A" else SlipFlag.NO_ENCODER
     assert has(e, flag)[250:300].all() and not has(e, flag)[300:].any()
     assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
 
@@ -65,7 +65,7 @@ def test_clocks_that_stand_or_jump(dt_s):
     samples.dt_s[250] = dt_s
     e = watch(samples)
     assert within(e, 0.5)[200:].all()
-    assert has(e, Flag.BAD_TIME)[250] == (dt_s != 0.0)
+    assert has(e, SlipFlag.BAD_TIME)[250] == (dt_s != 0.0)
     assert np.isfinite(e.speed_std_m_s).all()
 
 
@@ -73,7 +73,7 @@ def test_a_gap_opens_the_speed_and_gripping_wheels_close_it():
     samples = cruise()
     samples.dt_s[250] = 5.0
     e = watch(samples)
-    assert has(e, Flag.GAP)[250]
+    assert has(e, SlipFlag.GAP)[250]
     assert e.speed_std_m_s[250] > 0.05
     assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
     assert within(e, 0.5)[200:].all()
@@ -83,7 +83,7 @@ def test_one_encoder_that_sticks():
     samples = cruise()
     samples.wheel_speed_rad_s[200:, 0] = 0.0
     e = watch(samples, gyro_std_rad_s=0.01)
-    assert has(e, Flag.GROUND_CHANGED)[200]
+    assert has(e, SlipFlag.GROUND_CHANGED)[200]
     assert within(e, 0.5)[200:].all()
     assert e.slipping[230, 0] == 1.0 and e.slipping[230, 1] == 0.0
 
@@ -109,7 +109,7 @@ def test_an_external_speed_that_is_wrong_for_a_moment_is_refused():
     speed[100::10] = 0.5
     speed[250] = 5.0
     e = watch(cruise(speed_m_s=speed), speed_std_m_s=0.05)
-    assert has(e, Flag.SPEED_REJECTED).nonzero()[0].tolist() == [250]
+    assert has(e, SlipFlag.SPEED_REJECTED).nonzero()[0].tolist() == [250]
     assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
 
 
@@ -129,7 +129,7 @@ def test_wheels_that_turn_on_a_robot_that_does_not_are_reported_within_two_secon
     assert 100 < first < 250
     assert e.immobilised[first:].all()
     blind = watch(log(spin, np.full(T, 4.0)))
-    assert not blind.immobilised.any() and has(blind, Flag.GROUND_CHANGED).any()
+    assert not blind.immobilised.any() and has(blind, SlipFlag.GROUND_CHANGED).any()
 
 
 def test_standstill_is_zero_speed_whatever_was_believed():
@@ -137,7 +137,7 @@ def test_standstill_is_zero_speed_whatever_was_believed():
     samples.wheel_speed_rad_s[300:, :2] = 0.0
     samples.current_A[300:] = 0.0
     e = watch(samples)
-    assert has(e, Flag.STANDSTILL)[-1] and not has(e, Flag.STANDSTILL)[:340].any()
+    assert has(e, SlipFlag.STANDSTILL)[-1] and not has(e, SlipFlag.STANDSTILL)[:340].any()
     assert abs(e.speed_m_s[-1]) < 1e-3 and e.speed_std_m_s[-1] < 1e-3
 
 
@@ -146,7 +146,7 @@ def weaving(steps=600):
     time_s, rng = DT_S * np.arange(steps), np.random.default_rng(0)
     steer = 3.0 * np.sin(2 * time_s)
     current_A = (CRUISE_A + np.where(time_s < 1, 2.5, 0.0))[:, None] + steer[:, None] * np.array([-1.0, 1.0])
-    kernel = Kernel(lambda x, u: (next_state(x, Input(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
+    kernel = Kernel(lambda x, u: (next_state(x, RobotInput(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
     _, x = kernel.scan(np.zeros(4), current_A)
     return x[:, 2:] + 0.05 * rng.standard_normal((steps, 2)), current_A, x
 
@@ -177,7 +177,7 @@ MISWIRED = {
 def test_wires_in_the_wrong_order_are_flagged_and_stop_nothing(fault):
     encoders, current_A, x = weaving()
     e = watch_weaving(*MISWIRED[fault](encoders, current_A), x)
-    wrong = Flag.GROUND_CHANGED | Flag.ENCODER_DOUBTED | Flag.SPEED_UNOBSERVED
+    wrong = SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_DOUBTED | SlipFlag.SPEED_UNOBSERVED
     assert has(e, wrong).mean() > 0.1
     assert_finite(e)
 
@@ -205,6 +205,6 @@ def test_nothing_that_a_sensor_can_say_makes_it_stop(seed, method):
     for column in (c for c in samples if c.shape[0] == steps):
         spoilt = rng.random(column.shape) < 0.05
         column[spoilt] = rng.choice(garbage, spoilt.sum())
-    noise = Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.05, pitch_std_rad=0.01)
+    noise = ObserverNoise(gyro_std_rad_s=0.01, speed_std_m_s=0.05, pitch_std_rad=0.01)
     e = observed(SpeedObserver(RLMA_ON_FLOOR, noise=noise, method=method, matching=True), samples)[1]
     assert_finite(e)

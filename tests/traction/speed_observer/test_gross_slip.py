@@ -8,17 +8,17 @@ import pytest
 from ohmward.filters.belief import Belief
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.figures import score
-from ohmward.traction.speed_observer.clean_sample import Reading
-from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.fusion import Fused
-from ohmward.traction.speed_observer.gross_slip import is_ambiguous, log_friction_of_sliding, reconsider
+from ohmward.traction.speed_observer.gross_slip import is_ambiguous, log_friction_of_sliding, test_hypotheses
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
 from .examples import RLMA_ON_FLOOR
 
-MODEL = Model(RLMA_ON_FLOOR, States(), Noise())
+MODEL = Model(RLMA_ON_FLOOR, States(), ObserverNoise())
 GRADE = MODEL.layout.index("grade_rad")
 GATE, GAINED_M_S = 10.8, 0.1
 #: Of the floor of these tests.
@@ -35,19 +35,23 @@ def belief(grade_rad, grade_std_rad=0.015, slip_m_s=0.01):
 
 def reading(current_A):
     none = np.zeros(4)
-    return Reading(0.01, 0.01, 0.0, np.full(2, current_A), none[:2], none, none > 1, np.nan, 0.0)
+    return CleanSlipSample(0.01, 0.01, 0.0, np.full(2, current_A), none[:2], none, none > 1, np.nan, 0.0)
 
 
 def after(grade_rad=-0.06, gained_m_s=GAINED_M_S, current_A=3.0, **others):
     fused = Fused(belief(grade_rad, **others), 0.0, 0.0)
-    return reconsider(fused, gained_m_s, reading(current_A), MODEL, GATE)
+    return test_hypotheses(fused, gained_m_s, reading(current_A), MODEL, GATE)
 
 
 def test_another_sensor_or_a_known_ground_leaves_no_doubt():
     assert is_ambiguous(MODEL)
-    for noise in (Noise(pitch_std_rad=0.01), Noise(speed_std_m_s=0.05), Noise(passive_std_rad_s=0.1)):
+    for noise in (
+        ObserverNoise(pitch_std_rad=0.01),
+        ObserverNoise(speed_std_m_s=0.05),
+        ObserverNoise(passive_std_rad_s=0.1),
+    ):
         assert not is_ambiguous(Model(RLMA_ON_FLOOR, States(), noise))
-    assert not is_ambiguous(Model(RLMA_ON_FLOOR, KNOWN_GROUND, Noise()))
+    assert not is_ambiguous(Model(RLMA_ON_FLOOR, KNOWN_GROUND, ObserverNoise()))
 
 
 def test_wheels_slide_where_the_ground_gives_no_more_than_their_force():
@@ -66,7 +70,7 @@ def test_it_starts_again_from_wheels_that_slide():
     assert mean[2:4] == pytest.approx(0.31 / 0.12)
     assert np.all(MODEL.grip(mean, MODEL.slip(mean)) < 0.01)
     assert mean[GRADE] == 0.0 and cov[GRADE, GRADE] == pytest.approx(MODEL.noise.grade_std_rad**2)
-    assert int(fused.flags) == Flag.GROUND_CHANGED and left_m_s == 0.0
+    assert int(fused.flags) == SlipFlag.GROUND_CHANGED and left_m_s == 0.0
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import pytest
 
 from ohmward.traction import RLMA
 from ohmward.traction.speed_observer.late import change_since, empty_history, remember
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
 
@@ -30,6 +30,8 @@ def test_without_currents_the_wheels_say_what_a_late_speed_has_missed():
     late = np.where(time_s >= age_s, speed - acceleration * age_s, np.nan)
     unknown = np.full(len(time_s), np.nan)
     samples = log(speed / RLMA.wheel.radius_m, unknown, speed_m_s=late, speed_age_s=np.full(len(time_s), age_s))
-    observer = SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, Noise(speed_std_m_s=0.05, torque_std_Nm=20.0, speed_walk=0.3))
+    observer = SpeedObserver(
+        RLMA_ON_FLOOR, KNOWN_GROUND, ObserverNoise(speed_std_m_s=0.05, torque_std_Nm=20.0, speed_walk=0.3)
+    )
     _, estimates = observed(observer, samples)
     assert np.abs(estimates.speed_m_s - speed)[50:].max() < 0.03

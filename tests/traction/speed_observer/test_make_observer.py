@@ -17,7 +17,7 @@ from ohmward.traction.speed_observer.make_observer import (
     quantum,
     speed_std_m_s,
 )
-from ohmward.traction.speed_observer.noise import Noise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.track import observe
 
 TERRAIN = hard_terrain("dry asphalt")
@@ -122,7 +122,7 @@ def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
     found = chosen(drive(SKID), SKID)
     assert isinstance(found.observer.scene.robot.chassis, Differential)
     assert found.observer.scene.robot.driven == 4
-    assert found.observer.noise.yaw_rate_walk > Noise.yaw_rate_walk
+    assert found.observer.noise.yaw_rate_walk > ObserverNoise.yaw_rate_walk
     assert any("skid-steered" in note.text for note in found.notes)
 
 

@@ -9,12 +9,12 @@ import pytest
 from ohmward.filters import unpack
 from ohmward.filters.belief import PackedBelief
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, Differential, Input, RollingResistance, Terrain, next_state, scene
+from ohmward.traction import EULER, Differential, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer import encoders
-from ohmward.traction.speed_observer.clean_sample import Reading
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
@@ -28,7 +28,7 @@ def reading(current_A, guessed=0.0):
     wheels = len(RLMA_ON_FLOOR.robot.places)
     currents = np.asarray(current_A, dtype=float)
     none = np.zeros(wheels)
-    return Reading(DT_S, DT_S, 0.0, currents, np.full(len(currents), guessed), none, none > 1, math.nan, 0.0)
+    return CleanSlipSample(DT_S, DT_S, 0.0, currents, np.full(len(currents), guessed), none, none > 1, math.nan, 0.0)
 
 
 def floor(stiffness_s_per_m):
@@ -40,14 +40,14 @@ def mean_speed(place, x, current_A):
     """Mean of the wheels' speeds over a step (driven,), by 400 implicit steps."""
     seen = [np.array(x)]
     for _ in range(SUBSTEPS):
-        seen.append(next_state(seen[-1], Input(current_A), place, DT_S / SUBSTEPS, EULER))
+        seen.append(next_state(seen[-1], RobotInput(current_A), place, DT_S / SUBSTEPS, EULER))
     return np.trapezoid(np.array(seen)[:, 2:], axis=0) / SUBSTEPS
 
 
 @pytest.mark.parametrize("stiffness_s_per_m", [1e-3, 1.0, 5.0, 20.0, 100.0])
 def test_an_encoder_shows_the_end_of_the_step_less_its_lag(stiffness_s_per_m):
     place = floor(stiffness_s_per_m)
-    model, x = Model(place, KNOWN_GROUND, Noise()), np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
+    model, x = Model(place, KNOWN_GROUND, ObserverNoise()), np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
     moved = model.moved(x, reading(CURRENTS_A))
     after = model.next_state(x, reading(CURRENTS_A))
     shown = after[2:] - model.encoder_lag(x, after, moved)[:2]
@@ -56,7 +56,7 @@ def test_an_encoder_shows_the_end_of_the_step_less_its_lag(stiffness_s_per_m):
 
 def test_bodies_and_spinning_wheels_are_half_a_step_late():
     place = floor(1e-3)
-    model, x = Model(place, KNOWN_GROUND, Noise()), np.array([0.5, 0.1, 4.0, 4.0])
+    model, x = Model(place, KNOWN_GROUND, ObserverNoise()), np.array([0.5, 0.1, 4.0, 4.0])
     moved = model.moved(x, reading(CURRENTS_A))
     after = np.array([0.6, 0.3, 4.0, 5.0])
     lag = model.encoder_lag(x, after, moved)
@@ -72,14 +72,14 @@ def test_passive_wheels_of_a_robot_that_accelerates_show_its_speed_now(axle):
     mean_speed = a * (time_s - 0.5 * DT_S)
     samples = log(np.full(200, np.nan), np.zeros(200))
     samples.wheel_speed_rad_s[:, 2:] = mean_speed[:, None] / 0.12
-    observer = SpeedObserver(place, noise=Noise(passive_std_rad_s=0.02), rest_hold_s=np.inf)
+    observer = SpeedObserver(place, noise=ObserverNoise(passive_std_rad_s=0.02), rest_hold_s=np.inf)
     _, e = observed(observer, samples)
     # the filter does not expect such a push, so it trails by a little of a step's change
     assert e.speed_m_s[100:] - a * time_s[100:] == pytest.approx(0.0, abs=0.3 * a * DT_S)
 
 
 def test_the_noise_of_a_torque_moves_its_wheel_by_its_derivative():
-    model = Model(RLMA_ON_FLOOR, States(), Noise())
+    model = Model(RLMA_ON_FLOOR, States(), ObserverNoise())
     x = np.array([0.5, 0.0, 0.51 / 0.12, 0.51 / 0.12, 0.0, 0.0, 0.0, 0.0, 1.0])
     noise = model.torque_noise_rad_s(model.moved(x, reading(CURRENTS_A)), reading(CURRENTS_A))
     step_A, wheels = 1e-4, slice(2, 4)
@@ -95,7 +95,7 @@ def test_the_noise_of_a_torque_moves_its_wheel_by_its_derivative():
 def wavy_drive(rng, noise_A):
     """Samples of a robot that drives in waves of 3 s, and its true states (T, 4); noise_A: of its currents."""
     current, x = 0.36 + np.sin(2.0 * DT_S * np.arange(1500)), np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
-    kernel = Kernel(lambda x, i: (next_state(x, Input(i * np.ones(2)), RLMA_ON_FLOOR, DT_S),) * 2, x, 0.0)
+    kernel = Kernel(lambda x, i: (next_state(x, RobotInput(i * np.ones(2)), RLMA_ON_FLOOR, DT_S),) * 2, x, 0.0)
     _, truth = kernel.scan(x, current)
     samples = log(truth[:, 2], current)
     samples.wheel_speed_rad_s[:, :2] += 0.02 * rng.standard_normal((1500, 2))
@@ -106,7 +106,7 @@ def wavy_drive(rng, noise_A):
 def observed_wavy(noise_A):
     """Share of the speeds in their 95 % band, and the logarithm of the stiffness at the end, whose truth is 0."""
     samples, truth = wavy_drive(np.random.default_rng(0), noise_A)
-    noise = Noise(encoder_std_rad_s=0.02, torque_std_Nm=0.517 * noise_A, encoder_lag_share=0.0)
+    noise = ObserverNoise(encoder_std_rad_s=0.02, torque_std_Nm=0.517 * noise_A, encoder_lag_share=0.0)
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=noise)
     first = at_rest(observer)._replace(wheel_speed_rad_s=np.full(4, 0.5 / 0.12))
     state, e = Kernel(observer.step, observer.init(first), first).scan(observer.init(first), samples)

@@ -6,8 +6,8 @@ import pytest
 
 from ohmward.filters.consistency import mean_bounds
 from ohmward.traction import RollingResistance
-from ohmward.traction.speed_observer.estimate import Flag
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
@@ -46,7 +46,7 @@ def test_wheels_that_grip_show_the_speed_to_5_mm_per_s(method):
 
 @pytest.mark.slow
 def test_an_external_speed_at_10_Hz_holds_the_speed_in_full_spin_to_2_cm_per_s():
-    noise = Noise(speed_std_m_s=0.03)
+    noise = ObserverNoise(speed_std_m_s=0.03)
     runs = drives(0.2, spinning, 4.0, noise, speed_every=10, speed_std=0.03)
     assert runs.truth.slip_speed_m_s[-1, 0] > 5.0
     assert rmse(runs.error[:, 50:]) < 0.02
@@ -61,7 +61,7 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     assert_consistent(runs.slip)
     growth = (e.speed_std_m_s[-1] - e.speed_std_m_s[99]) / (len(e.speed_std_m_s) * DT_S - 1.0)
     assert growth == pytest.approx(9.81 * np.radians(1.0), rel=0.15)
-    assert e.flags[-1] == Flag.SPEED_UNOBSERVED
+    assert e.flags[-1] == SlipFlag.SPEED_UNOBSERVED
     assert e.unobserved_s[-1] > 3.0 and e.grip[-1].max() < 1e-3
     assert e.friction_share[-1] * 0.7 == pytest.approx(0.2, rel=0.03)
 
@@ -75,7 +75,7 @@ def test_rolling_resistance_that_is_wrong_by_as_much_as_there_is_breaks_no_sigma
 
 @pytest.mark.slow
 def test_a_late_speed_is_as_good_as_its_age_allows():
-    noise = Noise(speed_std_m_s=0.03)
+    noise = ObserverNoise(speed_std_m_s=0.03)
     late = drives(0.2, spinning, 3.0, noise, speed_every=10, speed_std=0.03, age_steps=15)
     assert rmse(late.error[:, 50:]) < 0.03
     assert_consistent(late.normalised)
@@ -83,9 +83,9 @@ def test_a_late_speed_is_as_good_as_its_age_allows():
 
 @pytest.mark.slow
 def test_one_passive_wheel_shows_everything():
-    runs = drives(0.2, spinning, 2.0, Noise(passive_std_rad_s=0.07), passive=True)
+    runs = drives(0.2, spinning, 2.0, ObserverNoise(passive_std_rad_s=0.07), passive=True)
     assert rmse(runs.error[:, 50:]) < 0.01
-    assert not np.any(runs.estimate.flags.astype(int) & Flag.SPEED_UNOBSERVED)
+    assert not np.any(runs.estimate.flags.astype(int) & SlipFlag.SPEED_UNOBSERVED)
 
 
 def test_slip_is_found_at_once_and_the_ground_measured():

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, Input, Terrain, next_state, scene
+from ohmward.traction import EULER, RobotInput, Terrain, next_state, scene
 from ohmward.traction.dynamics.quasi_static import wheel_slip
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step
-from ohmward.traction.speed_observer.states import KNOWN_GROUND, Layout, States
+from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
 
 from .examples import FLOOR, LOW, SCENES
 
 
 def step_of(place, dt_s=0.01, states=KNOWN_GROUND):
-    layout = Layout(place.robot, states)
+    layout = StateLayout(place.robot, states)
 
     def one(x, current_A):
-        moved = slip_step(layout.split(x), Input(current_A), place, dt_s)
+        moved = slip_step(layout.split(x), RobotInput(current_A), place, dt_s)
         return np.concatenate([moved.motion, moved.omega])
 
     n = place.robot.freedoms + place.robot.driven
@@ -32,7 +32,7 @@ def test_it_is_the_implicit_euler_step_while_the_wheels_grip(name):
     current = np.linspace(0.6, 1.0, place.robot.driven)
     for _ in range(30):
         ours = one(ours, current)
-        reference = next_state(reference, Input(current), place, 0.01, EULER)
+        reference = next_state(reference, RobotInput(current), place, 0.01, EULER)
     assert ours == pytest.approx(reference, rel=0.06, abs=5e-3)  # rolling resistance sets in explicitly
     assert np.abs(reference).max() > 0.3
 
@@ -43,7 +43,7 @@ def test_into_full_spin_and_back_it_keeps_the_speed_of_the_body():
     ours, reference = np.zeros(n), np.zeros(n)
     for current in np.repeat([3.0, 20.0, -20.0, 2.0], 20):
         ours = one(ours, np.full(2, current))
-        reference = next_state(reference, Input(np.full(2, current)), place, 0.01, EULER)
+        reference = next_state(reference, RobotInput(np.full(2, current)), place, 0.01, EULER)
         assert ours[0] == pytest.approx(reference[0], abs=0.006)
     assert ours[2:] == pytest.approx(reference[2:], abs=0.02)
 
@@ -55,7 +55,7 @@ def test_a_steady_wheel_has_the_quasi_static_slip():
     for _ in range(100):
         x = one(x, np.full(2, 3.0))
     slip = 0.12 * x[2] - x[0]
-    assert slip == pytest.approx(wheel_slip(x[:2], Input(np.full(2, 3.0)), place).slip_speed_m_s[0], rel=0.02)
+    assert slip == pytest.approx(wheel_slip(x[:2], RobotInput(np.full(2, 3.0)), place).slip_speed_m_s[0], rel=0.02)
 
 
 def test_no_step_is_too_long_and_none_goes_nowhere():
@@ -73,11 +73,11 @@ def test_no_step_is_too_long_and_none_goes_nowhere():
 @pytest.mark.parametrize(("current_A", "omega"), [(2.0, 2.6), (20.0, 15.0)])
 def test_the_response_to_torque_is_the_derivative(current_A, omega):
     place = SCENES["front-driven"]
-    parts = Layout(place.robot, KNOWN_GROUND).split(np.array([0.3, 0.0, omega, omega]))
+    parts = StateLayout(place.robot, KNOWN_GROUND).split(np.array([0.3, 0.0, omega, omega]))
     constant = place.robot.motor.wheel_constant_Nm_per_A
 
     def after(extra_Nm):
-        return slip_step(parts, Input(np.array([current_A + extra_Nm / constant, current_A])), place, 0.01)
+        return slip_step(parts, RobotInput(np.array([current_A + extra_Nm / constant, current_A])), place, 0.01)
 
     high, low = after(0.05), after(-0.05)
     change = np.concatenate([high.motion - low.motion, high.omega - low.omega]) / 0.1
@@ -86,7 +86,7 @@ def test_the_response_to_torque_is_the_derivative(current_A, omega):
 
 def test_friction_scales_the_height_and_stiffness_the_slope():
     place = SCENES["front-driven"]
-    layout = Layout(place.robot, States(friction="each", grade=False, rolling=False, radius=False))
+    layout = StateLayout(place.robot, States(friction="each", grade=False, rolling=False, radius=False))
     load = np.full(4, 100.0)
     weak = layout.split(np.array([0.0, 0.0, 0.0, 0.0, np.log(0.5), np.log(0.5), np.log(2.0)]))
     from ohmward.traction.speed_observer.slip_step import slopes, traction
@@ -97,7 +97,7 @@ def test_friction_scales_the_height_and_stiffness_the_slope():
 
 def test_grip_is_one_at_rest_and_none_in_spin():
     place = SCENES["front-driven"]
-    parts = Layout(place.robot, KNOWN_GROUND).split(np.zeros(4))
+    parts = StateLayout(place.robot, KNOWN_GROUND).split(np.zeros(4))
     found = grip(np.array([0.05, 1.0]), parts, np.full(4, 100.0), place)
     assert found == pytest.approx([np.exp(-1.0), 0.0], abs=1e-6)
 
@@ -105,8 +105,8 @@ def test_grip_is_one_at_rest_and_none_in_spin():
 @pytest.mark.parametrize(("current_A", "travel"), [(2.0, 0.3), (15.0, 0.3), (-15.0, 0.3), (40.0, 0.0)])
 def test_from_the_end_of_their_mean_sigma_points_reach_the_balance(current_A, travel, monkeypatch):
     place = SCENES["front-driven"]
-    layout, rng = Layout(place.robot, KNOWN_GROUND), np.random.default_rng(0)
-    x, u = np.array([travel, 0.0, travel / 0.12, travel / 0.12]), Input(np.full(2, current_A))
+    layout, rng = StateLayout(place.robot, KNOWN_GROUND), np.random.default_rng(0)
+    x, u = np.array([travel, 0.0, travel / 0.12, travel / 0.12]), RobotInput(np.full(2, current_A))
     start = slip_step(layout.split(x), u, place, 0.01).slip_m_s
     points = x + np.array([0.01, 0.05, 0.1, 0.1]) * rng.standard_normal((50, 4))
     found = np.array([slip_step(layout.split(p), u, place, 0.01, start).slip_m_s for p in points])
@@ -126,7 +126,7 @@ class Pushed(NamedTuple):
 
 
 def moved_on(place, x, current_A):
-    return slip_step(Layout(place.robot, KNOWN_GROUND).split(x), Input(current_A), place, 0.01)
+    return slip_step(StateLayout(place.robot, KNOWN_GROUND).split(x), RobotInput(current_A), place, 0.01)
 
 
 @pytest.mark.parametrize("current_A", [2.0, 8.0, 20.0])

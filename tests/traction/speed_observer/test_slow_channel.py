@@ -6,7 +6,7 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slow_channel import held
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.track import observe
@@ -37,7 +37,7 @@ def test_a_slow_current_leaves_the_speed_known():
     fast = DriveLog("fast", time_s, wheels, np.column_stack([current_A, current_A]))
     seldom = (np.arange(len(time_s)) % 15 == 0)[:, None]
     few = replace(fast, wheel_speed_rad_s=np.where(seldom, wheels, NAN))
-    observer = SpeedObserver(RLMA_ON_FLOOR, noise=Noise())
+    observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise())
     known = observe(observer, few).estimates
     slow = observe(observer, replace(few, motor_current_A=np.where(seldom, fast.motor_current_A, NAN))).estimates
     assert np.max(slow.speed_std_m_s[:-15] / known.speed_std_m_s[:-15]) < 1.2

@@ -12,17 +12,17 @@ from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
-from ohmward.traction import Input, RollingResistance, SkidSteer, next_state, scene
-from ohmward.traction.speed_observer.clean_sample import read
-from ohmward.traction.speed_observer.estimate import Sample
+from ohmward.traction import RobotInput, RollingResistance, SkidSteer, next_state, scene
+from ohmward.traction.speed_observer.clean_sample import sanitize
+from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.fusion import gated
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
 from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed
 
-FULL = Noise(
+FULL = ObserverNoise(
     gyro_std_rad_s=0.01,
     passive_std_rad_s=0.1,
     speed_std_m_s=0.05,
@@ -60,7 +60,9 @@ def test_every_robot_and_method_follows_its_wheels(name, method):
 def test_compiled_it_does_what_it_does_with_floats():
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=FULL, matching=True)
     state = observer.init(at_rest(observer))
-    sample = Sample(0.01, np.array([1.0, 1.3, 0.9, np.nan]), np.array([2.0, np.nan]), 0.1, 0.4, 0.01, 0.11, np.nan, 0.0)
+    sample = SlipSample(
+        0.01, np.array([1.0, 1.3, 0.9, np.nan]), np.array([2.0, np.nan]), 0.1, 0.4, 0.01, 0.11, np.nan, 0.0
+    )
     kernel = Kernel(observer.step, state, sample)
     plain, compiled = observer.step(state, sample), kernel(state, sample)
     np.testing.assert_allclose(flat(compiled), flat(plain), rtol=1e-9, atol=1e-12)
@@ -126,13 +128,13 @@ def drawn(observer, rng, torque_of, steps, blind=False):
 
 
 def advance(model, observer, x, sample, current_A):
-    reading = read(sample, current_A, observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
+    reading = sanitize(sample, current_A, observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
     return model.next_state(x, reading), model.process_noise(x, reading)
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])
 def test_nees_of_the_four_states_on_known_ground(method):
-    noise = Noise(encoder_lag_share=0.0, speed_std_m_s=0.05)
+    noise = ObserverNoise(encoder_lag_share=0.0, speed_std_m_s=0.05)
     observer = SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, noise, method=method, rest_hold_s=np.inf)
     rng = np.random.default_rng(2)
     runs = np.array([drawn(observer, rng, lambda t: 1.0 + np.sin(4 * t), 100) for _ in range(20)])
@@ -143,7 +145,7 @@ def test_nees_of_the_four_states_on_known_ground(method):
 def test_matching_finds_the_noise_of_the_encoders():
     rng = np.random.default_rng(3)
     speeds = np.full((3000, 4), 3.0) + 0.3 * rng.standard_normal((3000, 4))
-    small = Noise(encoder_std_rad_s=0.1)
+    small = ObserverNoise(encoder_std_rad_s=0.1)
     state, _ = observed(
         SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, small, matching=True),
         log(speeds[:, 0], np.full(3000, 0.3585))._replace(wheel_speed_rad_s=speeds),
@@ -155,7 +157,7 @@ def test_an_external_speed_shows_the_radius():
     true_share = 1.01
     speeds = np.full(4000, 0.4 / (0.12 * true_share))
     sample = log(speeds, np.full(4000, 0.3), speed_m_s=np.full(4000, 0.4))
-    observer = SpeedObserver(RLMA_ON_FLOOR, noise=Noise(speed_std_m_s=0.02, radius_std=0.02))
+    observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(speed_std_m_s=0.02, radius_std=0.02))
     _, e = observed(observer, sample)
     assert e.radius_share[-1] == pytest.approx(true_share, abs=3 * e.radius_std[-1])
     assert e.radius_std[-1] < 0.005
@@ -164,9 +166,9 @@ def test_an_external_speed_shows_the_radius():
 def test_on_level_ground_the_rolling_resistance_is_learnt():
     twice = scene(RLMA_ON_FLOOR.robot, FLOOR._replace(rolling=RollingResistance(a1=0.015, a3_s_per_m=0.0)))
     current = 0.8 + 0.5 * np.sin(np.arange(1500) * DT_S)
-    kernel = Kernel(lambda x, i: (next_state(x, Input(i * np.ones(2)), twice, DT_S),) * 2, np.zeros(4), 0.0)
+    kernel = Kernel(lambda x, i: (next_state(x, RobotInput(i * np.ones(2)), twice, DT_S),) * 2, np.zeros(4), 0.0)
     _, truth = kernel.scan(np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12]), current)
-    noise = Noise(pitch_std_rad=0.001, speed_std_m_s=0.02)
+    noise = ObserverNoise(pitch_std_rad=0.001, speed_std_m_s=0.02)
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=noise)
     samples = log(truth[:, 2], current, pitch_rad=np.zeros(1500), speed_m_s=truth[:, 0])
     state, _ = observed(observer, samples)
@@ -198,8 +200,8 @@ def test_a_robot_that_scrubs_is_refused_with_advice():
 
 def test_noise_and_states_that_are_refused():
     with pytest.raises(InputError, match=r"noise.gyro_std_rad_s must be > 0"):
-        Noise(gyro_std_rad_s=0.0)
+        ObserverNoise(gyro_std_rad_s=0.0)
     with pytest.raises(InputError, match=r"noise.grade_walk must be >= 0"):
-        Noise(grade_walk=-1.0)
+        ObserverNoise(grade_walk=-1.0)
     with pytest.raises(InputError, match=r"states.friction must be one of known, one, each, got 'two'"):
         States(friction="two")

@@ -12,8 +12,8 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.robot.robot import wheel_speeds
-from ohmward.traction.speed_observer.estimate import Estimate, Sample
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
 from ohmward.traction.speed_observer.track import SlipEstimator, first_of, motion_of, observe, samples_of
@@ -30,14 +30,14 @@ def drive(steps=40, wheel_speed=2.0, **others):
 
 
 def rows(samples):
-    return [Sample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
+    return [SlipSample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
 
 
 def test_a_drive_at_constant_speed():
     track = observe(OBSERVER, drive(200))
     assert track.estimates.speed_m_s[-1] == pytest.approx(2.0 * RLMA.wheel.radius_m, abs=0.02)
     assert track.estimates.slip_speed_m_s.shape == (200, 2)
-    assert set(Estimate._fields) == set(track.estimates._fields)
+    assert set(SlipEstimate._fields) == set(track.estimates._fields)
     assert track.seconds > 0
 
 
@@ -63,7 +63,7 @@ def faulty_drive(steps=400):
     return DriveLog("faulty", time_s, speed, current, **others)
 
 
-EVERYTHING = Noise(gyro_std_rad_s=0.02, pitch_std_rad=0.01, accelerometer_std_m_s2=0.2, speed_std_m_s=0.05)
+EVERYTHING = ObserverNoise(gyro_std_rad_s=0.02, pitch_std_rad=0.01, accelerometer_std_m_s2=0.2, speed_std_m_s=0.05)
 OBSERVERS = {
     "default": SpeedObserver(scene(RLMA, FLOOR)),
     "ekf": OBSERVER,
@@ -75,7 +75,7 @@ each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.key
 
 def live_estimates(estimator, log):
     estimates = map(estimator.update, rows(samples_of(log, estimator.observer)))
-    return Estimate(*map(np.array, zip(*estimates, strict=True)))
+    return SlipEstimate(*map(np.array, zip(*estimates, strict=True)))
 
 
 @each
@@ -96,7 +96,7 @@ def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observe
     expected, found = in_python.run(log), in_machine_code.run(log)
     assert {"gap", "no_current", "no_encoder", "ground_changed"} <= expected.counts().keys()
     assert found.counts() == expected.counts()
-    for name in Estimate._fields:
+    for name in SlipEstimate._fields:
         f, e = getattr(found.estimates, name), getattr(expected.estimates, name)
         assert_allclose(f, e, rtol=1e-9, atol=1e-9, err_msg=name)
     for name, value in in_python.snapshot()["state"].items():
@@ -146,7 +146,9 @@ def test_a_live_restart_goes_on_to_the_bit(lowering):
 
 
 def test_an_unknown_radius_widens_the_sigmas_of_speed_and_slip():
-    sure, unsure = (SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, noise=Noise(radius_std=s)) for s in (1e-12, 0.02))
+    sure, unsure = (
+        SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, noise=ObserverNoise(radius_std=s)) for s in (1e-12, 0.02)
+    )
     assert not unsure.states.radius
     narrow, wide = (observe(observer, drive()).estimates for observer in (sure, unsure))
     more = 0.02 * RLMA.wheel.radius_m * np.abs(narrow.wheel_speed_rad_s)
@@ -210,7 +212,7 @@ def test_flags_are_counted():
 def test_a_robot_that_turns_on_the_spot_is_not_stuck():
     turning = drive(300, wheel_speed=np.array([[-2.0, 2.0]]))
     rate = 2.0 * RLMA.wheel.radius_m / RLMA.places[0].y_m
-    gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=Noise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
+    gyro = SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=ObserverNoise(gyro_std_rad_s=0.01, speed_std_m_s=0.01))
     whole = {"yaw_rate_rad_s": np.full(300, rate), "speed_m_s": np.zeros(300)}
     assert not observe(gyro, replace(turning, **whole)).estimates.immobilised.any()
 

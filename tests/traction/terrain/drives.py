@@ -6,7 +6,7 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import ROBOTINO, Robot
-from ohmward.traction.calibration import Drive
+from ohmward.traction.calibration import CalibrationDrive
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.terrain.floor import Floor
 
@@ -53,7 +53,7 @@ def omni_drive(
     rng: np.random.Generator | None = None,
     robot: Robot = OMNI,
     later: list[Floor] | None = None,
-) -> Drive:
+) -> CalibrationDrive:
     """A steady drive; the floors under the wheels are `later` from half of it on."""
     a = np.radians(direction_deg)
     rim = np.array([speed_m_s * np.cos(a), speed_m_s * np.sin(a), 0.0])
@@ -67,7 +67,7 @@ def omni_drive(
         omega = omega + rng.normal(0.0, 0.1, omega.shape)
         current = current + rng.normal(0.0, 0.15, current.shape)
         motion = motion + rng.normal(0.0, 0.002, motion.shape)
-    return Drive(DriveLog("synthetic", time_s, omega, current), motion)
+    return CalibrationDrive(DriveLog("synthetic", time_s, omega, current), motion)
 
 
 def current_for_torque_rows(robot: Robot, torque: np.ndarray, omega: np.ndarray) -> np.ndarray:

@@ -3,11 +3,19 @@
 from ohmward.battery.identification.identify import (
     DEFAULT_MODEL,
     MODELS,
+    IdentificationSettings,
     Identified,
     LogDetails,
-    Settings,
     identify,
     identify_in_detail,
 )
 
-__all__ = ["DEFAULT_MODEL", "MODELS", "Identified", "LogDetails", "Settings", "identify", "identify_in_detail"]
+__all__ = [
+    "DEFAULT_MODEL",
+    "MODELS",
+    "IdentificationSettings",
+    "Identified",
+    "LogDetails",
+    "identify",
+    "identify_in_detail",
+]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.identification.samples import Samples
-from ohmward.battery.models.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.identification.samples import TestSamples
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 
 
 def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
@@ -20,19 +20,19 @@ def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
     return solve_banded((1, 0), band, drive, check_finite=False)
 
 
-def hysteresis_decay(samples: Samples, capacity_Ah: float, rate: float) -> np.ndarray:
+def hysteresis_decay(samples: TestSamples, capacity_Ah: float, rate: float) -> np.ndarray:
     """(N,) share of the hysteresis state that an interval leaves: e^(-|gamma i dt / Q|)."""
     moved_Ah = np.abs(samples.mean_current_A * samples.dt_s) / 3600.0
     return np.exp(-rate * moved_Ah / capacity_Ah)
 
 
-def simulate(samples: Samples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
+def simulate(samples: TestSamples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
     """(N,) terminal voltage [V] along the samples; the SoC is that of the samples, not counted again.
 
     start_V: (n,) RC voltages at the first sample, () for rest; hysteresis: state h there.
     """
-    at = Input(samples.current_A, samples.temperature_degC)
-    before = Input(samples.mean_current_A, samples.temperature_degC)
+    at = CircuitInput(samples.current_A, samples.temperature_degC)
+    before = CircuitInput(samples.mean_current_A, samples.temperature_degC)
     decay_h = hysteresis_decay(samples, p.capacity_Ah, p.hysteresis_rate)
     h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
     voltage = p.ocv.mean_V(samples.soc, samples.temperature_degC) + p.ocv.half_gap_V(samples.soc) * h

@@ -21,7 +21,7 @@ _BLOCK_INTERVALS = 100
 _GAIN_DOUBT = 1e-3
 
 
-class Charge(NamedTuple):
+class ChargeIntegral(NamedTuple):
     """Charge of each interval between two samples; every array belongs to the interval that ends at the sample.
 
     moved_Ah: (T,) [Ah], > 0 when charge went in; the first is 0.
@@ -57,7 +57,7 @@ class Counter(NamedTuple):
     resolution_Ah: float
 
 
-def count_charge(log: Log) -> Charge:
+def count_charge(log: Log) -> ChargeIntegral:
     """Charge of each interval of the log: the mean of both currents, corrected by a charge counter if there is one.
 
     The mean of both samples misleads where the current changes by di within a long interval dt, by up to |di| dt/2,
@@ -74,9 +74,9 @@ def count_charge(log: Log) -> Charge:
     gap = find_gaps(log.time_s)
     counter = find_counter(log, moved_Ah, gap)
     if counter is None:
-        return Charge(np.where(gap, 0.0, moved_Ah), gap, _gap_notes(gap))
+        return ChargeIntegral(np.where(gap, 0.0, moved_Ah), gap, _gap_notes(gap))
     settled_Ah = np.where(gap, counter.step_Ah, _settle(moved_Ah, doubt_Ah, gap, counter.step_Ah))
-    return Charge(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),))
+    return ChargeIntegral(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),))
 
 
 def known_current_A(log: Log) -> np.ndarray:

@@ -10,7 +10,7 @@ from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_
 from ohmward.battery.identification.circuit_solve import Problem, Solution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
-from ohmward.battery.identification.samples import Samples
+from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
@@ -60,7 +60,7 @@ def start_of(solution: Solution, part: int) -> tuple[tuple[float, ...], float]:
     return tuple(start[: layout.pairs]), start[-1] / scale if scale > 0 else 0.0
 
 
-def slow_shape(ocv: OcvCurve, samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+def slow_shape(ocv: OcvCurve, samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) expected course of the slowest resistance along SoC, about 1 with data: that of the low-rate gap.
 
     The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.

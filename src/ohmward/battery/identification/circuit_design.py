@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.along import hysteresis_decay, scan
-from ohmward.battery.identification.samples import Samples
+from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import KELVIN
 
@@ -37,7 +37,7 @@ class Rates(NamedTuple):
     activation_K: float = 0.0
 
 
-class Layout(NamedTuple):
+class ParameterLayout(NamedTuple):
     """Where each group of unknowns stands in the vector x (K,).
 
     pairs: number n of RC pairs; records: number of records; hysteresis: whether the OCV curve has any.
@@ -86,9 +86,9 @@ class Layout(NamedTuple):
 
 
 def design(
-    samples: Samples,
+    samples: TestSamples,
     record: int,
-    layout: Layout,
+    layout: ParameterLayout,
     rates: Rates,
     ocv: OcvCurve,
     capacity_Ah: float,
@@ -116,7 +116,7 @@ def design(
     return A
 
 
-def warmth(samples: Samples, activation_K: float, reference_degC: float) -> np.ndarray:
+def warmth(samples: TestSamples, activation_K: float, reference_degC: float) -> np.ndarray:
     """(N,) factor of the resistances at the temperature of each sample (Arrhenius)."""
     return np.exp(activation_K * (1 / (samples.temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, Layout
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, ParameterLayout
 from ohmward.battery.models.ocv import OcvCurve
 
 CELL_V = 3.7
 
 
-class Prior(NamedTuple):
+class CircuitPrior(NamedTuple):
     """Standard deviations of the prior.
 
     walk_share: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC.
@@ -60,12 +60,12 @@ class Slow(NamedTuple):
 SLOW = {"lfp": Slow(2200.0, 0.4), "lead-acid": Slow(3000.0, 0.6)}
 
 
-def prior_for(chemistry: str, ocv_from_low_rate: bool) -> Prior:
+def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
     """What is known before the fit: the OCV curve as well as it was measured, and what the chemistry is like."""
-    prior = Prior() if ocv_from_low_rate else Prior(ocv_V=0.010, ocv_soc=0.02)
+    prior = CircuitPrior() if ocv_from_low_rate else CircuitPrior(ocv_V=0.010, ocv_soc=0.02)
     if chemistry == "lead-acid":
         # Charging is another reaction than discharging and makes gas near full; no two discharges are quite alike.
-        prior = Prior(
+        prior = CircuitPrior(
             ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.01
         )
     slow = SLOW.get(chemistry, Slow(prior.slow_tau_s, prior.slow_tau_log_std))
@@ -83,7 +83,9 @@ class Gaussian(NamedTuple):
         return Gaussian(self.precision + other.precision, self.information + other.information)
 
 
-def nuisance_prior(prior: Prior, layout: Layout, ocv: OcvCurve, at_rest: list[bool], volts: float) -> Gaussian:
+def nuisance_prior(
+    prior: CircuitPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
+) -> Gaussian:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
     at_rest: for each record, whether it starts with a rest.
@@ -103,7 +105,7 @@ def nuisance_prior(prior: Prior, layout: Layout, ocv: OcvCurve, at_rest: list[bo
     return Gaussian(precision, information)
 
 
-def resistance_prior(prior: Prior, layout: Layout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
+def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
@@ -119,7 +121,7 @@ def resistance_prior(prior: Prior, layout: Layout, levels: np.ndarray, shapes: n
     return Gaussian(precision, information)
 
 
-def ocv_precision(prior: Prior, ocv: OcvCurve, volts: float) -> np.ndarray:
+def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation, wider where steep."""
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
     gap = np.asarray(ocv.half_gap_V(OCV_KNOTS))
@@ -133,13 +135,13 @@ def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
     precision[where, where] += rows.T @ rows
 
 
-def _walk(prior: Prior, level: float) -> np.ndarray:
+def _walk(prior: CircuitPrior, level: float) -> np.ndarray:
     """(20, 21) differences of neighbouring grid points over their standard deviation."""
     std = prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
     return np.diff(np.eye(RESISTANCE_GRID.size), axis=0) / std[:, None]
 
 
-def _tie_directions(precision: np.ndarray, layout: Layout, std_ohm: float) -> None:
+def _tie_directions(precision: np.ndarray, layout: ParameterLayout, std_ohm: float) -> None:
     discharge, charge = layout.block(0), layout.block(1)
     tie = np.eye(RESISTANCE_GRID.size) / std_ohm**2
     precision[discharge, discharge] += tie

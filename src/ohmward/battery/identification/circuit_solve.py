@@ -13,9 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Layout, Rates, design
-from ohmward.battery.identification.circuit_prior import CELL_V, Gaussian, Prior, nuisance_prior, resistance_prior
-from ohmward.battery.identification.samples import Samples
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
+from ohmward.battery.identification.circuit_prior import (
+    CELL_V,
+    CircuitPrior,
+    Gaussian,
+    nuisance_prior,
+    resistance_prior,
+)
+from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
 
 VOLTAGE_STD_V = 0.003
@@ -40,10 +46,10 @@ class Problem(NamedTuple):
     volts: voltage of the battery over that of a lithium-ion cell.
     """
 
-    samples: tuple[Samples, ...]
+    samples: tuple[TestSamples, ...]
     ocv: OcvCurve
     capacity_Ah: float
-    prior: Prior
+    prior: CircuitPrior
     slow_shape: np.ndarray
     reference_degC: float
     fit_activation: bool
@@ -64,7 +70,7 @@ class Solution:
     robust: for each record (N,) weights of outlying samples, 1 for none.
     """
 
-    layout: Layout
+    layout: ParameterLayout
     rates: Rates
     x: np.ndarray
     precision: np.ndarray
@@ -100,7 +106,7 @@ def solve(
 
     robust: weights of the samples from an earlier solution; None finds them by reweighting (pseudo-Huber).
     """
-    layout = Layout(len(rates.tau_s), len(problem.samples), any(problem.ocv.hysteresis_V))
+    layout = ParameterLayout(len(rates.tau_s), len(problem.samples), any(problem.ocv.hysteresis_V))
     columns = [
         design(s, k, layout, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
         for k, s in enumerate(problem.samples)
@@ -127,13 +133,13 @@ def solve(
     return Solution(layout, rates, x, H, prior.precision, residual_V, weighted, kept)
 
 
-def _target(problem: Problem, samples: Samples) -> np.ndarray:
+def _target(problem: Problem, samples: TestSamples) -> np.ndarray:
     """(N,) measured voltage less the OCV curve; 0 where there is no voltage, which has no weight."""
     ocv_V = np.asarray(problem.ocv.mean_V(samples.soc, samples.temperature_degC))
     return np.where(np.isfinite(samples.voltage_V), samples.voltage_V - ocv_V, 0.0)
 
 
-def _weights(problem: Problem, samples: Samples) -> np.ndarray:
+def _weights(problem: Problem, samples: TestSamples) -> np.ndarray:
     """(N,) one over the standard deviation of a sample; samples closer than 60 s share one error.
 
     The model is wrong by a share of the overpotential and, along SoC, where the OCV curve is steep; more so in and
@@ -166,7 +172,11 @@ def _robust(residual_V: np.ndarray, std_V: float) -> np.ndarray:
 
 
 def _prior(
-    problem: Problem, layout: Layout, columns: list[np.ndarray], targets: list[np.ndarray], weights: list[np.ndarray]
+    problem: Problem,
+    layout: ParameterLayout,
+    columns: list[np.ndarray],
+    targets: list[np.ndarray],
+    weights: list[np.ndarray],
 ) -> Gaussian:
     """The prior about the levels that the resistances would have if each took its expected course along SoC."""
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
@@ -179,7 +189,7 @@ def _prior(
     return nuisance.times(resistance_prior(problem.prior, layout, levels, shapes))
 
 
-def _levels(layout: Layout, shapes: np.ndarray, H: np.ndarray, g: np.ndarray) -> np.ndarray:
+def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.ndarray) -> np.ndarray:
     """(2 + n,) levels [ohm] of resistances with given courses (2 + n, 21) in the normal equations H x = g."""
     S = np.zeros((layout.size, layout.blocks + layout.size - layout.resistances.stop))
     for j in range(layout.blocks):
@@ -203,7 +213,7 @@ def _normal_equations(
     return H, g
 
 
-def _bounded_count(layout: Layout) -> int:
+def _bounded_count(layout: ParameterLayout) -> int:
     """How many unknowns, from the first, must not be negative: the resistances and the scale of the hysteresis."""
     return layout.scale.stop
 
@@ -225,7 +235,7 @@ def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:
     return L.T @ x - np.linalg.solve(L, prior.information)
 
 
-def _rates_residual(prior: Prior, rates: Rates, hysteresis: bool) -> np.ndarray:
+def _rates_residual(prior: CircuitPrior, rates: Rates, hysteresis: bool) -> np.ndarray:
     """Deviations of the slowest of several time constants and of the hysteresis rate from their priors.
 
     Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. What a log

@@ -11,7 +11,7 @@ from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_
 from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
 from ohmward.battery.identification.circuit_solve import Solution
 from ohmward.battery.identification.edges import Z_95
-from ohmward.battery.identification.samples import Samples
+from ohmward.battery.identification.samples import TestSamples
 
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 _COVERED_A_SHARE = 0.02
@@ -27,7 +27,7 @@ def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) ->
 
 
 def not_identified(
-    fit: CircuitFit, samples: Sequence[Samples], capacity_Ah: float, hysteresis: bool, shaped: bool
+    fit: CircuitFit, samples: Sequence[TestSamples], capacity_Ah: float, hysteresis: bool, shaped: bool
 ) -> tuple[str, ...]:
     """Sentences on what the data do not tell, and what was put in its place.
 
@@ -51,7 +51,7 @@ def not_identified(
     return tuple(said)
 
 
-def covered(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+def covered(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least 10 s in all."""
     half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
     time_s = np.zeros(RESISTANCE_GRID.size)
@@ -92,7 +92,7 @@ def _log_interval(name: str, value: float, std: float) -> Confidence:
     return Confidence(name, value, value / spread, value * spread)
 
 
-def _uncovered(s: Solution, samples: Sequence[Samples], capacity_Ah: float, shaped: bool) -> list[str]:
+def _uncovered(s: Solution, samples: Sequence[TestSamples], capacity_Ah: float, shaped: bool) -> list[str]:
     missing = ~covered(samples, capacity_Ah)
     if not missing.any():
         return []
@@ -116,7 +116,7 @@ def _share(s: Solution, where: np.ndarray) -> float:
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
 
 
-def _directions(samples: Sequence[Samples], capacity_Ah: float) -> list[str]:
+def _directions(samples: Sequence[TestSamples], capacity_Ah: float) -> list[str]:
     current_A = np.concatenate([s.current_A for s in samples])
     words = {
         "charge": current_A > _COVERED_A_SHARE * capacity_Ah,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, Fit
-from ohmward.battery.battery import Identification as Provenance
+from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
 from ohmward.battery.identification.along import simulate
 from ohmward.battery.identification.anchor import SocAxis, anchor_soc, find_anchors
@@ -22,15 +22,15 @@ from ohmward.battery.identification.circuit_solve import Problem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import Edge, edge_notes, find_edges
 from ohmward.battery.identification.noise import current_noise_A, noise_from_fit
-from ohmward.battery.identification.ocv_from_low_rate import Branch, branch_notes, find_branches, ocv_from_branches
+from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_notes, find_branches, ocv_from_branches
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.identification.rc_samples import samples_of as outside_long_charges
 from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
-from ohmward.battery.identification.samples import COARSEST_S, Samples, thin
+from ohmward.battery.identification.samples import COARSEST_S, TestSamples, thin
 from ohmward.battery.identification.segments import Phase, find_pulses
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.thevenin import Thevenin
@@ -46,7 +46,7 @@ _OTHER_TEMPERATURE_K = 5.0
 Progress = Callable[[str, float], None]
 
 
-class Settings(NamedTuple):
+class IdentificationSettings(NamedTuple):
     """What the caller says about the battery; see `identify`."""
 
     capacity_Ah: float
@@ -71,7 +71,7 @@ class LogDetails(NamedTuple):
     edges: tuple[Edge, ...]
     relaxations: tuple[Relaxation, ...]
     rests: tuple[RestPoint, ...]
-    parts: tuple[Samples, ...]
+    parts: tuple[TestSamples, ...]
     simulated_V: tuple[np.ndarray, ...]
 
     @property
@@ -88,7 +88,7 @@ class Identified(NamedTuple):
     """
 
     battery: Battery
-    branches: tuple[Branch, ...]
+    branches: tuple[OcvBranch, ...]
     first_ocv: OcvCurve
     logs: tuple[LogDetails, ...]
     fit: CircuitFit | None
@@ -97,7 +97,7 @@ class Identified(NamedTuple):
 class Stage(NamedTuple):
     """What the stages before the fit found."""
 
-    branches: tuple[Branch, ...]
+    branches: tuple[OcvBranch, ...]
     ocv: OcvCurve
     records: tuple[Record, ...]
     axes: tuple[SocAxis, ...]
@@ -130,11 +130,13 @@ def identify(
     Raises:
         InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
     """
-    settings = Settings(capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A)
+    settings = IdentificationSettings(capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A)
     return identify_in_detail(logs, settings, progress).battery
 
 
-def identify_in_detail(logs: Log | Sequence[Log], settings: Settings, progress: Progress | None = None) -> Identified:
+def identify_in_detail(
+    logs: Log | Sequence[Log], settings: IdentificationSettings, progress: Progress | None = None
+) -> Identified:
     """As `identify`, with what every stage found."""
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     _check(settings, logs)
@@ -152,7 +154,7 @@ def identify_in_detail(logs: Log | Sequence[Log], settings: Settings, progress: 
     return _thevenin(stage, records, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
 
 
-def _before_the_fit(records: Sequence[Record], settings: Settings) -> Stage:
+def _before_the_fit(records: Sequence[Record], settings: IdentificationSettings) -> Stage:
     """Stages 3 and 4: the first OCV curve, and the state of charge along each log to fit."""
     Q = settings.capacity_Ah
     slow = [r for r in records if r.test == "low-rate"]
@@ -172,7 +174,7 @@ def _before_the_fit(records: Sequence[Record], settings: Settings) -> Stage:
     return Stage(branches, ocv, fast, axes, notes)
 
 
-def _ocv_from_rests(records: Sequence[Record], settings: Settings, reference_degC: float) -> OcvCurve:
+def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings, reference_degC: float) -> OcvCurve:
     """The curve through the rests of every log whose state of charge is known without a curve."""
     points: list[RestPoint] = []
     first_refusal: InputError | None = None
@@ -189,13 +191,13 @@ def _ocv_from_rests(records: Sequence[Record], settings: Settings, reference_deg
     return ocv_from_rests(points, min(float(np.nanmin(r.log.voltage_V)) for r in records), reference_degC)
 
 
-def _axis(record: Record, settings: Settings, ocv: OcvCurve | None) -> SocAxis:
+def _axis(record: Record, settings: IdentificationSettings, ocv: OcvCurve | None) -> SocAxis:
     efficiency = CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
     return anchor_soc(record, settings.capacity_Ah, ocv, settings.initial_soc.get(record.log.name), efficiency)
 
 
 def _thevenin(
-    stage: Stage, records: Sequence[Record], settings: Settings, progress: Callable[[float], None]
+    stage: Stage, records: Sequence[Record], settings: IdentificationSettings, progress: Callable[[float], None]
 ) -> Identified:
     """Stages 5 to 9 for the Thevenin circuit."""
     Q = settings.capacity_Ah
@@ -233,7 +235,7 @@ def _thevenin(
     return Identified(battery, stage.branches, stage.ocv, details, fit)
 
 
-def _with_rc(battery: Battery, stage: Stage, settings: Settings, ocv: OcvCurve) -> Battery:
+def _with_rc(battery: Battery, stage: Stage, settings: IdentificationSettings, ocv: OcvCurve) -> Battery:
     """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
     try:
         found, *_ = _find_rc(stage, settings, ocv)
@@ -242,7 +244,7 @@ def _with_rc(battery: Battery, stage: Stage, settings: Settings, ocv: OcvCurve) 
     return replace(battery, rc=found.model, rc_noise=found.noise)
 
 
-def _find_rc(stage: Stage, settings: Settings, ocv: OcvCurve) -> tuple[RcIdentification, Record, SocAxis]:
+def _find_rc(stage: Stage, settings: IdentificationSettings, ocv: OcvCurve) -> tuple[RcIdentification, Record, SocAxis]:
     """The RC model from the log that moves most charge, and that log."""
     moved = [float(np.abs(r.charge.moved_Ah).sum()) for r in stage.records]
     record, axis = stage.records[int(np.argmax(moved))], stage.axes[int(np.argmax(moved))]
@@ -252,7 +254,7 @@ def _find_rc(stage: Stage, settings: Settings, ocv: OcvCurve) -> tuple[RcIdentif
     return identify_rc(record.log, curve, settings.capacity_Ah, start_soc), record, axis
 
 
-def _rc(stage: Stage, records: Sequence[Record], settings: Settings) -> Identified:
+def _rc(stage: Stage, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
     """The RC model alone."""
     found, record, axis = _find_rc(stage, settings, stage.ocv)
     notes = (*(str(note) for note in stage.notes), *found.notes)
@@ -263,7 +265,7 @@ def _rc(stage: Stage, records: Sequence[Record], settings: Settings) -> Identifi
     return Identified(battery, stage.branches, stage.ocv, (), None)
 
 
-def _curve_alone(stage: Stage, records: Sequence[Record], settings: Settings) -> Identified:
+def _curve_alone(stage: Stage, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
     """Low-rate tests only: the OCV curve is measured, the rest is what the chemistry has in common."""
     Q, n = settings.capacity_Ah, settings.n_series
     noise = start_noise(Q, n, ocv_known=True)
@@ -287,11 +289,11 @@ def _curve_alone(stage: Stage, records: Sequence[Record], settings: Settings) ->
 
 
 def _battery(
-    settings: Settings,
+    settings: IdentificationSettings,
     records: Sequence[Record],
     thevenin: Thevenin | None,
     rc: RcModel | None,
-    noise: Noise,
+    noise: BatteryNoise,
     provenance: Provenance,
     missing: tuple[str, ...],
 ) -> Battery:
@@ -313,7 +315,11 @@ def _battery(
 
 
 def _details(
-    record: Record, axis: SocAxis, parts: tuple[Samples, ...], simulated_V: tuple[np.ndarray, ...], capacity_Ah: float
+    record: Record,
+    axis: SocAxis,
+    parts: tuple[TestSamples, ...],
+    simulated_V: tuple[np.ndarray, ...],
+    capacity_Ah: float,
 ) -> LogDetails:
     return LogDetails(
         record,
@@ -337,17 +343,17 @@ def _quality(d: LogDetails) -> Fit:
     return Fit(d.record.log.name, d.record.test, float(soc.min()), float(soc.max()), rms_V, largest_V)
 
 
-def _curve_fit(branch: Branch) -> Fit:
+def _curve_fit(branch: OcvBranch) -> Fit:
     soc = branch.soc
     return Fit(branch.log_name, f"low-rate {branch.direction}", float(soc.min()), float(soc.max()))
 
 
-def _measured_capacity_Ah(branches: Sequence[Branch]) -> float:
+def _measured_capacity_Ah(branches: Sequence[OcvBranch]) -> float:
     complete = [b.moved_Ah for b in branches if b.complete]
     return float(np.mean(complete)) if complete else 0.0
 
 
-def _both_directions(branches: Sequence[Branch]) -> bool:
+def _both_directions(branches: Sequence[OcvBranch]) -> bool:
     return len({b.direction for b in branches}) == 2
 
 
@@ -361,7 +367,7 @@ def _temperatures_differ(records: Sequence[Record]) -> bool:
     return bool(known) and max(known) - min(known) > _OTHER_TEMPERATURE_K
 
 
-def _check(settings: Settings, logs: Sequence[Log]) -> None:
+def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     require_positive("capacity_Ah", settings.capacity_Ah)
     if settings.model not in MODELS:
         raise InputError(f"model must be one of {', '.join(MODELS)}, got {settings.model!r}")

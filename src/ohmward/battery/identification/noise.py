@@ -9,8 +9,8 @@ import numpy as np
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
 from ohmward.battery.identification.circuit_solve import Problem, Solution, last_direction
 from ohmward.battery.identification.confidence import covered
-from ohmward.battery.identification.samples import COARSEST_S, Samples
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.identification.samples import COARSEST_S, TestSamples
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
@@ -32,7 +32,7 @@ _HYSTERESIS_STD = 0.3
 
 def noise_from_fit(
     solution: Solution, problem: Problem, p: Thevenin, current_noise_A: float, pulses_only: bool
-) -> Noise:
+) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is what the fit left there, and what its posterior does not know: little where there
@@ -47,7 +47,7 @@ def noise_from_fit(
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), floor_V)
     share = overpotential_share(solution, problem, p)
-    return Noise(
+    return BatteryNoise(
         soc_axis_std=SOC_AXIS_STD,
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
@@ -97,7 +97,7 @@ def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> fl
     return min(max(share, _OVERPOTENTIAL_SHARE), _LARGEST_SHARE)
 
 
-def posterior_std_V(solution: Solution, samples: Sequence[Samples], p: Thevenin) -> np.ndarray:
+def posterior_std_V(solution: Solution, samples: Sequence[TestSamples], p: Thevenin) -> np.ndarray:
     """(21,) standard deviation of the predicted voltage at each SoC under the typical current of the logs [V].
 
     That of the OCV correction and of all resistances together, after the relaxation of all RC pairs.
@@ -114,7 +114,7 @@ def posterior_std_V(solution: Solution, samples: Sequence[Samples], p: Thevenin)
     return np.sqrt(np.maximum(variance, 0.0) + hysteresis_V**2)
 
 
-def unseen_std_V(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
+def unseen_std_V(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) standard deviation of a lithium-ion cell's model away from the SoC where a current was seen [V].
 
     Measured on cells identified from one half of their range: it grows with the root of the distance.
@@ -124,7 +124,7 @@ def unseen_std_V(samples: Sequence[Samples], capacity_Ah: float) -> np.ndarray:
     return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _WINDOW, 0.0) / 0.1)
 
 
-def typical_current_A(samples: Sequence[Samples]) -> float:
+def typical_current_A(samples: Sequence[TestSamples]) -> float:
     """Mean magnitude of the current over time [A], as a slow RC pair sees it."""
     moved = sum(float(np.abs(s.mean_current_A * s.dt_s).sum()) for s in samples)
     return moved / max(sum(float(s.dt_s.sum()) for s in samples), 1e-9)
@@ -137,7 +137,7 @@ def white_std_V(solution: Solution) -> float:
     return float(_MAD * np.median(steps) / np.sqrt(2)) if steps.size else 0.0
 
 
-def correlation_s(solution: Solution, samples: Sequence[Samples]) -> float:
+def correlation_s(solution: Solution, samples: Sequence[TestSamples]) -> float:
     """Time after which the residual has lost its memory [s]: 1/e of its autocorrelation, on a grid of 10 s."""
     times = [_decay_s(s, r) for s, r in zip(samples, solution.residual_V, strict=True)]
     low, high = _CORRELATION_S
@@ -151,7 +151,7 @@ def current_noise_A(current_A: np.ndarray) -> float:
     return float(_MAD * np.median(steady)) if steady.size else 0.0
 
 
-def _decay_s(samples: Samples, residual_V: np.ndarray) -> float:
+def _decay_s(samples: TestSamples, residual_V: np.ndarray) -> float:
     grid_s = np.arange(samples.time_s[0], samples.time_s[-1], 10.0)
     known = np.isfinite(residual_V)
     r = np.interp(grid_s, samples.time_s[known], residual_V[known])

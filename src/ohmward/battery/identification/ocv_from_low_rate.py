@@ -23,7 +23,7 @@ _CAPACITY_WARNING = 0.03
 _SMOOTHING_POINTS = 21
 
 
-class Branch(NamedTuple):
+class OcvBranch(NamedTuple):
     """One low-rate discharge or charge on its own axis of SoC.
 
     soc: (N,) state of charge, voltage_V: (N,) at it, both in order of time.
@@ -43,7 +43,7 @@ class Branch(NamedTuple):
     complete: bool
 
 
-def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None = None) -> tuple[Branch, ...]:
+def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None = None) -> tuple[OcvBranch, ...]:
     """The low-rate branches of a record. A branch of at least 93 % of the capacity runs from full to empty or back.
 
     So does one of at least 80 % that follows such a branch and ends at the voltage limit: low rates end where the
@@ -53,7 +53,7 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
     Raises:
         InputError: a branch is shorter and nothing says where it starts.
     """
-    branches: list[Branch] = []
+    branches: list[OcvBranch] = []
     for phase in record.phases:
         moved_Ah = float(record.charge.moved_Ah[phase.first + 1 : phase.last + 1].sum())
         slow = phase.kind != "rest" and abs(phase.current_A) < LOW_RATE * capacity_Ah
@@ -62,7 +62,7 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
     return tuple(branches)
 
 
-def ocv_from_branches(branches: Sequence[Branch], reference_degC: float) -> OcvCurve:
+def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> OcvCurve:
     """Mean of the charge and the discharge branch, half their distance, and their change with temperature.
 
     Branches within 5 K belong together; the group nearest to `reference_degC` gives the curve, all give the change
@@ -80,7 +80,7 @@ def ocv_from_branches(branches: Sequence[Branch], reference_degC: float) -> OcvC
     )
 
 
-def branch_notes(branches: Sequence[Branch], capacity_Ah: float) -> tuple[Note, ...]:
+def branch_notes(branches: Sequence[OcvBranch], capacity_Ah: float) -> tuple[Note, ...]:
     """How the axis of SoC of each branch was set, with a warning where its charge is not the given capacity."""
     return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
 
@@ -97,8 +97,13 @@ def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
 
 
 def _branch(
-    record: Record, phase: Phase, moved_Ah: float, capacity_Ah: float, before: list[Branch], initial_soc: float | None
-) -> Branch:
+    record: Record,
+    phase: Phase,
+    moved_Ah: float,
+    capacity_Ah: float,
+    before: list[OcvBranch],
+    initial_soc: float | None,
+) -> OcvBranch:
     rows = slice(phase.first, phase.last + 1)
     total_Ah = np.cumsum(record.charge.moved_Ah[rows]) - record.charge.moved_Ah[phase.first]
     complete = abs(moved_Ah) >= _COMPLETE_SHARE * capacity_Ah or (
@@ -112,7 +117,7 @@ def _branch(
     known = np.isfinite(voltage_V)
     degC = None if record.log.temperature_degC is None else float(np.nanmedian(record.log.temperature_degC[rows]))
     direction: Literal["discharge", "charge"] = "discharge" if moved_Ah < 0 else "charge"
-    return Branch(
+    return OcvBranch(
         record.log.name, direction, soc[known], voltage_V[known], phase.current_A, abs(moved_Ah), degC, complete
     )
 
@@ -123,7 +128,7 @@ def _ends_at_limit(voltage_V: np.ndarray, last: int, moved_Ah: float) -> bool:
     return bool(abs(voltage_V[last] - limit_V) <= _LIMIT_TOLERANCE * limit_V)
 
 
-def _start_of_part(record: Record, before: list[Branch], initial_soc: float | None) -> float:
+def _start_of_part(record: Record, before: list[OcvBranch], initial_soc: float | None) -> float:
     if before:
         return float(before[-1].soc[-1])
     if initial_soc is not None:
@@ -135,9 +140,9 @@ def _start_of_part(record: Record, before: list[Branch], initial_soc: float | No
     )
 
 
-def _by_temperature(branches: Sequence[Branch], otherwise_degC: float) -> dict[float, list[Branch]]:
+def _by_temperature(branches: Sequence[OcvBranch], otherwise_degC: float) -> dict[float, list[OcvBranch]]:
     """Branches grouped by temperature within 5 K; the key is that of the group's first."""
-    groups: dict[float, list[Branch]] = {}
+    groups: dict[float, list[OcvBranch]] = {}
     for branch in branches:
         degC = otherwise_degC if branch.temperature_degC is None else branch.temperature_degC
         near = [key for key in groups if abs(key - degC) < SAME_TEMPERATURE_K]
@@ -145,7 +150,7 @@ def _by_temperature(branches: Sequence[Branch], otherwise_degC: float) -> dict[f
     return groups
 
 
-def _mean_and_half_gap(branches: Sequence[Branch]) -> tuple[np.ndarray, np.ndarray]:
+def _mean_and_half_gap(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.ndarray]:
     """(201,) mean curve and half gap [V]; where only one direction was measured, the gap is held."""
     curves = [_on_grid([b for b in branches if b.direction == way]) for way in ("discharge", "charge")]
     discharge, charge = curves
@@ -159,7 +164,7 @@ def _mean_and_half_gap(branches: Sequence[Branch]) -> tuple[np.ndarray, np.ndarr
     return monotone(_held(mean_V)), half_gap_V
 
 
-def _on_grid(branches: Sequence[Branch]) -> np.ndarray:
+def _on_grid(branches: Sequence[OcvBranch]) -> np.ndarray:
     """(201,) mean voltage of the branches of one direction, nan where none was measured."""
     rows = [_interpolated(branch) for branch in branches]
     known = np.sum([~np.isnan(row) for row in rows], axis=0) if rows else np.zeros(OCV_GRID.size)
@@ -167,7 +172,7 @@ def _on_grid(branches: Sequence[Branch]) -> np.ndarray:
     return np.where(known > 0, total / np.maximum(known, 1), np.nan)
 
 
-def _interpolated(branch: Branch) -> np.ndarray:
+def _interpolated(branch: OcvBranch) -> np.ndarray:
     order = np.argsort(branch.soc, kind="stable")
     return np.interp(OCV_GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
 
@@ -193,7 +198,7 @@ def _temperature_slope(curves: dict[float, np.ndarray]) -> np.ndarray:
     return smooth(centred @ np.array(list(curves.values())) / (centred @ centred))
 
 
-def _branch_note(branch: Branch, capacity_Ah: float) -> Note:
+def _branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
     what = f"low-rate {branch.direction} in {branch.log_name!r} at {abs(branch.current_A):.3g} A"
     if not branch.complete:
         return Note(f"{what} covers SoC {branch.soc.min():.3f} to {branch.soc.max():.3f}")

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
-from ohmward.battery.identification.rc_samples import Samples
+from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 
 _LONGEST_WEIGHT_S = 60.0
@@ -53,7 +53,7 @@ class VoltageFit(NamedTuple):
         return float(np.sqrt(np.mean(self.residual_V**2)))
 
 
-def fit_voltage(samples: Samples, ocv_V: np.ndarray | None = None) -> VoltageFit | None:
+def fit_voltage(samples: RcSamples, ocv_V: np.ndarray | None = None) -> VoltageFit | None:
     """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
 
     Samples weigh as the time they stand for, up to 60 s. No number may be negative.
@@ -72,7 +72,7 @@ def fit_voltage(samples: Samples, ocv_V: np.ndarray | None = None) -> VoltageFit
     return _fit_at(samples, ocv_V, math.exp(found.x))
 
 
-def _fit_at(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> VoltageFit | None:
+def _fit_at(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> VoltageFit | None:
     """The fit with this time constant."""
     (r0, r1, per_C), _ = _solve(samples, ocv_V, tau_s)
     if not (per_C > 0 and r0 > 0):
@@ -86,7 +86,7 @@ def _fit_at(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> Voltage
     )
 
 
-def _solve(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
+def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
     """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
     from scipy.optimize import nnls
 
@@ -100,13 +100,13 @@ def _solve(samples: Samples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tu
     return (float(r0), float(r1), float(per_C)), float(norm) ** 2
 
 
-def charge_in_part(samples: Samples) -> np.ndarray:
+def charge_in_part(samples: RcSamples) -> np.ndarray:
     """Charge since the first sample of each part [A s], (T,)."""
     _, first = np.unique(samples.part, return_index=True)
     return samples.charge_As - samples.charge_As[first][samples.part]
 
 
-def filtered(samples: Samples, tau_s: float) -> np.ndarray:
+def filtered(samples: RcSamples, tau_s: float) -> np.ndarray:
     """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step.
 
     Each part starts from rest.
@@ -119,25 +119,25 @@ def filtered(samples: Samples, tau_s: float) -> np.ndarray:
     return solve_banded((1, 0), bands, np.where(first, 0.0, (1 - decay) * samples.mean_A))
 
 
-def _weights(samples: Samples) -> np.ndarray:
+def _weights(samples: RcSamples) -> np.ndarray:
     """Root of the time that each sample stands for, (T,)."""
     return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
 
 
-def _centred(samples: Samples, values: np.ndarray) -> np.ndarray:
+def _centred(samples: RcSamples, values: np.ndarray) -> np.ndarray:
     """Weighted values (T,) or (T, n) without the mean of their part: what is left once each V_start is the best."""
     columns = values.reshape(len(values), -1)
     left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
     return np.column_stack(left).reshape(values.shape)
 
 
-def _means(samples: Samples, values: np.ndarray) -> np.ndarray:
+def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
     """Weighted mean (parts,) of values (T,) over each part."""
     weights = _weights(samples) ** 2
     return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
 
 
-def _shortest_s(samples: Samples) -> float:
+def _shortest_s(samples: RcSamples) -> float:
     """Half the typical step [s]: faster than that nothing can be told from R_0."""
     return 0.5 * float(np.median(samples.dt_s[1:]))
 

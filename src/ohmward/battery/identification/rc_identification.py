@@ -16,9 +16,9 @@ from ohmward.battery.identification.rc_rule import (
     find_response,
     find_time_constant,
 )
-from ohmward.battery.identification.rc_samples import Samples, samples_of
+from ohmward.battery.identification.rc_samples import RcSamples, samples_of
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.errors import InputError
@@ -44,7 +44,7 @@ class RcIdentification(NamedTuple):
     """
 
     model: RcModel
-    noise: Noise
+    noise: BatteryNoise
     rule: RcModel
     response: Response
     fit: VoltageFit | None
@@ -79,13 +79,13 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
-    noise = Noise() if fit is None else _noise(fit, response, soc)
+    noise = BatteryNoise() if fit is None else _noise(fit, response, soc)
     notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
     return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit))
 
 
 def _fit_with_line(
-    samples: Samples, capacity_Ah: float, start_soc: float | None
+    samples: RcSamples, capacity_Ah: float, start_soc: float | None
 ) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
     """Least squares without a curve, the straight line between SoC 0 and 1 that it stands for, and SoC of each part."""
     if start_soc is None:
@@ -102,7 +102,7 @@ def _fit_with_line(
     return fit, OcvCurve((empty_V, empty_V + slope_V)), (fit.start_V - empty_V) / slope_V
 
 
-def _start_soc(samples: Samples, response: Response, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
+def _start_soc(samples: RcSamples, response: Response, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
     """SoC at the first sample of each part, from its voltage without the drop at R_total; `start_soc` for the first."""
     first = np.flatnonzero(np.diff(samples.part, prepend=-1) > 0)
     open_V = samples.voltage_V[first] - response.r_total_ohm * samples.current_A[first]
@@ -110,16 +110,16 @@ def _start_soc(samples: Samples, response: Response, ocv: OcvCurve, start_soc: f
     return soc if start_soc is None else np.array([start_soc, *soc[1:]])
 
 
-def _soc_along(samples: Samples, start: np.ndarray, capacity_Ah: float) -> np.ndarray:
+def _soc_along(samples: RcSamples, start: np.ndarray, capacity_Ah: float) -> np.ndarray:
     """SoC along the log (T,) from that of each part."""
     return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
 
 
-def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> Noise:
+def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> BatteryNoise:
     """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
     white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
     doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
-    return Noise(
+    return BatteryNoise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
         model_std_V=_model_std_V(fit.residual_V, soc),
         model_soc_length=_MODEL_SOC_LENGTH,
@@ -148,7 +148,7 @@ def _resistance_doubt(response: Response, fit: VoltageFit) -> float:
     return abs(at_edges - fitted) / (at_edges + fitted)
 
 
-def _part_notes(samples: Samples, count: int) -> tuple[str, ...]:
+def _part_notes(samples: RcSamples, count: int) -> tuple[str, ...]:
     left_out = 1 - len(samples.time_s) / count
     if left_out == 0.0:
         return ()

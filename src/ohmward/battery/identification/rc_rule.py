@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.rc_samples import Samples
+from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 from ohmward.errors import InputError
 
@@ -63,7 +63,7 @@ def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circ
     return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, TERMINAL_SHARE * r_total_ohm)
 
 
-def find_response(samples: Samples, capacity_Ah: float) -> Response:
+def find_response(samples: RcSamples, capacity_Ah: float) -> Response:
     """Mean response of the voltage to the edges: changes of current by more than C/20 from one sample to the next.
 
     Raises:
@@ -95,7 +95,7 @@ def find_response(samples: Samples, capacity_Ah: float) -> Response:
     )
 
 
-def _around(samples: Samples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _around(samples: RcSamples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Last sample a typical step before the new current and first a typical step after the old one, for each edge.
 
     In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
@@ -107,7 +107,7 @@ def _around(samples: Samples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.maximum(before, 0), np.minimum(after, len(samples.time_s) - 1)
 
 
-def _after_edge(samples: Samples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
+def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Time since sample `first` [s] and rise of the voltage since [ohm], while the current stays, up to a window."""
     last = first + int(np.searchsorted(samples.time_s[first:], samples.time_s[first] + window_s, "right"))
     moved = np.abs(samples.current_A[first:last] - samples.current_A[first]) > 0.1 * abs(change_A)
@@ -116,13 +116,13 @@ def _after_edge(samples: Samples, first: int, change_A: float, window_s: float) 
     return samples.time_s[stays] - samples.time_s[first], rise_ohm
 
 
-def _window_s(samples: Samples) -> float:
+def _window_s(samples: RcSamples) -> float:
     """The first 500 ms, or what holds ten samples where the log is slower."""
     typical_s = _typical_step_s(samples)
     return FIRST_S if typical_s * _FEWEST_POINTS <= FIRST_S else 2 * _FEWEST_POINTS * typical_s
 
 
-def _typical_step_s(samples: Samples) -> float:
+def _typical_step_s(samples: RcSamples) -> float:
     return float(np.median(samples.dt_s[1:]))
 
 

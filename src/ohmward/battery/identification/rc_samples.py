@@ -18,7 +18,7 @@ _REST_RATE = 1 / 200
 _LONG_CHARGE = 0.05
 
 
-class Samples(NamedTuple):
+class RcSamples(NamedTuple):
     """The samples with a voltage, (T,) each.
 
     time_s, dt_s: time and step [s].
@@ -38,7 +38,7 @@ class Samples(NamedTuple):
     part: np.ndarray
 
 
-def samples_of(log: Log, capacity_Ah: float) -> Samples:
+def samples_of(log: Log, capacity_Ah: float) -> RcSamples:
     """The samples of the log that have a voltage and stand outside long charges; the charge of the others is kept."""
     # Here, because the identification of all models imports that of this one.
     from ohmward.battery.identification.charge import count_charge, find_gaps, known_current_A
@@ -53,7 +53,7 @@ def samples_of(log: Log, capacity_Ah: float) -> Samples:
     dt_s = np.diff(time_s, prepend=time_s[:1])
     mean_A = np.diff(charge_As, prepend=charge_As[:1]) / np.where(dt_s > 0, dt_s, 1.0)
     gap = find_gaps(time_s) | (np.diff(part, prepend=-1) > 0)
-    return Samples(time_s, dt_s, current_A[kept], charge_As, mean_A, log.voltage_V[kept], gap, part)
+    return RcSamples(time_s, dt_s, current_A[kept], charge_As, mean_A, log.voltage_V[kept], gap, part)
 
 
 def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.charge import Charge, count_charge, known_current_A
+from ohmward.battery.identification.charge import ChargeIntegral, count_charge, known_current_A
 from ohmward.battery.identification.segments import Phase, Test, find_phases, is_rest, kind_of_test
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note, counted
@@ -20,7 +20,7 @@ class Record(NamedTuple):
     """A log with the charge of each interval, its phases and the kind of test."""
 
     log: Log
-    charge: Charge
+    charge: ChargeIntegral
     phases: tuple[Phase, ...]
     test: Test
 

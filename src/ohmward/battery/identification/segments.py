@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.charge import Charge
+from ohmward.battery.identification.charge import ChargeIntegral
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 
@@ -87,7 +87,7 @@ def is_pulse(phase: Phase, capacity_Ah: float) -> bool:
     return phase.kind == "constant" and strong and phase.last > phase.first and phase.duration_s <= LONGEST_PULSE_S
 
 
-def kind_of_test(log: Log, charge: Charge, phases: Sequence[Phase], capacity_Ah: float) -> Test:
+def kind_of_test(log: Log, charge: ChargeIntegral, phases: Sequence[Phase], capacity_Ah: float) -> Test:
     """Low-rate when most charge moved below C/15; pulses when at least 3 stand between rests; else dynamic."""
     moved_Ah = np.abs(charge.moved_Ah)
     slow = np.abs(charge.mean_current_A(log.time_s)) < LOW_RATE * capacity_Ah

@@ -8,7 +8,7 @@ from ohmward.checks import require_between, require_positive
 
 
 @dataclass(frozen=True)
-class Noise:
+class BatteryNoise:
     """Standard deviations, never variances. The error of a battery model is not white: it stays as long as SoC does.
 
     Attributes:

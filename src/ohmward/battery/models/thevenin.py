@@ -21,7 +21,7 @@ from ohmward.trace import sign, table, where
 KELVIN = 273.15
 
 
-class Input(NamedTuple):
+class CircuitInput(NamedTuple):
     """What acts on the battery: current [A] (> 0 charges) and its temperature [degC]."""
 
     current_A: Any
@@ -120,7 +120,7 @@ class Thevenin:
         )
 
 
-def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any, health: Health = NEW) -> np.ndarray:
+def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: Health = NEW) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
     x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
@@ -136,18 +136,18 @@ def next_state(x: np.ndarray, u: Input, p: Thevenin, dt_s: Any, health: Health =
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> np.ndarray:
+def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
     return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
 
-def open_circuit(x: np.ndarray, u: Input, p: Thevenin) -> Any:
+def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     """Voltage [V] that would remain after a very long rest, hysteresis included."""
     soc, h = x[0], x[-1]
     return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
 
 
-def overpotentials(x: np.ndarray, u: Input, p: Thevenin, health: Health = NEW) -> list[Any]:
+def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -> list[Any]:
     """What the current of the past and of this instant adds [V]: v_1 ... v_n, then the ohmic drop."""
     soc, *v, _ = x
     return [*v, ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)]
@@ -171,7 +171,7 @@ def next_hysteresis(h: Any, current_A: Any, dt_s: Any, p: Thevenin) -> Any:
     return decay * h + (1 - decay) * sign(current_A)
 
 
-def ohmic_resistance(soc: Any, u: Input, p: Thevenin) -> Any:
+def ohmic_resistance(soc: Any, u: CircuitInput, p: Thevenin) -> Any:
     """R_0 [ohm] at this SoC, direction of current and temperature."""
     charging = _on_grid(p.r0_charge_ohm, soc)
     if p.r0_charge_ohm == p.r0_discharge_ohm:
@@ -179,12 +179,12 @@ def ohmic_resistance(soc: Any, u: Input, p: Thevenin) -> Any:
     return warmth(u, p) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
 
 
-def pair_resistances(soc: Any, u: Input, p: Thevenin) -> list[Any]:
+def pair_resistances(soc: Any, u: CircuitInput, p: Thevenin) -> list[Any]:
     """R_1 ... R_n [ohm] at this SoC and temperature."""
     return [warmth(u, p) * _on_grid(row, soc) for row in p.r_ohm]
 
 
-def warmth(u: Input, p: Thevenin) -> Any:
+def warmth(u: CircuitInput, p: Thevenin) -> Any:
     """Factor of all resistances at this temperature (Arrhenius), 1 at the reference."""
     if p.activation_K == 0.0:
         return 1.0

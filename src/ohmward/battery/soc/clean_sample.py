@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ohmward.battery.models.thevenin import Input
-from ohmward.battery.soc.sample import Flag, Sample
+from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.trace import exp, maximum, where
 
 #: Room temperature stands in as long as no thermometer has spoken.
@@ -25,7 +25,7 @@ LONGEST_STEP_S = 365 * 86400.0
 HIGHEST_VOLTAGE_SHARE = 2.0
 
 
-class Reading(NamedTuple):
+class CleanSocSample(NamedTuple):
     """A sample made safe: every number finite, and what was wrong with it.
 
     dt_s: step [s], >= 0.
@@ -33,14 +33,14 @@ class Reading(NamedTuple):
     now: current of this instant and temperature.
     change_A: current now minus current before.
     known: 1 where the current is measured and close enough in time to the one before, else 0.
-    flags: sum of `Flag`.
+    flags: sum of `SocFlag`.
     unknown_s: how long the current has not been known, this step included; 0 where it is.
     measured: 1 where the current of this instant is measured, else 0.
     """
 
     dt_s: Any
-    mean: Input
-    now: Input
+    mean: CircuitInput
+    now: CircuitInput
     change_A: Any
     known: Any
     flags: Any
@@ -59,14 +59,14 @@ class Rest(NamedTuple):
     used: Any = 0.0
 
 
-def read(
-    sample: Sample,
+def sanitize(
+    sample: SocSample,
     current_before_A: Any,
     temperature_before_degC: Any,
     gap_s: float,
     current_limit_A: float = math.inf,
     unknown_before_s: Any = 0.0,
-) -> Reading:
+) -> CleanSocSample:
     """The sample with everything that cannot be true replaced by what was last known, and said so.
 
     gap_s: a longer step says nothing about the current between its two samples. Then the line between them is taken
@@ -81,16 +81,16 @@ def read(
     temperature = where(is_temperature(sample.temperature_degC), sample.temperature_degC, temperature_before_degC)
     gap = dt_s > gap_s
     flags = (
-        where(current_good, 0.0, float(Flag.NO_CURRENT))
-        + where(time_good, 0.0, float(Flag.BAD_TIME))
-        + where(gap, float(Flag.GAP), 0.0)
+        where(current_good, 0.0, float(SocFlag.NO_CURRENT))
+        + where(time_good, 0.0, float(SocFlag.BAD_TIME))
+        + where(gap, float(SocFlag.GAP), 0.0)
     )
     trusted_share = gap_s / maximum(dt_s, gap_s)
-    mean = Input(0.5 * (current + current_before_A) * trusted_share, temperature)
+    mean = CircuitInput(0.5 * (current + current_before_A) * trusted_share, temperature)
     measured, known = where(current_good, 1.0, 0.0), where(current_good & ~gap, 1.0, 0.0)
     unknown_s = where(known > 0.5, 0.0, unknown_before_s + dt_s)
-    return Reading(
-        dt_s, mean, Input(current, temperature), current - current_before_A, known, flags, unknown_s, measured
+    return CleanSocSample(
+        dt_s, mean, CircuitInput(current, temperature), current - current_before_A, known, flags, unknown_s, measured
     )
 
 
@@ -104,11 +104,11 @@ def rested(before: Rest, quiet: Any, dt_s: Any, settle_s: float, usable: Any = T
     return Rest(quiet_s, where(quiet, where(due, 1.0, before.used), 0.0)), due
 
 
-def first_input(first: Sample, current_limit_A: float = math.inf) -> Input:
+def first_input(first: SocSample, current_limit_A: float = math.inf) -> CircuitInput:
     """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
     current = where(is_current(first.current_A, current_limit_A), first.current_A, 0.0)
     temperature = where(is_temperature(first.temperature_degC), first.temperature_degC, ROOM_DEGC)
-    return Input(current, temperature)
+    return CircuitInput(current, temperature)
 
 
 def is_current(current_A: Any, limit_A: float) -> Any:

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import Thevenin, charge
-from ohmward.battery.soc.clean_sample import Reading, first_input, is_voltage, read
+from ohmward.battery.soc.clean_sample import CleanSocSample, first_input, is_voltage, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.trace import clip, minimum, where
 
@@ -56,7 +56,7 @@ class CoulombCounting:
     """
 
     model: Thevenin
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     gap_s: float = 600.0
     current_limit_C: float = 20.0
 
@@ -69,15 +69,15 @@ class CoulombCounting:
         """Largest current [A] that is believed."""
         return self.current_limit_C * self.model.capacity_Ah
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         u = first_input(first, self.current_limit_A)
         start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
         return CoulombState(start.soc, start.std**2, 0.0, 0.0, u.current_A, u.temperature_degC, 0.0)
 
-    def step(self, state: CoulombState, sample: Sample) -> tuple[CoulombState, Estimate]:
+    def step(self, state: CoulombState, sample: SocSample) -> tuple[CoulombState, SocEstimate]:
         """The state after a sample, and what is known then."""
-        reading = self.read(state, sample)
+        reading = self.sanitize(state, sample)
         d_soc = charge(reading.mean.current_A, reading.dt_s, self.model) / self.model.capacity_As
         soc = clip(state.soc + d_soc, 0.0, 1.0)
         after = CoulombState(
@@ -89,26 +89,26 @@ class CoulombCounting:
             reading.now.temperature_degC,
             reading.unknown_s,
         )
-        limited = where(state.soc + d_soc == soc, 0.0, float(Flag.SOC_LIMITED))
+        limited = where(state.soc + d_soc == soc, 0.0, float(SocFlag.SOC_LIMITED))
         credible = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
-        no_voltage = where(credible, 0.0, float(Flag.NO_VOLTAGE))
+        no_voltage = where(credible, 0.0, float(SocFlag.NO_VOLTAGE))
         return after, self.estimate(after, reading.flags + no_voltage + limited)
 
-    def read(self, state: CoulombState, sample: Sample) -> Reading:
+    def sanitize(self, state: CoulombState, sample: SocSample) -> CleanSocSample:
         """The sample made safe."""
         before = state.current_A, state.temperature_degC
-        return read(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
+        return sanitize(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
 
-    def estimate(self, state: CoulombState, flags: Any) -> Estimate:
+    def estimate(self, state: CoulombState, flags: Any) -> SocEstimate:
         """SoC and the sum of what may be wrong with it."""
         offset = self.noise.current_offset_std_A * state.elapsed_s / self.model.capacity_As
         gain = self.noise.capacity_std * state.moved
         std = np.sqrt(state.white_variance + offset**2 + gain**2)
         unknown = math.nan * state.soc
-        return Estimate(state.soc, std, unknown, unknown, unknown, unknown, unknown, unknown, flags)
+        return SocEstimate(state.soc, std, unknown, unknown, unknown, unknown, unknown, unknown, flags)
 
 
-def charge_variance(reading: Reading, noise: Noise, model: Thevenin) -> Any:
+def charge_variance(reading: CleanSocSample, noise: BatteryNoise, model: Thevenin) -> Any:
     """Variance of the change of SoC in one step: sensor noise, the path between two samples, a gap.
 
     The path: between two samples the current is taken as linear; 0.15 of the step in current is how far its mean may
@@ -122,7 +122,7 @@ def charge_variance(reading: Reading, noise: Noise, model: Thevenin) -> Any:
     return where(reading.known > 0.5, known, unknown)
 
 
-def grown(variance: Callable[[Any], Any], reading: Reading) -> Any:
+def grown(variance: Callable[[Any], Any], reading: CleanSocSample) -> Any:
     """By how much a variance grew in this step that is `variance(t)` after a time t [s] without a known current."""
     growth = variance(reading.unknown_s) - variance(reading.unknown_s - reading.dt_s)
     return where(reading.known > 0.5, 0.0, growth)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.flags import count_flags
 from ohmward.logs.log import Log
@@ -25,28 +25,28 @@ CLOCK_SET_S = 60.0
 class Estimator(Protocol):
     """What every estimator of the battery offers: pure functions of frozen settings."""
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> Any:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> Any:
         """State before the first sample; `soc` None is unknown."""
         ...
 
-    def step(self, state: Any, sample: Sample) -> tuple[Any, Estimate]:
+    def step(self, state: Any, sample: SocSample) -> tuple[Any, SocEstimate]:
         """The state after a sample, and what is known then."""
         ...
 
 
-class Run(NamedTuple):
+class SocRun(NamedTuple):
     """An estimator's answer to a whole log.
 
     estimates: every field an array (T,), as the log's samples.
     seconds: what it took, compilation included.
     """
 
-    estimates: Estimate
+    estimates: SocEstimate
     seconds: float
 
     def counts(self) -> dict[str, int]:
         """How many samples carry each flag, by name; flags that never occur are left out."""
-        return count_flags(self.estimates.flags, Flag)
+        return count_flags(self.estimates.flags, SocFlag)
 
 
 class SocEstimator:
@@ -86,8 +86,10 @@ class SocEstimator:
         """The estimator's state after the last sample; None before the first."""
         return self._state if self._live is None else self._live.state
 
-    def update(self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan) -> Estimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
+    def update(
+        self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan
+    ) -> SocEstimate:
+        """What is known after one live sample. A bad sample is survived and flagged, see `SocFlag`.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
             where it is earlier by more than `CLOCK_SET_S`, the clock was set, and time goes on from there.
@@ -95,7 +97,7 @@ class SocEstimator:
         """
         started = self._state is not None
         dt_s = time_s - self.time_s if started else 0.0
-        sample = Sample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
+        sample = SocSample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
         if not started:
             self._start(sample)
         if math.isfinite(time_s) and not self.time_s - CLOCK_SET_S <= time_s < self.time_s:
@@ -104,16 +106,16 @@ class SocEstimator:
             self._live = self.kernel.live(self._state)
         return self._live.step(sample)
 
-    def run(self, log: Log, progress: Progress | None = None) -> Run:
+    def run(self, log: Log, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
         began = time.perf_counter()
         samples = samples_of(log, self.time_s)
         if self.state is None:
-            self._start(Sample(*(float(column[0]) for column in samples)))
+            self._start(SocSample(*(float(column[0]) for column in samples)))
         after, estimates = self.kernel.scan(self.state, samples, progress)
         self._go_on_from(after)
         self.time_s = float(log.time_s[-1])
-        return Run(estimates, time.perf_counter() - began)
+        return SocRun(estimates, time.perf_counter() - began)
 
     def snapshot(self) -> dict[str, Any]:
         """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
@@ -129,7 +131,7 @@ class SocEstimator:
         Raises:
             InputError: it is of another version, another estimator or other settings, or damaged.
         """
-        example = self.estimator.init(Sample(0.0, math.nan, math.nan, math.nan))
+        example = self.estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
         state, self.time_s = snapshot.resume(self.estimator, example, taken)
         self._go_on_from(state)
 
@@ -137,21 +139,21 @@ class SocEstimator:
     def kernel(self) -> Kernel:
         """The compiled step."""
         if self._kernel is None:
-            example = Sample(0.0, 0.0, 0.0, 0.0)
+            example = SocSample(0.0, 0.0, 0.0, 0.0)
             self._kernel = Kernel(self.estimator.step, self._state, example, lowering=self.lowering)
         return self._kernel
 
-    def _start(self, first: Sample) -> None:
+    def _start(self, first: SocSample) -> None:
         self._go_on_from(self.estimator.init(first, self.initial_soc, self.initial_soc_std))
 
     def _go_on_from(self, state: Any) -> None:
         self._state, self._live = state, None
 
 
-def samples_of(log: Log, before_s: float = math.nan) -> Sample:
+def samples_of(log: Log, before_s: float = math.nan) -> SocSample:
     """The log as samples (T,), its first step counted from `before_s` where that is a time before it."""
     first = log.time_s[0] if not before_s < log.time_s[0] else before_s
     temperature = log.temperature_degC
     if temperature is None:
         temperature = np.full(len(log.time_s), math.nan)
-    return Sample(np.diff(log.time_s, prepend=first), log.current_A, log.voltage_V, temperature)
+    return SocSample(np.diff(log.time_s, prepend=first), log.current_A, log.voltage_V, temperature)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
-from ohmward.battery.models.thevenin import Input, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
 
@@ -36,7 +36,7 @@ class InitialSoc(NamedTuple):
 
 
 def initial_soc(
-    voltage_V: float, u: Input, p: Thevenin, noise: Noise, soc: float | None = None, soc_std: float = 0.03
+    voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise, soc: float | None = None, soc_std: float = 0.03
 ) -> InitialSoc:
     """Mean and standard deviation of SoC given the first voltage and, where there is one, a value.
 
@@ -70,14 +70,14 @@ def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
     return (1 - DOUBT) * peak / peak.sum() + DOUBT * possible
 
 
-def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+def _likelihood(grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
     """Likelihood of the voltage at each SoC, up to a factor; flat without a credible voltage.
 
     A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
     """
     if not np.isfinite(voltage_V):
         return np.ones_like(grid)
-    u = Input(finite_or(u.current_A, 0.0), u.temperature_degC)
+    u = CircuitInput(finite_or(u.current_A, 0.0), u.temperature_degC)
     expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_resistance(grid, u, p) * u.current_A
     lowest_V, highest_V = np.interp((0.0, 1.0), grid, expected)
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
@@ -89,7 +89,7 @@ def _likelihood(grid: np.ndarray, voltage_V: float, u: Input, p: Thevenin, noise
         return np.exp(-(scaled - scaled.min()))
 
 
-def first_voltage_std(soc: np.ndarray, u: Input, p: Thevenin, noise: Noise) -> np.ndarray:
+def first_voltage_std(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
     """How far the first voltage [V] may be from OCV + R_0 i: sensor, model, OCV axis, hysteresis, unknown past."""
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc import rc_linear
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, Reading, first_input, read
+from ohmward.battery.soc.clean_sample import ROOM_DEGC, CleanSocSample, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
-from ohmward.battery.soc.rc_linear import OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.rc_linear import OFFSET, RESISTANCE, Gate, LinearState, VoltageUpdate, on_soc_grid
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.trace import clip, maximum, table
@@ -46,7 +46,7 @@ class RcKalman:
     """
 
     model: rc.RcModel
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     gap_s: float = 600.0
     gate: float = 25.0
     patience_s: float = 60.0
@@ -60,7 +60,7 @@ class RcKalman:
         """Names of the belief's mean, in order."""
         return rc_linear.STATE_NAMES
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         u = first_input(first, self.current_limit_A)
         start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
@@ -69,18 +69,18 @@ class RcKalman:
         belief = rc_linear.start(ocv_V, (slope_V * start.std) ** 2, past_V, self.noise)
         return LinearState(pack(belief), u.current_A, 0.0, 0.0)
 
-    def step(self, state: LinearState, sample: Sample) -> tuple[LinearState, Estimate]:
+    def step(self, state: LinearState, sample: SocSample) -> tuple[LinearState, SocEstimate]:
         """The state after a sample, and what is known then."""
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
+        reading = sanitize(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
         prior = self.predicted(unpack(state.belief), reading)
         outcome = self.corrected(prior, state, reading, sample.voltage_V)
         low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
         posterior, limited = rc_linear.limited(outcome.belief, self.open_circuit, low, high)
         after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s, reading.unknown_s)
-        flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
+        flags = reading.flags + outcome.flags + limited * float(SocFlag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
 
-    def predicted(self, belief: Belief, reading: Reading) -> Belief:
+    def predicted(self, belief: Belief, reading: CleanSocSample) -> Belief:
         """The belief after the step, before its voltage."""
         current_A, dt_s = reading.mean.current_A, reading.dt_s
         moved = abs(current_A) * dt_s / self.model.capacity_As
@@ -88,7 +88,7 @@ class RcKalman:
         F, B = rc_linear.transition(self.model, kept, dt_s)
         return kalman.predict(belief, F, self.process_noise(belief, reading, moved, kept), B * current_A)
 
-    def process_noise(self, belief: Belief, reading: Reading, moved: Any, kept: Any) -> np.ndarray:
+    def process_noise(self, belief: Belief, reading: CleanSocSample, moved: Any, kept: Any) -> np.ndarray:
         """Q (5, 5) of a step in which SoC moves by `moved`."""
         noise = self.noise
         charge = rc_linear.charge_variance(reading, moved, noise, self.thevenin)
@@ -96,7 +96,7 @@ class RcKalman:
         voltages = self.straight_slope_V**2 * charge + bend_V**2 * moved * 2 * noise.model_soc_length
         return rc_linear.process_noise(np.full((2, 2), voltages), kept, reading.dt_s, noise)
 
-    def corrected(self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any) -> Outcome:
+    def corrected(self, prior: Belief, state: LinearState, reading: CleanSocSample, voltage_V: Any) -> VoltageUpdate:
         """What becomes of the voltage of this step."""
         p, noise, current_A = self.model, self.noise, reading.now.current_A
         soc = self.soc(self.open_circuit @ prior.mean)
@@ -107,12 +107,12 @@ class RcKalman:
         gate = Gate(self.gate, self.patience_s, self.model.ocv.voltage_V[-1], state.rejected_s)
         return rc_linear.correct(prior, H, R, y_hat, voltage_V, gate, reading)
 
-    def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
+    def estimate(self, belief: Belief, outcome: VoltageUpdate, flags: Any) -> SocEstimate:
         """What is known after the sample."""
         ocv_V = self.open_circuit @ belief.mean
         std_V = np.sqrt(maximum(self.open_circuit @ belief.cov @ self.open_circuit, 0.0))
         half_width = 0.5 * (self.soc_beyond(ocv_V + std_V) - self.soc_beyond(ocv_V - std_V))
-        return Estimate(
+        return SocEstimate(
             soc=self.soc(ocv_V),
             soc_std=np.sqrt(half_width**2 + self.noise.soc_axis_std**2),
             voltage_V=outcome.voltage_V,

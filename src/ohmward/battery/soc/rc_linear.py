@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc import coulomb
-from ohmward.battery.soc.clean_sample import Reading, is_voltage
-from ohmward.battery.soc.sample import Flag
+from ohmward.battery.soc.clean_sample import CleanSocSample, is_voltage
+from ohmward.battery.soc.sample import SocFlag
 from ohmward.checks import require_between, require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief
@@ -63,13 +63,13 @@ class Gate(NamedTuple):
     rejected_s: Any
 
 
-class Outcome(NamedTuple):
+class VoltageUpdate(NamedTuple):
     """What became of a voltage.
 
     belief: after it, or the prior where it was not used.
     voltage_V, voltage_std_V: expected, and how far off the measurement may be.
     innovation_V: measured minus expected; nan where there is none.
-    flags: sum of `Flag`.
+    flags: sum of `SocFlag`.
     rejected_s: how long the voltage has been outside its gate.
     """
 
@@ -81,7 +81,7 @@ class Outcome(NamedTuple):
     rejected_s: Any
 
 
-def start(bulk_V: float, bulk_variance: float, past_V: float, noise: Noise) -> Belief:
+def start(bulk_V: float, bulk_variance: float, past_V: float, noise: BatteryNoise) -> Belief:
     """Belief before the first sample.
 
     bulk_V, bulk_variance: open-circuit voltage [V] and its variance.  past_V: how far V_cs may be from it.
@@ -102,7 +102,7 @@ def transition(p: rc.Circuit | rc.RcModel, kept: Any, dt_s: Any) -> tuple[np.nda
     return F, np.array([*b, 0.0, 0.0, 0.0])
 
 
-def process_noise(voltages: np.ndarray, kept: Any, dt_s: Any, noise: Noise) -> np.ndarray:
+def process_noise(voltages: np.ndarray, kept: Any, dt_s: Any, noise: BatteryNoise) -> np.ndarray:
     """Q (5, 5) of a step.
 
     voltages: (2, 2), of V_cb and V_cs.  kept: as for `transition`.
@@ -131,12 +131,12 @@ def require_settings(gap_s: float, gate: float, patience_s: float, current_limit
     require_positive("current_limit_C", current_limit_C)
 
 
-def error_kept(moved: Any, noise: Noise) -> Any:
+def error_kept(moved: Any, noise: BatteryNoise) -> Any:
     """Share of the model error that is left after SoC has moved by so much."""
     return np.exp(-moved / noise.model_soc_length)
 
 
-def charge_variance(reading: Reading, moved: Any, noise: Noise, model: Thevenin) -> Any:
+def charge_variance(reading: CleanSocSample, moved: Any, noise: BatteryNoise, model: Thevenin) -> Any:
     """Variance of the change of SoC in a step, a gain error included, which adds up over a full charge.
 
     moved: SoC that flows in the step, without sign.  model: gives the capacity.
@@ -144,7 +144,9 @@ def charge_variance(reading: Reading, moved: Any, noise: Noise, model: Thevenin)
     return coulomb.charge_variance(reading, noise, model) + noise.capacity_std**2 * moved
 
 
-def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise: Noise, share: Any = 0.0) -> Any:
+def voltage_variance(
+    reading: CleanSocSample, overpotential_V: Any, slope_V: Any, noise: BatteryNoise, share: Any = 0.0
+) -> Any:
     """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
 
     overpotential_V: voltage beyond the open circuit's.  slope_V: rise of the open-circuit voltage per unit of SoC.
@@ -156,7 +158,9 @@ def voltage_variance(reading: Reading, overpotential_V: Any, slope_V: Any, noise
     return (noise.voltage_std_V**2 + over + axis) * lasting
 
 
-def correct(prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, gate: Gate, reading: Reading) -> Outcome:
+def correct(
+    prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, gate: Gate, reading: CleanSocSample
+) -> VoltageUpdate:
     """The belief after a voltage, or the prior where there is none or it is outside its gate.
 
     Once patience is at its end, every voltage is used until one fits, and the prior's covariance is widened until the
@@ -174,14 +178,14 @@ def correct(prior: Belief, H: np.ndarray, R: Any, y_hat: Any, voltage_V: Any, ga
     posterior, innovation = kalman.update(
         prior._replace(cov=wider * prior.cov), np.array([y]), H, np.array([[R]]), np.array([y_hat])
     )
-    return Outcome(
+    return VoltageUpdate(
         choose(measured & (logical_not(outside) | lost), posterior, prior),
         y_hat,
         np.sqrt(innovation.cov[0, 0]),
         where(measured, innovation.value[0], math.nan),
-        where(measured, 0.0, float(Flag.NO_VOLTAGE))
-        + where(outside & logical_not(lost), float(Flag.VOLTAGE_REJECTED), 0.0)
-        + where(lost, float(Flag.LOST), 0.0),
+        where(measured, 0.0, float(SocFlag.NO_VOLTAGE))
+        + where(outside & logical_not(lost), float(SocFlag.VOLTAGE_REJECTED), 0.0)
+        + where(lost, float(SocFlag.LOST), 0.0),
         where(outside, gate.rejected_s + reading.dt_s, 0.0),
     )
 

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc import rc_linear
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, Reading, first_input, read
+from ohmward.battery.soc.clean_sample import ROOM_DEGC, CleanSocSample, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
-from ohmward.battery.soc.rc_linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, Outcome, on_soc_grid
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.rc_linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, VoltageUpdate, on_soc_grid
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.trace import maximum
@@ -57,7 +57,7 @@ class RcSoc:
     """
 
     model: rc.RcModel
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     gap_s: float = 600.0
     gate: float = 25.0
     patience_s: float = 60.0
@@ -71,7 +71,7 @@ class RcSoc:
         """Names of the belief's mean, in order."""
         return (*rc_linear.STATE_NAMES, "soc")
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> LinearState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         u = first_input(first, self.current_limit_A)
         at = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
@@ -83,19 +83,19 @@ class RcSoc:
         return LinearState(pack(Belief(np.array([*circuit.mean, at.soc]), cov)), u.current_A, 0.0, 0.0)
 
     def step(
-        self, state: LinearState, sample: Sample, parameters: Parameters | None = None
-    ) -> tuple[LinearState, Estimate]:
+        self, state: LinearState, sample: SocSample, parameters: Parameters | None = None
+    ) -> tuple[LinearState, SocEstimate]:
         """The state after a sample, and what is known then; `parameters` replace the model's where they are given."""
         parameters = parameters or Parameters(self.model.circuit)
-        reading = read(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
+        reading = sanitize(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A, state.unknown_s)
         prior = self.predicted(unpack(state.belief), reading, parameters)
         outcome = self.corrected(prior, state, reading, sample.voltage_V, parameters)
         posterior, limited = rc_linear.limited(outcome.belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
         after = LinearState(pack(posterior), reading.now.current_A, outcome.rejected_s, reading.unknown_s)
-        flags = reading.flags + outcome.flags + limited * float(Flag.SOC_LIMITED)
+        flags = reading.flags + outcome.flags + limited * float(SocFlag.SOC_LIMITED)
         return after, self.estimate(posterior, outcome, flags)
 
-    def predicted(self, belief: Belief, reading: Reading, parameters: Parameters) -> Belief:
+    def predicted(self, belief: Belief, reading: CleanSocSample, parameters: Parameters) -> Belief:
         """The belief after the step, before its voltage."""
         p, noise = parameters.circuit, self.noise
         current_A, dt_s = reading.mean.current_A, reading.dt_s
@@ -118,8 +118,8 @@ class RcSoc:
         return np.array([slope_V, slope_V, 0.0, 0.0, 0.0, 1.0])
 
     def corrected(
-        self, prior: Belief, state: LinearState, reading: Reading, voltage_V: Any, parameters: Parameters
-    ) -> Outcome:
+        self, prior: Belief, state: LinearState, reading: CleanSocSample, voltage_V: Any, parameters: Parameters
+    ) -> VoltageUpdate:
         """What becomes of the voltage of this step."""
         p, current_A = parameters.circuit, reading.now.current_A
         over_V = rc_linear.overpotential(prior.mean, current_A, p)
@@ -130,10 +130,10 @@ class RcSoc:
         gate = Gate(self.gate, self.patience_s, self.model.ocv.voltage_V[-1], state.rejected_s)
         return rc_linear.correct(prior, H, R, y_hat, voltage_V, gate, reading)
 
-    def estimate(self, belief: Belief, outcome: Outcome, flags: Any) -> Estimate:
+    def estimate(self, belief: Belief, outcome: VoltageUpdate, flags: Any) -> SocEstimate:
         """What is known after the sample."""
         variance = maximum(belief.cov[SOC, SOC], 0.0)
-        return Estimate(
+        return SocEstimate(
             soc=belief.mean[SOC],
             soc_std=np.sqrt(variance + self.noise.soc_axis_std**2),
             voltage_V=outcome.voltage_V,

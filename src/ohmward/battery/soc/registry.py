@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 DEFAULT = "ekf"
 
 
-class Settings(NamedTuple):
+class EstimatorSettings(NamedTuple):
     """What a user may say about the use of the battery, whatever the estimator.
 
     idle_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
@@ -41,10 +41,10 @@ class Choice(NamedTuple):
     """One estimator: what it is, and how to make it from a battery file."""
 
     title: str
-    make: Callable[[Battery, Settings], Estimator]
+    make: Callable[[Battery, EstimatorSettings], Estimator]
 
 
-def make_estimator(name: str, battery: Battery, settings: Settings | None = None) -> Estimator:
+def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | None = None) -> Estimator:
     """The estimator called `name` for a battery.
 
     Raises:
@@ -52,7 +52,7 @@ def make_estimator(name: str, battery: Battery, settings: Settings | None = None
     """
     if name not in ESTIMATORS:
         raise InputError(f"filter must be one of {', '.join(ESTIMATORS)}, got {name!r}")
-    return ESTIMATORS[name].make(battery, settings or Settings(battery.idle_current_A))
+    return ESTIMATORS[name].make(battery, settings or EstimatorSettings(battery.idle_current_A))
 
 
 def available(battery: Battery) -> tuple[str, ...]:
@@ -87,8 +87,8 @@ def _rc(battery: Battery) -> RcModel:
     return battery.rc
 
 
-def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], TheveninFilter]:
-    def make(battery: Battery, settings: Settings) -> TheveninFilter:
+def _filter(method: str, matching: bool) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
+    def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
         return TheveninFilter(
             require_thevenin(battery),
             battery.noise,
@@ -101,31 +101,31 @@ def _filter(method: str, matching: bool) -> Callable[[Battery, Settings], Theven
     return make
 
 
-def _textbook(method: str) -> Callable[[Battery, Settings], Estimator]:
+def _textbook(method: str) -> Callable[[Battery, EstimatorSettings], Estimator]:
     return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, method)
 
 
-def _coulomb(battery: Battery, settings: Settings) -> Estimator:
+def _coulomb(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return CoulombCounting(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
-def _rest_ocv(battery: Battery, settings: Settings) -> Estimator:
+def _rest_ocv(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return RestOcv(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
-def _rc_kalman(battery: Battery, settings: Settings) -> RcKalman:
+def _rc_kalman(battery: Battery, settings: EstimatorSettings) -> RcKalman:
     return RcKalman(_rc(battery), battery.rc_noise, settings.gap_s)
 
 
-def _rc_soc(battery: Battery, settings: Settings) -> Estimator:
+def _rc_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return RcSoc(_rc(battery), battery.rc_noise, settings.gap_s)
 
 
-def _rc_adaptive(battery: Battery, settings: Settings) -> Estimator:
+def _rc_adaptive(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return adaptive_soc_of(_rc(battery), battery.rc_noise)
 
 
-def _hybrid(battery: Battery, settings: Settings) -> Estimator:
+def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return Hybrid(_filter("ekf", matching=False)(battery, settings), _rc_kalman(battery, settings))
 
 

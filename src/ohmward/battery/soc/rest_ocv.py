@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
-from ohmward.battery.models.thevenin import Input, Thevenin, pair_resistances
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resistances
 from ohmward.battery.soc.clean_sample import Rest, is_current, is_voltage, rested
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.trace import clip, linearize, where
 
@@ -35,7 +35,7 @@ class RestOcv:
     """
 
     model: Thevenin
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     gap_s: float = 600.0
     rest_share: float = 0.03
     settle_s: float = 900.0
@@ -51,11 +51,11 @@ class RestOcv:
         """What runs between the rests."""
         return CoulombCounting(self.model, self.noise, self.gap_s, self.current_limit_C)
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         return RestOcvState(self.counting.init(first, soc, soc_std), Rest())
 
-    def step(self, state: RestOcvState, sample: Sample) -> tuple[RestOcvState, Estimate]:
+    def step(self, state: RestOcvState, sample: SocSample) -> tuple[RestOcvState, SocEstimate]:
         """The state after a sample, and what is known then."""
         counting, counted = self.counting.step(state.counting, sample)
         quiet = is_current(sample.current_A, self.noise.quiet_A(self.model.capacity_Ah, self.rest_share))
@@ -65,7 +65,7 @@ class RestOcv:
         y = where(measured, sample.voltage_V, 0.0)
         corrected, voltage, voltage_std = self.corrected(counting, counted.soc_std, y)
         after = CoulombState(*(where(due, new, old) for new, old in zip(corrected, counting, strict=True)))
-        estimate = self.counting.estimate(after, counted.flags + where(due, float(Flag.REST), 0.0))
+        estimate = self.counting.estimate(after, counted.flags + where(due, float(SocFlag.REST), 0.0))
         innovation = where(due, y - voltage, math.nan)
         estimate = estimate._replace(voltage_V=voltage, voltage_std_V=voltage_std, innovation_V=innovation)
         return RestOcvState(after, rest), estimate
@@ -75,7 +75,7 @@ class RestOcv:
         noise, T = self.noise, state.temperature_degC
         ocv, slope = linearize(lambda s: np.array([self.model.ocv.mean_V(s[0], T)]), np.array([state.soc]))
         gap = self.model.ocv.half_gap_V(state.soc)
-        left = sum(pair_resistances(state.soc, Input(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
+        left = sum(pair_resistances(state.soc, CircuitInput(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
         R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * slope[0, 0]) ** 2
         R = R + (0.7 * gap) ** 2 + left**2
         P = soc_std * soc_std

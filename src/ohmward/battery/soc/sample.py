@@ -6,7 +6,7 @@ from enum import IntFlag
 from typing import Any, NamedTuple
 
 
-class Sample(NamedTuple):
+class SocSample(NamedTuple):
     """One sample of the battery's sensors; nan where there is none.
 
     dt_s: time since the sample before [s]; 0 for the first.
@@ -21,7 +21,7 @@ class Sample(NamedTuple):
     temperature_degC: Any
 
 
-class Estimate(NamedTuple):
+class SocEstimate(NamedTuple):
     """What an estimator says after a sample; a quantity that it does not estimate is nan.
 
     soc, soc_std: state of charge in [0, 1] and its standard deviation.
@@ -30,7 +30,7 @@ class Estimate(NamedTuple):
     current_offset_A: what the current sensor shows at zero current [A].
     capacity_share: capacity over the battery file's.
     resistance_share: resistance over the battery file's.
-    flags: sum of `Flag` values; 0 is a sample without incident.
+    flags: sum of `SocFlag` values; 0 is a sample without incident.
     """
 
     soc: Any
@@ -44,7 +44,7 @@ class Estimate(NamedTuple):
     flags: Any
 
 
-class Flag(IntFlag):
+class SocFlag(IntFlag):
     """What happened at a sample. None of it stops an estimator."""
 
     NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded

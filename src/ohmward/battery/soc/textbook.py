@@ -15,11 +15,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
-from ohmward.battery.models.thevenin import Input, Thevenin, charge, ohmic_resistance, pair_decays, pair_resistances
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import (
+    CircuitInput,
+    Thevenin,
+    charge,
+    ohmic_resistance,
+    pair_decays,
+    pair_resistances,
+)
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S, first_input, is_current, is_voltage
 from ohmward.battery.soc.initial_soc import initial_soc
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import conditionally_linear, extended, kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
@@ -42,7 +49,7 @@ class TextbookState(NamedTuple):
     current_A: Any
 
 
-class Reading(NamedTuple):
+class CleanTextbookSample(NamedTuple):
     """What a sample says.
 
     voltage_V: measured; 0 where it is not.
@@ -66,26 +73,26 @@ class TextbookFilter:
     """
 
     model: Thevenin
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     method: str = "ukf"
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
         """State before the first sample; a SoC that is None comes from its voltage."""
         u = first_input(first)
         return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
 
-    def start(self, first: Sample, soc: Any, soc_std: Any) -> TextbookState:
+    def start(self, first: SocSample, soc: Any, soc_std: Any) -> TextbookState:
         """State before the first sample, with a SoC that is taken as it is; traceable."""
         u = first_input(first)
         std = [soc_std, *(r * abs(u.current_A) + 1e-3 for r in self.pairs(soc))]
         mean = np.array([soc, *(0.0 for _ in std[1:])])
         return TextbookState(pack(Belief(mean, np.diag(np.square(np.array(std))))), u.current_A)
 
-    def step(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Estimate]:
+    def step(self, state: TextbookState, sample: SocSample) -> tuple[TextbookState, SocEstimate]:
         """The state after a sample, and what is known then."""
         before, reading = self.predicted(state, sample)
         prior = unpack(before.belief)
@@ -93,19 +100,23 @@ class TextbookFilter:
         known = posterior.mean[0], posterior.cov[0, 0], innovation.value[0], innovation.cov[0, 0]
         return before._replace(belief=pack(posterior)), self.estimate(*known, reading)
 
-    def predicted(self, state: TextbookState, sample: Sample) -> tuple[TextbookState, Reading]:
+    def predicted(self, state: TextbookState, sample: SocSample) -> tuple[TextbookState, CleanTextbookSample]:
         """The state before the voltage of a sample is used, and what the sample says."""
         dt_s = where((sample.dt_s > 0) & (sample.dt_s <= LONGEST_STEP_S), sample.dt_s, 0.0)
         current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
         prior = self.predict(unpack(state.belief), 0.5 * (current_A + state.current_A), dt_s)
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         drop_V = ohmic_resistance(prior.mean[0], self.input(current_A), self.model) * current_A
-        return TextbookState(pack(prior), current_A), Reading(where(measured, sample.voltage_V, 0.0), drop_V, measured)
+        return TextbookState(pack(prior), current_A), CleanTextbookSample(
+            where(measured, sample.voltage_V, 0.0), drop_V, measured
+        )
 
-    def estimate(self, soc: Any, variance: Any, innovation_V: Any, innovation_V2: Any, reading: Reading) -> Estimate:
+    def estimate(
+        self, soc: Any, variance: Any, innovation_V: Any, innovation_V2: Any, reading: CleanTextbookSample
+    ) -> SocEstimate:
         """What is known after a sample: SoC and its variance, the innovation and its variance [V^2]."""
         unknown = math.nan
-        return Estimate(
+        return SocEstimate(
             clip(soc, 0.0, 1.0),
             np.sqrt(maximum(variance, 0.0)),
             reading.voltage_V - innovation_V,
@@ -114,7 +125,7 @@ class TextbookFilter:
             unknown,
             unknown,
             unknown,
-            where(reading.measured, 0.0, float(Flag.NO_VOLTAGE)),
+            where(reading.measured, 0.0, float(SocFlag.NO_VOLTAGE)),
         )
 
     def predict(self, belief: Belief, current_A: Any, dt_s: Any) -> Belief:
@@ -151,6 +162,6 @@ class TextbookFilter:
         """R_1 ... R_n [ohm] at this SoC."""
         return pair_resistances(soc, self.input(0.0), self.model)
 
-    def input(self, current_A: Any) -> Input:
+    def input(self, current_A: Any) -> CircuitInput:
         """This current at the temperature of the file."""
-        return Input(current_A, self.model.reference_degC)
+        return CircuitInput(current_A, self.model.reference_degC)

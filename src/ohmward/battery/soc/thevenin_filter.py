@@ -27,10 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import Noise
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import (
+    CircuitInput,
     Health,
-    Input,
     Thevenin,
     next_state,
     ohmic_resistance,
@@ -40,10 +40,10 @@ from ohmward.battery.models.thevenin import (
     pair_resistances,
     voltage,
 )
-from ohmward.battery.soc.clean_sample import Reading, first_input, is_voltage, read
+from ohmward.battery.soc.clean_sample import CleanSocSample, first_input, is_voltage, sanitize
 from ohmward.battery.soc.coulomb import SPREAD, USUAL_C, charge_variance, grown
 from ohmward.battery.soc.initial_soc import initial_soc
-from ohmward.battery.soc.sample import Estimate, Flag, Sample
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, extended, unscented
@@ -111,7 +111,7 @@ class TheveninFilter:
     """
 
     model: Thevenin
-    noise: Noise = field(default_factory=Noise)
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
     method: str = "ekf"
     matching: bool = False
     window: float = 100.0
@@ -138,7 +138,7 @@ class TheveninFilter:
         """Names of the belief's mean, in order."""
         return (*self.model.state_names, "offset_A", "charge_gain", "resistance_share", "model_error")
 
-    def init(self, first: Sample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
         """State before the first sample, which it looks at: the voltage says how far a given SoC can be true.
 
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
@@ -146,7 +146,7 @@ class TheveninFilter:
         u = first_input(first, self.current_limit_A)
         return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
 
-    def start(self, first: Sample, soc: float, soc_std: float) -> FilterState:
+    def start(self, first: SocSample, soc: float, soc_std: float) -> FilterState:
         """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers."""
         u = first_input(first, self.current_limit_A)
         pairs = pair_resistances(soc, u, self.model)
@@ -158,9 +158,9 @@ class TheveninFilter:
         belief = pack(Belief(mean, np.diag(np.square(np.array(std)))))
         return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0)
 
-    def step(self, state: FilterState, sample: Sample) -> tuple[FilterState, Estimate]:
+    def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """The state after a sample, and what is known then."""
-        reading = self.read(state, sample)
+        reading = self.sanitize(state, sample)
         prior = METHODS[self.method].predict(
             unpack(state.belief), lambda x: self.next_state(x, reading), self.process_noise(state, reading)
         )
@@ -189,11 +189,11 @@ class TheveninFilter:
         )
         flags = (
             reading.flags
-            + where(measured, 0.0, float(Flag.NO_VOLTAGE))
-            + where(measured & ~accepted, float(Flag.VOLTAGE_REJECTED), 0.0)
-            + where(resting, float(Flag.REST), 0.0)
-            + where(limited, float(Flag.SOC_LIMITED), 0.0)
-            + where(measured & lost, float(Flag.LOST), 0.0)
+            + where(measured, 0.0, float(SocFlag.NO_VOLTAGE))
+            + where(measured & ~accepted, float(SocFlag.VOLTAGE_REJECTED), 0.0)
+            + where(resting, float(SocFlag.REST), 0.0)
+            + where(limited, float(SocFlag.SOC_LIMITED), 0.0)
+            + where(measured & lost, float(SocFlag.LOST), 0.0)
         )
         return after, self.estimate(posterior, correction, y, measured, flags)
 
@@ -202,15 +202,15 @@ class TheveninFilter:
         """Largest current [A] that is believed."""
         return self.current_limit_C * self.model.capacity_Ah
 
-    def read(self, state: FilterState, sample: Sample) -> Reading:
+    def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample made safe."""
         before = state.current_A, state.temperature_degC
-        return read(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
+        return sanitize(sample, *before, self.gap_s, self.current_limit_A, state.unknown_s)
 
-    def next_state(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def next_state(self, x: np.ndarray, reading: CleanSocSample) -> np.ndarray:
         """Mean of the state after the step, (n + 6,)."""
         circuit, offset, health, error = self.split(x)
-        u = Input(reading.mean.current_A - offset, reading.mean.temperature_degC)
+        u = CircuitInput(reading.mean.current_A - offset, reading.mean.temperature_degC)
         moved = next_state(circuit, u, self.model, reading.dt_s, health)
         gain, resistance = x[-3], x[-2]
         kept = self.error_kept(u.current_A, reading)
@@ -218,23 +218,23 @@ class TheveninFilter:
             [circuit[0] + gain * (moved[0] - circuit[0]), *moved[1:], offset, gain, resistance, kept * error]
         )
 
-    def voltage(self, x: np.ndarray, reading: Reading, error: VoltageError) -> np.ndarray:
+    def voltage(self, x: np.ndarray, reading: CleanSocSample, error: VoltageError) -> np.ndarray:
         """Terminal voltage [V] expected in state x, (1,)."""
         circuit, offset, health, deviations = self.split(x)
-        u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
+        u = CircuitInput(reading.now.current_A - offset, reading.now.temperature_degC)
         return voltage(circuit, u, self.model, health) + error.lasting_V * deviations
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, Health, Any]:
         """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
         return x[:-4], x[-4], Health(resistance_share=x[-2]), x[-1]
 
-    def error_kept(self, current_A: Any, reading: Reading) -> Any:
+    def error_kept(self, current_A: Any, reading: CleanSocSample) -> Any:
         """Share of the model error that is still there after the charge of this step."""
         unknown_A = where(reading.known > 0.5, 0.0, USUAL_C * self.model.capacity_Ah)
         moved_As = (abs(current_A) + unknown_A) * reading.dt_s
         return np.exp(-moved_As / (self.model.capacity_As * self.noise.model_soc_length))
 
-    def process_noise(self, state: FilterState, reading: Reading) -> np.ndarray:
+    def process_noise(self, state: FilterState, reading: CleanSocSample) -> np.ndarray:
         """Q (n + 6, n + 6) of this step."""
         noise, p, dt_s = self.noise, self.model, reading.dt_s
         moved = abs(reading.mean.current_A) * dt_s / p.capacity_As
@@ -254,11 +254,11 @@ class TheveninFilter:
         ]
         return np.diag(np.array(diagonal))
 
-    def voltage_error(self, prior: Belief, reading: Reading) -> VoltageError:
+    def voltage_error(self, prior: Belief, reading: CleanSocSample) -> VoltageError:
         """How far the voltage may be from what the model says in the state that is believed."""
         noise = self.noise
         circuit, offset, health, _ = self.split(prior.mean)
-        u = Input(reading.now.current_A - offset, reading.now.temperature_degC)
+        u = CircuitInput(reading.now.current_A - offset, reading.now.temperature_degC)
         inside = np.array([clip(circuit[0], 0.01, 0.99)])  # beyond the ends the curve is straight and hides its bend
         slope, bend = linearize(lambda s: self.ocv_slope(s, circuit, u), inside)
         curvature_V = bend[0, 0] * prior.cov[0, 0]
@@ -274,12 +274,12 @@ class TheveninFilter:
             weight=maximum(1.0, 2 * noise.correlation_s / maximum(reading.dt_s, 1e-3)),
         )
 
-    def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: Input) -> np.ndarray:
+    def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: CircuitInput) -> np.ndarray:
         """Rise of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
         return linearize(lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), soc)[1][0]
 
     def doubtful_s(
-        self, state: FilterState, innovation: Innovation, repeated: Any, reading: Reading, measured: Any
+        self, state: FilterState, innovation: Innovation, repeated: Any, reading: CleanSocSample, measured: Any
     ) -> Any:
         """How long the voltage has contradicted the belief, this step included.
 
@@ -293,7 +293,7 @@ class TheveninFilter:
         doubtful_s = where(contradicts & (state.doubtful_s <= self.patience_s), state.doubtful_s + reading.dt_s, 0.0)
         return where(measured, doubtful_s, state.doubtful_s)
 
-    def rest(self, state: FilterState, prior: Belief, reading: Reading) -> tuple[Any, Any]:
+    def rest(self, state: FilterState, prior: Belief, reading: CleanSocSample) -> tuple[Any, Any]:
         """How long the current has looked like rest, and whether it counts as one.
 
         It looks like rest where the current is the declared one within three sigma of its noise and two of the offset.
@@ -307,7 +307,7 @@ class TheveninFilter:
         rest_s = where(looks, state.rest_s + reading.dt_s, 0.0)
         return rest_s, rest_s > self.rest_hold_s
 
-    def zero_current_update(self, belief: Belief, reading: Reading) -> Belief:
+    def zero_current_update(self, belief: Belief, reading: CleanSocSample) -> Belief:
         """The belief once the sensor's reading at a known current has been used: it is the offset."""
         if self.idle_current_A is None:
             return belief
@@ -323,10 +323,12 @@ class TheveninFilter:
             return state.noise
         return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
-    def estimate(self, posterior: Belief, correction: Correction, y: np.ndarray, measured: Any, flags: Any) -> Estimate:
+    def estimate(
+        self, posterior: Belief, correction: Correction, y: np.ndarray, measured: Any, flags: Any
+    ) -> SocEstimate:
         """What is known after the sample."""
         x, innovation = posterior.mean, correction.innovation
-        return Estimate(
+        return SocEstimate(
             soc=x[0],
             soc_std=np.sqrt(maximum(posterior.cov[0, 0], 0.0)),
             voltage_V=y[0] - innovation.value[0],

@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 if TYPE_CHECKING:
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot
-    from ohmward.traction.calibration import Drive, Parameter
+    from ohmward.traction.calibration import CalibrationDrive, Parameter
     from ohmward.traction.terrain.floor import Floor
 
 _EXAMPLES = """\
@@ -37,7 +37,7 @@ class Result(NamedTuple):
     robot: Robot
     parameters: tuple[Parameter, ...]
     floor: Floor | None
-    drives: tuple[Drive, ...]
+    drives: tuple[CalibrationDrive, ...]
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
@@ -120,7 +120,11 @@ def wanted(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def calibrate(
-    drives: tuple[Drive, ...], robot: Robot, what: tuple[str, ...], floor: str | None, rolling: list[float] | None
+    drives: tuple[CalibrationDrive, ...],
+    robot: Robot,
+    what: tuple[str, ...],
+    floor: str | None,
+    rolling: list[float] | None,
 ) -> Result:
     """Radius first, then the motors with it, then the floor with both."""
     from ohmward.traction.calibration import calibrate_motor, calibrate_radius, learn_floor, with_parameters
@@ -137,7 +141,7 @@ def calibrate(
     return Result(robot, tuple(found), learn_floor(floor, drives, robot) if floor else None, drives)
 
 
-def read_drives(args: argparse.Namespace, robot: Robot, report: Any) -> tuple[Drive, ...]:
+def read_drives(args: argparse.Namespace, robot: Robot, report: Any) -> tuple[CalibrationDrive, ...]:
     """The recordings that the arguments name, with the motion of the body."""
     texts = [one for text in args.logs for one in recordings(text, args.each)]
     drives = []
@@ -169,16 +173,16 @@ def recordings(text: str, each: str | None) -> list[str]:
     return [f"{path}:{chosen}{each}={value:g}" for value in values[np.isfinite(values)]]
 
 
-def read_one(text: str, robot: Robot, args: argparse.Namespace) -> Drive:
+def read_one(text: str, robot: Robot, args: argparse.Namespace) -> CalibrationDrive:
     """One recording with the motion of the body."""
-    from ohmward.traction.calibration import Drive
+    from ohmward.traction.calibration import CalibrationDrive
 
     names = truth_columns(args.truth) if args.truth else [name.strip() for name in args.pose.split(",")]
     log = read_drive_log(text, robot, args, leave=names)
     if args.pose:
-        return Drive(log, pose_motion(log, names, args, robot))
+        return CalibrationDrive(log, pose_motion(log, names, args, robot))
     truth = read_drive_truth(log, robot, args.truth).values
-    return Drive(log, speed_motion(robot, log.time_s, truth))
+    return CalibrationDrive(log, speed_motion(robot, log.time_s, truth))
 
 
 def speed_motion(robot: Robot, time_s: Any, truth: Any) -> Any:

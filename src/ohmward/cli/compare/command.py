@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ohmward.cli import wording
-from ohmward.cli.estimating import Task, add_task_options, estimate, make_task
+from ohmward.cli.estimating import SocTask, add_task_options, estimate, make_task
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import add_command, add_output_options
 from ohmward.cli.progress import progress
 from ohmward.errors import InputError
 
 if TYPE_CHECKING:
-    from ohmward.battery.soc.estimator import Run
+    from ohmward.battery.soc.estimator import SocRun
 
 _EXAMPLES = """\
   ohmward compare day.csv --battery battery.toml
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures | {"report": args.report}, describe(task, figures), task.notes, page)
 
 
-def summary(task: Task, answers: Mapping[str, Run]) -> dict[str, Any]:
+def summary(task: SocTask, answers: Mapping[str, SocRun]) -> dict[str, Any]:
     """The object of --json."""
     return {
         "command": "compare",
@@ -64,7 +64,7 @@ def summary(task: Task, answers: Mapping[str, Run]) -> dict[str, Any]:
     }
 
 
-def differences(answers: Mapping[str, Run]) -> dict[str, dict[str, float]]:
+def differences(answers: Mapping[str, SocRun]) -> dict[str, dict[str, float]]:
     """Root mean square difference of the state of charge between every two estimators."""
     import numpy as np
 
@@ -72,7 +72,7 @@ def differences(answers: Mapping[str, Run]) -> dict[str, dict[str, float]]:
     return {a: {b: float(np.sqrt(np.mean((soc[a] - soc[b]) ** 2))) for b in soc if b != a} for a in soc}
 
 
-def describe(task: Task, figures: Mapping[str, Any]) -> str:
+def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
     """The same for people."""
     assumed = [note.removeprefix("info: ") for note in task.notes]
     tables = (wording.table(header, rows) for header, rows in tables_of(task, figures))
@@ -80,7 +80,7 @@ def describe(task: Task, figures: Mapping[str, Any]) -> str:
     return wording.paragraphs(title, *tables, wording.bullets("Assumed", assumed))
 
 
-def tables_of(task: Task, figures: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
+def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
     """Header and rows of each table: as [T] tables 3.1-3.3, as [P], and the mutual differences without a truth."""
     estimators = figures["estimators"]
     if task.truth:
@@ -88,7 +88,7 @@ def tables_of(task: Task, figures: Mapping[str, Any]) -> list[tuple[list[str], l
     return [_table(estimators, _WITHOUT_TRUTH), _difference_table(figures["soc_rms_differences"])]
 
 
-def _names(task: Task, wanted: str | None) -> tuple[str, ...]:
+def _names(task: SocTask, wanted: str | None) -> tuple[str, ...]:
     from ohmward.battery.soc.registry import available
 
     names = tuple(name.strip() for name in wanted.split(",")) if wanted else available(task.battery)
@@ -100,7 +100,7 @@ def _names(task: Task, wanted: str | None) -> tuple[str, ...]:
     return names
 
 
-def _figures(task: Task, answer: Run) -> dict[str, Any]:
+def _figures(task: SocTask, answer: SocRun) -> dict[str, Any]:
     from ohmward.cli.scoring import soc_scores, voltage_score
 
     log, estimates = task.log, answer.estimates

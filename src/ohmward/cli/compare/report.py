@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ohmward.battery.soc.estimator import Run
+from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.registry import ESTIMATORS
 from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.compare.command import tables_of
-from ohmward.cli.estimating import Task
+from ohmward.cli.estimating import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
 from ohmward.report import Page
 
 
-def make_page(task: Task, answers: Mapping[str, Run], figures: Mapping[str, Any]) -> Page:
+def make_page(task: SocTask, answers: Mapping[str, SocRun], figures: Mapping[str, Any]) -> Page:
     """Tables, the state of charge of all on one clock, their errors."""
     log = task.log
     what = f"{len(answers)} estimators, battery {task.battery.name!r}, {duration(log.duration_s)}"

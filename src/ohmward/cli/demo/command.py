@@ -34,7 +34,7 @@ working day, recorded with low-cost sensors. Then the drive home: dry floor, wet
 truth; the commands below are what you would type for your own logs, and can be pasted."""
 
 
-class Step(NamedTuple):
+class DemoStep(NamedTuple):
     """A command line of the demo, without `ohmward`, and what to call it."""
 
     name: str
@@ -76,7 +76,7 @@ def work_through(chemistry: str, day: RobotDay, folder: Path) -> dict[str, Outco
     return _play(steps(chemistry, folder, files.pulse_test, files.mission))
 
 
-def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list[Step]:
+def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list[DemoStep]:
     """What a user would type for the battery."""
     test, day, battery = str(pulse_test), str(mission), str(folder / f"{chemistry}.toml")
 
@@ -86,10 +86,10 @@ def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list
     identify = ("--capacity-ah", f"{CAPACITY_AH:g}", "--chemistry", chemistry, "--n-series", str(N_SERIES[chemistry]))
     truth = ("--battery", battery, "--truth", "soc_true")
     return [
-        Step("doctor", ("doctor", test, day, "--report", report("doctor"))),
-        Step("identify", ("identify", test, *identify, "-o", battery, "--report", report("identify"))),
-        Step("soc", ("soc", day, *truth, "--report", report("soc"))),
-        Step("compare", ("compare", day, *truth, "--report", report("compare"))),
+        DemoStep("doctor", ("doctor", test, day, "--report", report("doctor"))),
+        DemoStep("identify", ("identify", test, *identify, "-o", battery, "--report", report("identify"))),
+        DemoStep("soc", ("soc", day, *truth, "--report", report("soc"))),
+        DemoStep("compare", ("compare", day, *truth, "--report", report("compare"))),
     ]
 
 
@@ -110,7 +110,7 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
     return _play(drive_steps(folder, evening["soc_final"], evening["soc_std_final"]))
 
 
-def drive_steps(folder: Path, soc: float, soc_std: float) -> list[Step]:
+def drive_steps(folder: Path, soc: float, soc_std: float) -> list[DemoStep]:
     """What a user would type for the drive; soc, soc_std: of the battery when it begins."""
 
     def path(name: str) -> str:
@@ -120,9 +120,9 @@ def drive_steps(folder: Path, soc: float, soc_std: float) -> list[Step]:
     start = ("--current-sign", "charge", "--initial-soc", f"{soc:.3f}", "--initial-soc-std", f"{soc_std:.3f}")
     ahead = ("--terrain", "floor", "--plan", path("home.toml"), "-o", path("consumption.toml"))
     return [
-        Step("simulate", ("simulate", path("drive.toml"), "-o", log, "--report", path("drive-simulate.html"))),
-        Step("slip", ("slip", log, *robot, "--truth", "speed_true_m_s", "--report", path("drive-slip.html"))),
-        Step("mission", ("mission", log, *robot, *battery, *start, *ahead, "--report", path("drive-mission.html"))),
+        DemoStep("simulate", ("simulate", path("drive.toml"), "-o", log, "--report", path("drive-simulate.html"))),
+        DemoStep("slip", ("slip", log, *robot, "--truth", "speed_true_m_s", "--report", path("drive-slip.html"))),
+        DemoStep("mission", ("mission", log, *robot, *battery, *start, *ahead, "--report", path("drive-mission.html"))),
     ]
 
 
@@ -160,7 +160,7 @@ def _summaries(outcomes: Mapping[str, Outcome]) -> dict[str, dict[str, Any]]:
     return {name: dict(outcome.summary) for name, outcome in outcomes.items()}
 
 
-def _play(steps: Sequence[Step]) -> dict[str, Outcome]:
+def _play(steps: Sequence[DemoStep]) -> dict[str, Outcome]:
     """Print each command line, run it exactly as the shell would, print the beginning of what it says."""
     from ohmward.cli import main
 

@@ -165,9 +165,9 @@ def initial_soc(text: str) -> tuple[str, float]:
 
 
 def _identify(logs: list[Log], args: argparse.Namespace) -> Identified:
-    from ohmward.battery.identification import Settings, identify_in_detail
+    from ohmward.battery.identification import IdentificationSettings, identify_in_detail
 
-    settings = Settings(
+    settings = IdentificationSettings(
         args.capacity_ah,
         args.model,
         args.chemistry,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ohmward.battery.battery import Battery
     from ohmward.cli.mission_log import Recording
-    from ohmward.energy import Charge, Consumption, Outlook, Range, SpeedAdvice, Stretch
+    from ohmward.energy import BatteryState, Consumption, MissionForecast, Range, SpeedAdvice, Stretch
     from ohmward.energy.plan_file import Plan
     from ohmward.traction import Robot
 
@@ -35,7 +35,7 @@ _SLOWER, _FASTER = 0.5, 1.5
 _SECONDS_PER_DAY = 86400.0
 
 
-class Task(NamedTuple):
+class MissionTask(NamedTuple):
     """Everything that was read.
 
     consumption: with what the log taught.  charge: at the end of the log, or as given.
@@ -46,18 +46,18 @@ class Task(NamedTuple):
     recording: Recording | None
     plan: Plan | None
     consumption: Consumption
-    charge: Charge
+    charge: BatteryState
     notes: list[str]
 
 
-class Answer(NamedTuple):
+class MissionAnswer(NamedTuple):
     """What was found.
 
     left: range over ground like that of the log, or of the plan.  advice: by terrain.
     """
 
     left: Range
-    outlook: Outlook | None
+    outlook: MissionForecast | None
     advice: dict[str, SpeedAdvice]
 
 
@@ -128,7 +128,7 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures | {"output": args.output, "report": args.report}, text, task.notes, page)
 
 
-def make_task(args: argparse.Namespace) -> Task:
+def make_task(args: argparse.Namespace) -> MissionTask:
     """Read what the options name, and learn from the log.
 
     Raises:
@@ -152,7 +152,7 @@ def make_task(args: argparse.Namespace) -> Task:
         notes += recording.notes
     consumption = _with_plan(consumption, plan, args, notes)
     charge = _charge(args, battery, plan, recording, notes)
-    return Task(battery, robot, recording, plan, consumption, charge, notes)
+    return MissionTask(battery, robot, recording, plan, consumption, charge, notes)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -223,11 +223,11 @@ def _with_plan(c: Consumption, plan: Plan | None, args: argparse.Namespace, note
 
 def _charge(
     args: argparse.Namespace, battery: Battery, plan: Plan | None, recording: Recording | None, notes: list[str]
-) -> Charge:
+) -> BatteryState:
     """The battery now: as given, else as estimated at the end of the log."""
     import math
 
-    from ohmward.energy import Charge
+    from ohmward.energy import BatteryState
 
     noise = battery.noise if battery.thevenin else battery.rc_noise
     reserve = plan.reserve_soc if plan and args.reserve_soc is None else args.reserve_soc
@@ -250,7 +250,7 @@ def _charge(
     if recording and reserve is None and 0.0 < values["soc"] <= DEFAULT_RESERVE:
         values["reserve_soc"] = 0.0
         notes.append(f"warning: the log ends below the usual reserve of {DEFAULT_RESERVE:.0%}: range is that to empty")
-    return Charge(**values)
+    return BatteryState(**values)
 
 
 def _last_known(values: np.ndarray, otherwise: float) -> float:
@@ -259,7 +259,7 @@ def _last_known(values: np.ndarray, otherwise: float) -> float:
     return float(known[-1]) if known else otherwise
 
 
-def look_ahead(task: Task, confidence: float) -> Answer:
+def look_ahead(task: MissionTask, confidence: float) -> MissionAnswer:
     """Range, the outlook of the plan, and advice for each ground that was or will be driven."""
     from ohmward.energy import get_home, range_left
 
@@ -267,10 +267,10 @@ def look_ahead(task: Task, confidence: float) -> Answer:
     left = range_left(task.consumption, ahead, task.battery, task.charge)
     plan = task.plan
     outlook = get_home(task.consumption, plan.legs, task.battery, task.charge, confidence) if plan else None
-    return Answer(left, outlook, _advice(task.consumption, ahead))
+    return MissionAnswer(left, outlook, _advice(task.consumption, ahead))
 
 
-def stretches_ahead(task: Task) -> list[Stretch]:
+def stretches_ahead(task: MissionTask) -> list[Stretch]:
     """The plan's legs, else ground like that of the log."""
     from ohmward.energy import stretch_of
 
@@ -291,7 +291,7 @@ def _advice(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvice]:
     return advice
 
 
-def summary(task: Task, answer: Answer) -> dict[str, Any]:
+def summary(task: MissionTask, answer: MissionAnswer) -> dict[str, Any]:
     """The object of --json."""
     left, outlook, charge = answer.left, answer.outlook, task.charge
     return {
@@ -318,7 +318,7 @@ def summary(task: Task, answer: Answer) -> dict[str, Any]:
     }
 
 
-def _drive(task: Task) -> dict[str, Any]:
+def _drive(task: MissionTask) -> dict[str, Any]:
     """What the log says by itself."""
     from ohmward.energy.balance import PARTS
 
@@ -380,7 +380,7 @@ def expected_J_per_m(c: Consumption, name: str, speed_m_s: float):
     return Quantiles(*(value / 100.0 for value in quantiles(needed_J(found, normal_points(DIMENSIONS)))))
 
 
-def _plan(outlook: Outlook) -> dict[str, Any]:
+def _plan(outlook: MissionForecast) -> dict[str, Any]:
     milestones = [{**m._asdict(), "energy_J": m.energy_J._asdict(), "soc": m.soc._asdict()} for m in outlook.milestones]
     last = milestones[-1]
     return {

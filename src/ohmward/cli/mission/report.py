@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.cli.mission.command import Answer, Task, expected_J_per_m, summary, usual_speed_m_s
+from ohmward.cli.mission.command import MissionAnswer, MissionTask, expected_J_per_m, summary, usual_speed_m_s
 from ohmward.cli.mission.text import TERRAINS, advice_lines, result, split_rows, terrain_rows
 from ohmward.cli.mission_log import Recording, Split
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, percent, quantity
-from ohmward.energy import Charge, Consumption, Outlook
+from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series
 from ohmward.report.palette import Meaning
 
@@ -29,7 +29,7 @@ _SPEEDS = 25
 _SHORTEST_M = 5.0
 
 
-def make_page(task: Task, answer: Answer) -> Page:
+def make_page(task: MissionTask, answer: MissionAnswer) -> Page:
     """Key figures, the plan, where the power went, what each ground takes, assumptions."""
     figures = summary(task, answer)
     page = Page(figures["log"] or "Mission", _subtitle(figures), FOOTER).numbers(_numbers(figures))
@@ -43,7 +43,7 @@ def make_page(task: Task, answer: Answer) -> Page:
     return with_assumptions(page, task.notes)
 
 
-def plan_figures(outlook: Outlook, charge: Charge) -> list[Figure]:
+def plan_figures(outlook: MissionForecast, charge: BatteryState) -> list[Figure]:
     """State of charge, energy and probability along the plan."""
     m = outlook.milestones
     x = np.array([0.0, *(one.distance_m for one in m)])
@@ -147,7 +147,7 @@ def _recorded(page: Page, recording: Recording, figures: dict[str, Any]) -> Page
     return page.table(["Part", "Energy", "Share", "Std, at most"], split_rows(figures["drive"]))
 
 
-def _grounds(page: Page, task: Task, figures: dict[str, Any]) -> Page:
+def _grounds(page: Page, task: MissionTask, figures: dict[str, Any]) -> Page:
     c = task.consumption
     if not c.terrains:
         return page

@@ -13,7 +13,7 @@ from ohmward.cli.progress import progress
 from ohmward.errors import InputError
 
 if TYPE_CHECKING:
-    from ohmward.simulate.closed_loop import Run, Scenario
+    from ohmward.simulate.closed_loop import ClosedLoopRun, Scenario
     from ohmward.simulate.closed_loop.figures import Figures
 
 _EXAMPLES = """\
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> Outcome:
     )
 
 
-def summary(answer: Run) -> dict[str, Any]:
+def summary(answer: ClosedLoopRun) -> dict[str, Any]:
     """The object of --json."""
     from ohmward.simulate.closed_loop.figures import figures
 
@@ -119,7 +119,7 @@ def _scores(f: Figures) -> dict[str, float | None]:
     return {name: getattr(f.score, name) if f.score else None for name in names}
 
 
-def describe(answer: Run, found: dict[str, Any]) -> str:
+def describe(answer: ClosedLoopRun, found: dict[str, Any]) -> str:
     """The same for people."""
     title = f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}"
     observer = "the true speed" if found["observer"] == "true" else f"observer {found['observer']!r}"
@@ -169,7 +169,7 @@ def _scenario(args: argparse.Namespace) -> Scenario:
     return scenario if args.seed is None else replace(scenario, seed=args.seed)
 
 
-def _simulate(scenario: Scenario) -> Run:
+def _simulate(scenario: Scenario) -> ClosedLoopRun:
     from ohmward.simulate import closed_loop
 
     with progress() as report:
@@ -177,7 +177,7 @@ def _simulate(scenario: Scenario) -> Run:
         return closed_loop.run(scenario, told)
 
 
-def _write(answer: Run, path: str) -> None:
+def _write(answer: ClosedLoopRun, path: str) -> None:
     from ohmward.logs import write_table
     from ohmward.simulate.closed_loop import columns
 

@@ -10,7 +10,7 @@ from ohmward.cli.report_parts import FOOTER
 from ohmward.cli.simulate.command import ENERGY, result, summary
 from ohmward.cli.wording import duration
 from ohmward.report import TIME, Band, Figure, Page, Series
-from ohmward.simulate.closed_loop import Run
+from ohmward.simulate.closed_loop import ClosedLoopRun
 from ohmward.simulate.closed_loop.figures import true_slip
 
 BAND_95 = 1.96
@@ -18,7 +18,7 @@ BAND_95 = 1.96
 _POWER_S = 0.25
 
 
-def make_page(run: Run) -> Page:
+def make_page(run: ClosedLoopRun) -> Page:
     """Key figures, plots above each other on one clock, where the energy went, warnings."""
     found = summary(run)
     what = f"{found['robot']}, plant {found['plant']!r}, simulated for {duration(found['duration_s'])}"
@@ -33,12 +33,12 @@ def make_page(run: Run) -> Page:
     return page.heading("Energy").table(["Where the energy went", "J"], split)
 
 
-def plots(run: Run) -> list[Figure]:
+def plots(run: ClosedLoopRun) -> list[Figure]:
     """Speed, slip of each driven wheel, torque, friction, power split, battery."""
     return [_speed(run), *_slips(run), _torque(run), _friction(run), _power(run), _battery(run)]
 
 
-def _speed(run: Run) -> Figure:
+def _speed(run: ClosedLoopRun) -> Figure:
     truth, rows = run.history.truth, run.rows
     series = [Series(truth.time_s, truth.speed_m_s, "true", role="reference")]
     asked = run.scenario.commands
@@ -54,7 +54,7 @@ def _speed(run: Run) -> Figure:
     return Figure("Speed", TIME, "Speed [m/s]", series, [Band(rows.time_s, v - half, v + half, "95 %")])
 
 
-def _slips(run: Run) -> Iterator[Figure]:
+def _slips(run: ClosedLoopRun) -> Iterator[Figure]:
     truth, rows, robot = run.history.truth, run.rows, run.scenario.model
     true = true_slip(run.history, robot)
     forward = np.where(rows.truth.speed_m_s >= 0, 1.0, -1.0)
@@ -71,7 +71,7 @@ def _slips(run: Run) -> Iterator[Figure]:
         yield Figure(f"Slip, {_words(place.name)}", TIME, "Slip ratio [-]", series, y_limits=(-1.0, 1.0))
 
 
-def _torque(run: Run) -> Figure:
+def _torque(run: ClosedLoopRun) -> Figure:
     truth, robot = run.history.truth, run.scenario.model
     series = [
         Series(truth.time_s, truth.torque_N_m[:, k], _words(place.name))
@@ -80,7 +80,7 @@ def _torque(run: Run) -> Figure:
     return Figure("Torque of the motors", TIME, "Torque [N m]", series)
 
 
-def _friction(run: Run) -> Figure:
+def _friction(run: ClosedLoopRun) -> Figure:
     truth, robot = run.history.truth, run.scenario.model
     used = np.abs(truth.traction_N) / np.maximum(truth.normal_N, 1e-9)
     series = []
@@ -90,7 +90,7 @@ def _friction(run: Run) -> Figure:
     return Figure("Friction under the wheels", TIME, "Force over load [-]", series)
 
 
-def _power(run: Run) -> Figure:
+def _power(run: ClosedLoopRun) -> Figure:
     """Mean power of each part over short stretches."""
     truth, account = run.history.truth, run.history.account
     every = max(1, round(_POWER_S / float(np.median(np.diff(truth.time_s))))) if truth.time_s.size > 1 else 1
@@ -106,7 +106,7 @@ def _mean_power(time_s: np.ndarray, energy_J: np.ndarray, label: str) -> Series:
     return Series(time_s[1:], np.diff(energy_J) / np.diff(time_s), label, "step")
 
 
-def _battery(run: Run) -> Figure:
+def _battery(run: ClosedLoopRun) -> Figure:
     history = run.history
     series = [
         Series(history.truth.time_s, 100 * history.soc, "state of charge"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ohmward.cli import wording
 from ohmward.cli.driving import (
     TRUTHS,
-    Truth,
+    NotedTruth,
     add_drive_options,
     add_robot_options,
     make_robot,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ohmward.cli.slip.on_floors import OnFloors
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
-    from ohmward.traction.speed_observer.estimate import Estimate
+    from ohmward.traction.speed_observer.estimate import SlipEstimate
     from ohmward.traction.speed_observer.track import Track
 
 _EXAMPLES = """\
@@ -41,16 +41,16 @@ _EXAMPLES = """\
 _MOST_EPISODES = 8
 
 
-class Task(NamedTuple):
+class SlipTask(NamedTuple):
     """One drive to observe: the robot and the ground that is believed at first, and the truth if there is one."""
 
     robot: Robot
     terrain: Terrain
     log: DriveLog
-    truth: Truth | None
+    truth: NotedTruth | None
 
 
-class Answer(NamedTuple):
+class SlipAnswer(NamedTuple):
     """The track of the drive, everything that was assumed for it, and what learnt floors say besides."""
 
     track: Track
@@ -97,16 +97,16 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures | {"output": args.output, "report": args.report}, text, answer.notes, page)
 
 
-def make_task(args: argparse.Namespace) -> Task:
+def make_task(args: argparse.Namespace) -> SlipTask:
     """Read what the options name."""
     robot = make_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
     truths = truth_columns(args.truth)
     log = read_drive_log(args.log, robot, args, extra=None if truths else (), leave=truths)
-    return Task(robot, terrain, log, read_drive_truth(log, robot, args.truth) if truths else None)
+    return SlipTask(robot, terrain, log, read_drive_truth(log, robot, args.truth) if truths else None)
 
 
-def observe_task(task: Task, name: str) -> Answer:
+def observe_task(task: SlipTask, name: str) -> SlipAnswer:
     """Run the observer called `name` over the drive."""
     from ohmward.traction.drive_checks import check_drive
     from ohmward.traction.speed_observer.make_observer import make_observer
@@ -118,10 +118,10 @@ def observe_task(task: Task, name: str) -> Answer:
         told = (lambda done, total: report(name, done / total)) if report else None
         track = observe(chosen.observer, task.log, told)
     truth = [f"info: {task.truth.note}"] if task.truth else []
-    return Answer(track, [*(str(note) for note in (*faults, *task.log.notes, *chosen.notes)), *truth])
+    return SlipAnswer(track, [*(str(note) for note in (*faults, *task.log.notes, *chosen.notes)), *truth])
 
 
-def observe_task_on_floors(task: Task, args: argparse.Namespace) -> Answer:
+def observe_task_on_floors(task: SlipTask, args: argparse.Namespace) -> SlipAnswer:
     """Slip as the floors of --floors explain the motor currents."""
     from ohmward.cli.slip.on_floors import observe_on_floors
     from ohmward.traction.drive_checks import check_drive
@@ -129,18 +129,18 @@ def observe_task_on_floors(task: Task, args: argparse.Namespace) -> Answer:
     faults = check_drive(task.robot, task.log)
     track, on_floors, told = observe_on_floors(task.robot, task.log, args.floors, args.filter)
     truth = [f"info: {task.truth.note}"] if task.truth else []
-    return Answer(track, [*(str(note) for note in (*faults, *task.log.notes)), *told, *truth], on_floors)
+    return SlipAnswer(track, [*(str(note) for note in (*faults, *task.log.notes)), *told, *truth], on_floors)
 
 
-def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
+def summary(task: SlipTask, name: str, answer: SlipAnswer) -> dict[str, Any]:
     """The object of --json."""
     import numpy as np
 
     from ohmward.traction.episodes import immobilised_episodes, slip_episodes
-    from ohmward.traction.speed_observer.estimate import Flag
+    from ohmward.traction.speed_observer.estimate import SlipFlag
 
     log, track, e = task.log, answer.track, answer.track.estimates
-    unobserved = e.flags.astype(int) & Flag.SPEED_UNOBSERVED != 0
+    unobserved = e.flags.astype(int) & SlipFlag.SPEED_UNOBSERVED != 0
     return {
         "command": "slip",
         "log": log.name,
@@ -167,7 +167,7 @@ def summary(task: Task, name: str, answer: Answer) -> dict[str, Any]:
     }
 
 
-def travel_speed_m_s(task: Task, answer: Answer) -> np.ndarray:
+def travel_speed_m_s(task: SlipTask, answer: SlipAnswer) -> np.ndarray:
     """(T,) in whatever direction."""
     import numpy as np
 
@@ -179,14 +179,14 @@ def travel_speed_m_s(task: Task, answer: Answer) -> np.ndarray:
     return np.linalg.norm(motion_of(task.robot, estimates)[:, :-1], axis=1)
 
 
-def floor_figures(answer: Answer) -> dict[str, Any]:
+def floor_figures(answer: SlipAnswer) -> dict[str, Any]:
     """What learnt floors say besides; None without them."""
     from ohmward.cli.slip import on_floors
 
     return on_floors.figures(answer.on_floors) if answer.on_floors else dict.fromkeys(on_floors.FIGURES)
 
 
-def floor_columns(answer: Answer) -> dict[str, np.ndarray]:
+def floor_columns(answer: SlipAnswer) -> dict[str, np.ndarray]:
     """The same along the drive, (T,) by name."""
     from ohmward.cli.slip import on_floors
 
@@ -198,7 +198,7 @@ def driven_wheels(robot: Robot) -> list[str]:
     return [place.name for place in robot.places[: robot.driven]]
 
 
-def scores(task: Task, track: Track) -> dict[str, Any]:
+def scores(task: SlipTask, track: Track) -> dict[str, Any]:
     """Errors against the truth; every figure None without one."""
     from ohmward.traction.score import DriveScore, score_drive
 
@@ -207,7 +207,7 @@ def scores(task: Task, track: Track) -> dict[str, Any]:
     return dict(list(score_drive(task.robot, track.estimates, task.truth.values)._asdict().items())[:-1])
 
 
-def lasting_figures(e: Estimate) -> dict[str, float | None]:
+def lasting_figures(e: SlipEstimate) -> dict[str, float | None]:
     """Friction, grade and radius at the end; None for what is assumed, which has no std."""
     final = {
         ("friction_share", "friction_std"): (e.friction_share[-1, 0], e.friction_std[-1, 0]),
@@ -221,7 +221,7 @@ def lasting_figures(e: Estimate) -> dict[str, float | None]:
     }
 
 
-def describe(task: Task, figures: dict[str, Any]) -> str:
+def describe(task: SlipTask, figures: dict[str, Any]) -> str:
     """The same for people."""
     title = f"{figures['log']} with robot {figures['robot']!r}: {figures['filter']} on {figures['terrain']}"
     return wording.paragraphs(
@@ -306,7 +306,7 @@ def errors(figures: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def estimate_table(task: Task, track: Track) -> dict[str, np.ndarray]:
+def estimate_table(task: SlipTask, track: Track) -> dict[str, np.ndarray]:
     """Columns (T,) of the estimates file, by name."""
     e = track.estimates
     columns = {

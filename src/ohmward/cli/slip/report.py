@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.slip.command import Answer, Task, driven_wheels, errors, result, summary
+from ohmward.cli.slip.command import SlipAnswer, SlipTask, driven_wheels, errors, result, summary
 from ohmward.cli.slip.on_floors_report import floor_figures
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.report import TIME, Band, Figure, Page, Series, Span
 from ohmward.report.palette import Meaning
 from ohmward.traction.score import BAND_95, true_slip
-from ohmward.traction.speed_observer.estimate import Estimate, Flag
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
-_SHOWN: dict[Flag, Meaning] = {
-    Flag.STANDSTILL: "quiet",
-    Flag.SPEED_UNOBSERVED: "comparison",
-    Flag.GROUND_CHANGED: "alert",
-    Flag.ENCODER_DOUBTED: "alert",
-    Flag.SPEED_REJECTED: "alert",
-    Flag.GAP: "alert",
+_SHOWN: dict[SlipFlag, Meaning] = {
+    SlipFlag.STANDSTILL: "quiet",
+    SlipFlag.SPEED_UNOBSERVED: "comparison",
+    SlipFlag.GROUND_CHANGED: "alert",
+    SlipFlag.ENCODER_DOUBTED: "alert",
+    SlipFlag.SPEED_REJECTED: "alert",
+    SlipFlag.GAP: "alert",
 }
 _MOST_SPANS = 300
 
 
-def make_page(task: Task, name: str, answer: Answer) -> Page:
+def make_page(task: SlipTask, name: str, answer: SlipAnswer) -> Page:
     """Key figures, plots above each other on one clock, episodes, assumptions."""
     figures = summary(task, name, answer)
     what = f"Speed and slip by {name}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
@@ -49,7 +49,7 @@ def _numbers(figures: dict) -> dict[str, str]:
     return {label: value for label, value in numbers.items() if value != "-"}
 
 
-def _plots(task: Task, answer: Answer) -> list[Figure]:
+def _plots(task: SlipTask, answer: SlipAnswer) -> list[Figure]:
     e, time_s = answer.track.estimates, answer.track.time_s
     plots = [speed_figure(task, time_s, e)]
     if answer.on_floors:
@@ -64,7 +64,7 @@ def _plots(task: Task, answer: Answer) -> list[Figure]:
     return plots
 
 
-def speed_figure(task: Task, time_s: np.ndarray, e: Estimate) -> Figure:
+def speed_figure(task: SlipTask, time_s: np.ndarray, e: SlipEstimate) -> Figure:
     """Speed of the body with its band and what happened, beside what the wheels alone would say."""
     wheels = task.robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(task.robot.rolling[: task.robot.driven]).T
     series = [
@@ -85,7 +85,7 @@ def _around(*values: np.ndarray) -> tuple[float, float]:
     return float(known.min()) - margin, float(known.max()) + margin
 
 
-def slip_figure(time_s: np.ndarray, e: Estimate, k: int, wheel: str, truth: np.ndarray | None) -> Figure:
+def slip_figure(time_s: np.ndarray, e: SlipEstimate, k: int, wheel: str, truth: np.ndarray | None) -> Figure:
     """Slip speed of one wheel with its band and its alarms."""
     series = [Series(time_s, e.slip_speed_m_s[:, k], "estimate", role="estimate")]
     if truth is not None:
@@ -97,7 +97,7 @@ def slip_figure(time_s: np.ndarray, e: Estimate, k: int, wheel: str, truth: np.n
     return Figure(title, TIME, "Slip speed [m/s]", series, [band], spans=alarms, height_px=220)
 
 
-def friction_figure(time_s: np.ndarray, e: Estimate) -> Figure:
+def friction_figure(time_s: np.ndarray, e: SlipEstimate) -> Figure:
     """What the ground gives at most, over the terrain that was believed; its sigma is a relative one."""
     share, std = e.friction_share[:, 0], e.friction_std[:, 0]
     band = Band(time_s, 100 * share * np.exp(-BAND_95 * std), 100 * share * np.exp(BAND_95 * std), "95 % band")
@@ -105,7 +105,7 @@ def friction_figure(time_s: np.ndarray, e: Estimate) -> Figure:
     return Figure("Friction over the believed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
 
 
-def grade_figure(time_s: np.ndarray, e: Estimate) -> Figure:
+def grade_figure(time_s: np.ndarray, e: SlipEstimate) -> Figure:
     """The grade, and whatever else pushes the body as a grade would."""
     grade, std = np.degrees(e.grade_rad), np.degrees(e.grade_std_rad)
     series = [Series(time_s, grade, "estimate", role="estimate")]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ohmward.cli import wording
-from ohmward.cli.estimating import Task, add_task_options, estimate, make_task
+from ohmward.cli.estimating import SocTask, add_task_options, estimate, make_task
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import add_command, add_output_options
 from ohmward.cli.progress import Report, counting, progress
@@ -15,7 +15,7 @@ from ohmward.cli.progress import Report, counting, progress
 if TYPE_CHECKING:
     import numpy as np
 
-    from ohmward.battery.soc.estimator import Run
+    from ohmward.battery.soc.estimator import SocRun
 
 _EXAMPLES = """\
   ohmward soc day.csv --battery battery.toml
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)
 
 
-def summary(task: Task, name: str, answer: Run) -> dict[str, Any]:
+def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
     """The object of --json."""
     from ohmward.cli.scoring import soc_scores, voltage_score
 
@@ -88,7 +88,7 @@ def summary(task: Task, name: str, answer: Run) -> dict[str, Any]:
     }
 
 
-def describe(task: Task, figures: dict[str, Any]) -> str:
+def describe(task: SocTask, figures: dict[str, Any]) -> str:
     """The same for people."""
     from ohmward.battery.soc.registry import ESTIMATORS
 
@@ -136,14 +136,14 @@ def errors(figures: dict[str, Any]) -> str:
     return wording.table(["against the truth", "whole log", "after 1 h"], rows)
 
 
-def _write(task: Task, answer: Run, path: str, report: Report | None) -> None:
+def _write(task: SocTask, answer: SocRun, path: str, report: Report | None) -> None:
     """The estimates beside what was measured, as a file that `ohmward` can read as a log."""
     from ohmward.logs import write_table
 
     write_table(estimate_table(task, answer), path, counting(report, f"writing {Path(path).name}"))
 
 
-def estimate_table(task: Task, answer: Run) -> dict[str, np.ndarray]:
+def estimate_table(task: SocTask, answer: SocRun) -> dict[str, np.ndarray]:
     """Columns (T,) of the estimates file, by name."""
     log, e = task.log, answer.estimates
     clock = {} if log.start_unix_s is None else {"unix_time_s": log.start_unix_s + log.time_s}

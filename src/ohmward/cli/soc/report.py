@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from ohmward.battery.soc.estimator import Run
+from ohmward.battery.soc.estimator import SocRun
 from ohmward.cli import battery_pictures as pictures
-from ohmward.cli.estimating import Task
+from ohmward.cli.estimating import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.soc.command import result
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.report import Figure, Page
 
 
-def make_page(task: Task, name: str, answer: Run, figures: dict[str, Any]) -> Page:
+def make_page(task: SocTask, name: str, answer: SocRun, figures: dict[str, Any]) -> Page:
     """Key figures, plots above each other on one clock, assumptions.
 
     figures: the summary of the run.
@@ -39,7 +39,7 @@ def _numbers(figures: dict) -> dict[str, str]:
     return {label: value for label, value in numbers.items() if value != "-"}
 
 
-def _plots(task: Task, answer: Run) -> list[Figure]:
+def _plots(task: SocTask, answer: SocRun) -> list[Figure]:
     log, estimates = task.log, answer.estimates
     truth = task.truth.soc if task.truth else None
     plots = [pictures.soc_figure(log, estimates, truth)]

@@ -3,10 +3,10 @@
 from ohmward.simulate.closed_loop.account import Account, Work
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, Patch
-from ohmward.simulate.closed_loop.loop import Drive, run
+from ohmward.simulate.closed_loop.loop import ClosedLoopDrive, run
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observing
-from ohmward.simulate.closed_loop.run import Run, columns, drive_log
+from ohmward.simulate.closed_loop.run import ClosedLoopRun, columns, drive_log
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.closed_loop.scenario_file import (
     find_scenario,
@@ -21,16 +21,16 @@ from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 
 __all__ = [
     "Account",
+    "ClosedLoopDrive",
+    "ClosedLoopRun",
     "Command",
     "Control",
-    "Drive",
     "ExternalSpeed",
     "Grade",
     "MujocoRobot",
     "Observing",
     "Pack",
     "Patch",
-    "Run",
     "Scenario",
     "Sensing",
     "TractionPlant",

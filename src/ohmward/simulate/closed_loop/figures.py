@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.observing import free_sideways
-from ohmward.simulate.closed_loop.run import Instant, Run
+from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
@@ -59,7 +59,7 @@ class Figures(NamedTuple):
     score: DriveScore | None
 
 
-def figures(run: Run) -> Figures:
+def figures(run: ClosedLoopRun) -> Figures:
     """The figures of a drive."""
     history = run.history
     distance_m = distance(history)
@@ -83,7 +83,7 @@ def distance(history: Instant) -> float:
     return float(np.hypot(*steps.T).sum())
 
 
-def held_slips(run: Run) -> list[Held]:
+def held_slips(run: ClosedLoopRun) -> list[Held]:
     """How each command of slip was followed."""
     truth, commands = run.history.truth, run.scenario.commands
     slip = true_slip(run.history, run.scenario.model)
@@ -114,7 +114,7 @@ def held_slip(time_s: np.ndarray, slip: np.ndarray, from_s: float, target: float
     return Held(from_s, to_s, target, settle_s, max((_rms(column) for column in late.T), default=math.nan))
 
 
-def score(run: Run) -> DriveScore | None:
+def score(run: ClosedLoopRun) -> DriveScore | None:
     """The observer's estimates against the truth."""
     rows, robot = run.rows, free_sideways(run.scenario.model)
     if rows.estimate is None:

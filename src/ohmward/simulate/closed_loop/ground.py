@@ -137,7 +137,7 @@ class Grade:
         return float(np.interp(x_m, self.position_m, self.grade_rad))
 
 
-class Surface(NamedTuple):
+class GroundSurface(NamedTuple):
     """All patches under a robot.
 
     patches: the one that lies under all others last.
@@ -157,7 +157,7 @@ class Surface(NamedTuple):
         )
 
 
-def surface(patches: Sequence[Patch], wheels: Sequence[str]) -> Surface:
+def surface(patches: Sequence[Patch], wheels: Sequence[str]) -> GroundSurface:
     """The patches put in order, with dry asphalt where there are none.
 
     Raises:
@@ -176,7 +176,7 @@ def surface(patches: Sequence[Patch], wheels: Sequence[str]) -> Surface:
     for k, patch in enumerate(bounded):
         for other in bounded[:k]:
             _refuse_overlap(other, patch)
-    return Surface((*bounded, *(base or [Patch()])), tuple(wheels))
+    return GroundSurface((*bounded, *(base or [Patch()])), tuple(wheels))
 
 
 def adhesion(terrain: Terrain) -> float:

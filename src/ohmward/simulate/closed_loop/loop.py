@@ -23,9 +23,9 @@ from ohmward.simulate.closed_loop.observing import Observation, make_observer
 from ohmward.simulate.closed_loop.pack_sensors import PackSensors
 from ohmward.simulate.closed_loop.power_limit import available_torque
 from ohmward.simulate.closed_loop.records import Records
-from ohmward.simulate.closed_loop.run import Instant, Row, Run
+from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant, RunRow
 from ohmward.simulate.closed_loop.scenario import Scenario
-from ohmward.simulate.closed_loop.sensing import Sensors
+from ohmward.simulate.closed_loop.sensing import SensorSuite
 from ohmward.simulate.closed_loop.supply import Supplied, Supply
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward.simulate.closed_loop.watch import Watch
@@ -41,7 +41,7 @@ _PROGRESS_STEPS = 200
 Plant = TractionPlant | MujocoRobot
 
 
-def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> Run:
+def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> ClosedLoopRun:
     """Simulate the whole drive; it ends early where the battery is empty.
 
     progress: called now and then with (steps done, steps).
@@ -50,7 +50,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
         InputError: the plant cannot be made so, MuJoCo is not installed, or no sample of the sensors arrives.
     """
     begun = time.perf_counter()
-    drive = Drive(scenario)
+    drive = ClosedLoopDrive(scenario)
     steps = round(scenario.duration_s / scenario.controller.interval_s)
     for k in range(steps):
         drive.step()
@@ -65,7 +65,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
             f"no sample of the sensors arrived in {drive.truth.time_s:.3g} s; lower sensors.drop_share or "
             "sensors.delay_s, or drive for longer"
         )
-    return Run(
+    return ClosedLoopRun(
         scenario,
         drive.history.stacked(),
         drive.rows.stacked(),
@@ -80,7 +80,7 @@ def make_plant(scenario: Scenario) -> Plant:
     return kind(scenario.model, scenario.ground, scenario.grade)
 
 
-class Drive:
+class ClosedLoopDrive:
     """A drive under way.
 
     Args:
@@ -93,7 +93,7 @@ class Drive:
         self.plant = make_plant(scenario)
         self.truth: RobotTruth = self.plant.reset()
         self.supply = Supply(scenario.battery)
-        self.sensors = Sensors(scenario.sensors, self.robot, sensors_rng)
+        self.sensors = SensorSuite(scenario.sensors, self.robot, sensors_rng)
         self.observation = Observation(_observer(scenario), self.robot)
         self.pack = PackSensors(self.supply.now, pack_rng)
         self.watch = Watch(scenario)
@@ -104,7 +104,7 @@ class Drive:
         self._keep_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
         self._under_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
         self.history: Records[Instant] = Records()
-        self.rows: Records[Row] = Records()
+        self.rows: Records[RunRow] = Records()
 
     @property
     def empty(self) -> bool:
@@ -119,7 +119,7 @@ class Drive:
         for arrival in arrivals:
             truth, current_A, voltage_V, soc = self._under_way.pop(arrival.taken_s)
             estimate = self.observation.take(arrival)
-            row = Row(arrival.taken_s, arrival.sample, estimate, truth, current_A, voltage_V, soc)
+            row = RunRow(arrival.taken_s, arrival.sample, estimate, truth, current_A, voltage_V, soc)
             self.rows.add(row)
             self._under_way = {t: known for t, known in self._under_way.items() if t > arrival.taken_s}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.account import Work, work_between
-from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, adhesion, surface
+from ohmward.simulate.closed_loop.ground import Grade, GroundSurface, Patch, adhesion, surface
 from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.friction.rolling import RollingResistance
@@ -96,7 +96,7 @@ def _box(robot: Robot, wheel_mass_kg: float, length_m: float, width_m: float) ->
     return scale * length_m, scale * width_m, 0.2
 
 
-def _rolling(under: Surface, robot: Robot) -> float:
+def _rolling(under: GroundSurface, robot: Robot) -> float:
     """Resistance over load of the ground that lies under all others.
 
     Raises:
@@ -111,7 +111,7 @@ def _rolling(under: Surface, robot: Robot) -> float:
     return laws[-1].a1  # type: ignore[attr-defined]
 
 
-def _ground(under: Surface, grade: Grade, robot: Robot) -> Ground:
+def _ground(under: GroundSurface, grade: Grade, robot: Robot) -> Ground:
     friction = np.array([adhesion(patch.ground(robot)) for patch in under.patches])
     return Ground(
         lambda time_s, position_m: friction[list(under.under(position_m[:, 0].tolist(), time_s))],

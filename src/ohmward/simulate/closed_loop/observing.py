@@ -21,8 +21,8 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.noise import Noise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "true")
@@ -95,12 +95,12 @@ def free_sideways(robot: Robot) -> Robot:
     return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all"))
 
 
-def noise(sensing: Sensing, robot: Robot) -> Noise:
+def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:
     """What the sensors' settings say of their noise."""
     quantisation = quantisation_std_rad_s(sensing.counts_per_turn, sensing.interval_s)
     torque = robot.motor.wheel_constant_Nm_per_A * sensing.current_noise_A
     passive = any(k >= robot.driven for k in sensing.encoder_wheels(robot))
-    return Noise(
+    return ObserverNoise(
         encoder_std_rad_s=quantisation,
         torque_std_Nm=math.hypot(torque, _TORQUE_STD_NM),
         gyro_std_rad_s=math.hypot(GYRO.noise_std, GYRO.offset) if sensing.gyro else None,
@@ -124,7 +124,7 @@ class Observation:
         self._taken_s, self._travel_m_s, self._std_m_s = 0.0, np.zeros(robot.driven), 0.0
         self._state: Any = None
 
-    def take(self, arrival: Arrival) -> Estimate | None:
+    def take(self, arrival: Arrival) -> SlipEstimate | None:
         """Use a sample; the estimate after it, None without an observer."""
         if self.observer is None:
             return None

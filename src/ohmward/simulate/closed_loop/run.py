@@ -12,7 +12,7 @@ from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import Report
-from ohmward.traction.speed_observer.estimate import Estimate, Sample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
 
 #: Decimals of a time [s] in a log: nanoseconds.
 _TIME_DIGITS = 9
@@ -36,7 +36,7 @@ class Instant(NamedTuple):
     account: Account
 
 
-class Row(NamedTuple):
+class RunRow(NamedTuple):
     """One row of the log: when it was taken, what was measured, the estimate then, and the truth.
 
     current_A, voltage_V: of the battery as its sensors show it, means since the row before.
@@ -44,15 +44,15 @@ class Row(NamedTuple):
     """
 
     time_s: Any
-    sample: Sample
-    estimate: Estimate | None
+    sample: SlipSample
+    estimate: SlipEstimate | None
     truth: RobotTruth
     current_A: Any
     voltage_V: Any
     soc: Any
 
 
-class Run(NamedTuple):
+class ClosedLoopRun(NamedTuple):
     """A whole drive.
 
     history: the truth over time, (K, ...).
@@ -63,12 +63,12 @@ class Run(NamedTuple):
 
     scenario: Scenario
     history: Instant
-    rows: Row
+    rows: RunRow
     warnings: tuple[str, ...]
     seconds: float
 
 
-def columns(run: Run) -> dict[str, np.ndarray]:
+def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
     """The log as the columns (T,) of a file: what was measured, then the truths."""
     rows, robot = run.rows, run.scenario.model
     places = [p.name for p in robot.places]
@@ -90,7 +90,7 @@ def columns(run: Run) -> dict[str, np.ndarray]:
     return seen | truths(run)
 
 
-def truths(run: Run) -> dict[str, np.ndarray]:
+def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
     """Columns (T,) of what really was."""
     truth, robot = run.rows.truth, run.scenario.model
     slips = {f"{p.name}_slip_true": truth.slip_ratio[:, k] for k, p in enumerate(robot.places) if p.driven}
@@ -104,7 +104,7 @@ def truths(run: Run) -> dict[str, np.ndarray]:
     }
 
 
-def drive_log(run: Run) -> DriveLog:
+def drive_log(run: ClosedLoopRun) -> DriveLog:
     """The log as `read_drive` would read it from a file."""
     rows, sample = run.rows, run.rows.sample
     body = {

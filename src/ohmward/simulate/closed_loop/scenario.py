@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.control import Command, Control
-from ohmward.simulate.closed_loop.ground import Grade, Patch, Surface, surface
+from ohmward.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
 from ohmward.simulate.closed_loop.observing import Observing
 from ohmward.simulate.closed_loop.sensing import Sensing
 from ohmward.simulate.closed_loop.supply import Pack
@@ -89,7 +89,7 @@ class Scenario:
         return load_robot(self.robot)
 
     @cached_property
-    def surface(self) -> Surface:
+    def surface(self) -> GroundSurface:
         """The ground under the robot's wheels."""
         return surface(self.ground, [p.name for p in self.model.places])
 

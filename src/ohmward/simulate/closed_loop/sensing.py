@@ -19,14 +19,14 @@ from ohmward.simulate.robot_sensors import (
     MOTOR_CURRENT,
     PITCH,
     Board,
-    Reading,
     RobotSensors,
+    SensorFrame,
     sample,
     wheel_speed,
 )
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import Sample
+from ohmward.traction.speed_observer.estimate import SlipSample
 
 _SAME_TIME_S = 1e-9
 
@@ -128,7 +128,7 @@ class Arrival(NamedTuple):
     """A sample that has arrived, and when it was taken [s]."""
 
     taken_s: float
-    sample: Sample
+    sample: SlipSample
 
 
 class Late(NamedTuple):
@@ -139,7 +139,7 @@ class Late(NamedTuple):
     speed_m_s: float
 
 
-class Sensors:
+class SensorSuite:
     """The sensors at work on one drive.
 
     Args:
@@ -152,7 +152,7 @@ class Sensors:
         self.sensing, self.robot, self._rng = sensing, robot, rng
         self._settings = sensing.board(robot)
         self._board = Board()
-        self._before: Reading | None = None
+        self._before: SensorFrame | None = None
         self._next_speed_s, self._speeds = 0.0, tuple[Late, ...]()
         self._torque_Nm, self._steps = np.zeros(len(robot.places)), 0
         self.sampled = False
@@ -191,10 +191,10 @@ class Sensors:
             if self._rng.random() >= speed.drop_share:
                 self._speeds = (*self._speeds, Late(truth.time_s, arrival_s, shown))
 
-    def _sample(self, reading: Reading) -> Sample:
+    def _sample(self, reading: SensorFrame) -> SlipSample:
         """The reading as an observer takes it, with the newest speed that has arrived."""
         before, late = self._before, self._newest_speed(reading)
-        return Sample(
+        return SlipSample(
             reading.time_s - before.time_s if before else 0.0,
             self._wheel_speeds(reading),
             reading.motor_current_A,
@@ -206,7 +206,7 @@ class Sensors:
             reading.time_s - late.time_s if late else 0.0,
         )
 
-    def _wheel_speeds(self, reading: Reading) -> np.ndarray:
+    def _wheel_speeds(self, reading: SensorFrame) -> np.ndarray:
         """(wheels,) [rad/s] since the reading before; without one, 0 at the start, where the robot stands."""
         speeds = np.full(len(self.robot.places), math.nan)
         wheels = list(self._settings.encoder_wheels)
@@ -216,7 +216,7 @@ class Sensors:
             speeds[wheels] = 0.0
         return speeds
 
-    def _newest_speed(self, reading: Reading) -> Late | None:
+    def _newest_speed(self, reading: SensorFrame) -> Late | None:
         here = [
             s for s in self._speeds if s.arrival_s <= reading.arrival_s + _SAME_TIME_S and s.time_s <= reading.time_s
         ]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.thevenin import Input, next_state, ohmic_resistance, voltage, warmth
+from ohmward.battery.models.thevenin import CircuitInput, next_state, ohmic_resistance, voltage, warmth
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
@@ -60,7 +60,7 @@ class Pack:
         return BATTERIES[self.kind]
 
 
-class Load(NamedTuple):
+class ElectricalLoad(NamedTuple):
     """One step: its length [s], the power drawn in it [W], < 0 where it is given back, the temperature of the air."""
 
     dt_s: Any
@@ -97,21 +97,21 @@ class Supply:
     def __init__(self, pack: Pack) -> None:
         self.battery, self.ambient_degC = pack.battery, pack.temperature_degC
         self.state = resting_state(self.battery, pack.start_soc, pack.temperature_degC)
-        self._step = Kernel(step, self.state, Load(0.0, 0.0, 0.0), constants=(self.battery,))
-        self.now: Supplied = self._step(self.state, Load(0.0, 0.0, self.ambient_degC))[1]
+        self._step = Kernel(step, self.state, ElectricalLoad(0.0, 0.0, 0.0), constants=(self.battery,))
+        self.now: Supplied = self._step(self.state, ElectricalLoad(0.0, 0.0, self.ambient_degC))[1]
 
     def draw(self, power_W: float, dt_s: float) -> Supplied:
         """Draw this power for `dt_s`."""
-        self.state, self.now = self._step(self.state, Load(dt_s, power_W, self.ambient_degC))
+        self.state, self.now = self._step(self.state, ElectricalLoad(dt_s, power_W, self.ambient_degC))
         return self.now
 
 
-def step(state: PlantState, load: Load, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
+def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
     """The state after a step of constant power, and what was supplied."""
     T, x = state.temperature_degC, state.x
     drawn_W = maximum(load.power_W, -most_power(x, T, 1.0, battery))
     current_A = current_for_power(drawn_W, x, T, battery)
-    u = Input(current_A, T)
+    u = CircuitInput(current_A, T)
     volts = terminal_voltage(x, u, battery)
     after = next_state(x, u, battery.circuit, load.dt_s)
     after[0] = x[0] + accepted_share(x[0], current_A, battery) * (after[0] - x[0])
@@ -124,7 +124,7 @@ def step(state: PlantState, load: Load, battery: SimulatedBattery) -> tuple[Plan
 
 def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
-    u = Input(where(power_W > 0, -1.0, 1.0), temperature_degC)
+    u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
     U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[0], u, battery.circuit)
     exchange_A = battery.exchange_A / warmth(u, battery.circuit)
     i = -power_W / U
@@ -138,7 +138,7 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
 def most_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
     """Power [W], >= 0, that charging (direction 1) or discharging (-1) has at the limit of the voltage."""
     limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
-    u = Input(direction, temperature_degC)
+    u = CircuitInput(direction, temperature_degC)
     room_V = limit_V - rest_voltage(x, temperature_degC, battery)
     room_V = maximum(room_V, 0.0) if direction > 0 else minimum(room_V, 0.0)
     return limit_V * abs(current_at(room_V, u, x[0], battery))
@@ -146,4 +146,4 @@ def most_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: 
 
 def rest_voltage(x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """Voltage [V] without current."""
-    return voltage(x, Input(0.0, temperature_degC), battery.circuit)[0]
+    return voltage(x, CircuitInput(0.0, temperature_degC), battery.circuit)[0]

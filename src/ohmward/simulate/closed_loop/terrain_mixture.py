@@ -49,12 +49,12 @@ class MosaicRolling(Mosaic):
         return sum(w * law.force_N(travel_speed_m_s, load_N) for w, law in zip(self.shares, self.laws, strict=True))
 
 
-def mosaic(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
+def terrain_mixture(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
     """The ground of which `terrains` have these shares (K,); a law that they have in common is taken once."""
     first = terrains[0]
     traction, rolling = [t.traction for t in terrains], [t.rolling for t in terrains]
     return Terrain(
-        "mosaic",
+        "terrain_mixture",
         first.traction if _all_alike(traction) else MosaicTraction(tuple(traction), shares),
         first.rolling if _all_alike(rolling) else MosaicRolling(tuple(rolling), shares),
         "scenario",

@@ -16,10 +16,10 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
-from ohmward.simulate.closed_loop.terrain_mixture import mosaic
+from ohmward.simulate.closed_loop.terrain_mixture import terrain_mixture
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel, cos, sin
-from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces, momentum_rates, scene
+from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, momentum_rates, scene
 from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
@@ -42,7 +42,7 @@ class Push(NamedTuple):
     dt_s: Any
 
 
-class Seen(NamedTuple):
+class PlantView(NamedTuple):
     """What a step leaves to be looked at.
 
     travel_m_s: (wheels,) of the wheels' centres along their rolling direction.
@@ -147,7 +147,7 @@ class TractionPlant:
         x_m = self._position_m[0] + self._arms @ np.array([c, -s])
         return list(self.surface.under(x_m.tolist(), self._time_s))
 
-    def _move(self, before: np.ndarray, seen: Seen, dt_s: float) -> None:
+    def _move(self, before: np.ndarray, seen: PlantView, dt_s: float) -> None:
         """Place and angles, by the trapezoidal rule."""
         motion = 0.5 * (before + self._x)[: self.robot.freedoms]
         forward, left = motion[0], motion[1] if self.robot.freedoms == 3 else 0.0
@@ -164,7 +164,7 @@ class TractionPlant:
         rolling = self.robot.rolling @ x[: self.robot.freedoms] / self.robot.wheel.radius_m
         return np.concatenate([x[self.robot.freedoms :], rolling[self.robot.driven :]])
 
-    def _truth(self, torque: np.ndarray, f: Forces, seen: Seen, friction: np.ndarray, slope: float) -> RobotTruth:
+    def _truth(self, torque: np.ndarray, f: Forces, seen: PlantView, friction: np.ndarray, slope: float) -> RobotTruth:
         robot, x = self.robot, self._x
         return RobotTruth(
             time_s=self._time_s,
@@ -189,20 +189,22 @@ class TractionPlant:
         )
 
 
-def observed_step(x: np.ndarray, push: Push, robot: Robot, terrains: Sequence[Terrain]) -> tuple[Step, Forces, Seen]:
+def observed_step(
+    x: np.ndarray, push: Push, robot: Robot, terrains: Sequence[Terrain]
+) -> tuple[Step, Forces, PlantView]:
     """One implicit step, and what can be seen at its end."""
-    p = scene(robot, *(mosaic(terrains, shares) for shares in push.shares))
-    u = Input(push.torque_Nm / robot.motor.wheel_constant_Nm_per_A, push.grade_rad, push.bank_rad)
+    p = scene(robot, *(terrain_mixture(terrains, shares) for shares in push.shares))
+    u = RobotInput(push.torque_Nm / robot.motor.wheel_constant_Nm_per_A, push.grade_rad, push.bank_rad)
     result = step(x, u, p, push.dt_s)
     f = forces(result.state, u, p)
     motion = result.state[: robot.freedoms]
     travel = robot.rolling @ motion
     rim = np.concatenate([robot.wheel.radius_m * result.state[robot.freedoms :], travel[robot.driven :]])
     ratio = np.array([slip_ratio(a, b) for a, b in zip(rim, travel, strict=True)])
-    return result, f, Seen(travel, rim, ratio, specific_force(result.state, u, p, f))
+    return result, f, PlantView(travel, rim, ratio, specific_force(result.state, u, p, f))
 
 
-def specific_force(x: np.ndarray, u: Input, p: Scene, f: Forces) -> np.ndarray:
+def specific_force(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> np.ndarray:
     """What an ideal accelerometer shows (3,): acceleration of the body's centre less gravity."""
     robot = p.robot
     rates = momentum_rates(x, u, p, f) / robot.inertia

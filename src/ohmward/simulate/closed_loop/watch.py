@@ -7,15 +7,15 @@ from enum import IntFlag
 import numpy as np
 
 from ohmward.simulate.closed_loop.scenario import Scenario
-from ohmward.traction.control import Flag, Report
+from ohmward.traction.control import ControlFlag, Report
 from ohmward.traction.control.limits import SAME_TORQUE
 
 _SENTENCES: dict[IntFlag, str] = {
-    Flag.STALE: "the speed was too old or too uncertain to act on, and the torque went to zero; give the robot another "
-    "sensor (sensors.speed, sensors.encoders, sensors.pitch) or a faster link",
-    Flag.UNREACHABLE: "the slip asked for did not come about although the torque was at its limit: friction or torque "
-    "cannot give it; ask for another slip or raise controller.torque_limit_Nm",
-    Flag.BAD_COMMAND: "the command was not understood, and the torque went to zero",
+    ControlFlag.STALE: "the speed was too old or too uncertain to act on, and the torque went to zero; give the robot "
+    "another sensor (sensors.speed, sensors.encoders, sensors.pitch) or a faster link",
+    ControlFlag.UNREACHABLE: "the slip asked for did not come about although the torque was at its limit: friction or "
+    "torque cannot give it; ask for another slip or raise controller.torque_limit_Nm",
+    ControlFlag.BAD_COMMAND: "the command was not understood, and the torque went to zero",
 }
 
 

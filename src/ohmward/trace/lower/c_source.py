@@ -216,13 +216,13 @@ def _source_of_loops(name: str, started: list[Function], loops: Loops) -> str:
 def _source(name: str, functions: list[Function], typedefs: list[str] | None = None) -> str:
     functions = [function._replace(program=expand(function.program, F32)) for function in functions]
     arrays = constant_arrays([function.program for function in functions])
-    writer = _Writer(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)})
+    writer = _CWriter(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)})
     bodies = [line for function in functions for line in ("", *_body(writer, function))]
     includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
     return "\n".join([*includes, *(typedefs or []), *writer.globals(), *bodies[1:], ""])
 
 
-def _body(writer: _Writer, function: Function) -> Iterator[str]:
+def _body(writer: _CWriter, function: Function) -> Iterator[str]:
     program = function.program
     needed = [a for node in program.nodes for a in node.args if isinstance(a, Expression)]
     outputs = {y.serial for y in program.outputs if isinstance(y, Expression)}
@@ -248,7 +248,7 @@ def _body(writer: _Writer, function: Function) -> Iterator[str]:
     yield from (function.prototype, "{", *(f"    {line}" for line in [*unused, *lines]), "}")
 
 
-class _Writer:
+class _CWriter:
     """Lines, tables and helpers of a function while it is written."""
 
     def __init__(self, name: str, tables: Mapping[str, tuple[float, ...]]):

@@ -117,12 +117,12 @@ def scan_source(program: Program, state_size: int, target: Target, own: Sequence
     state_size: how many of its first inputs and outputs are the state.
     own:        for each sample column whether every lane has its own value.
     """
-    writer = _Writer(program, state_size, target, tuple(own))
+    writer = _LlvmWriter(program, state_size, target, tuple(own))
     body = list(writer.function(name))
     return "\n".join([*writer.globals, *body, *sorted(writer.declarations), ""])
 
 
-class _Writer:
+class _LlvmWriter:
     """The text of one function while it is written."""
 
     def __init__(self, program: Program, state_size: int, target: Target, own: tuple[bool, ...]):
@@ -333,32 +333,32 @@ def _is_condition(x: Any) -> bool:
 
 # ---- one speller for each operation: (writer, name of the result, arguments) -> lines
 
-_Speller = Callable[[_Writer, str, tuple], Iterator[str]]
+_Speller = Callable[[_LlvmWriter, str, tuple], Iterator[str]]
 
 
 def _plain(instruction: str) -> _Speller:
-    def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+    def lines(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
         yield w.arithmetic(result, instruction, *args)
 
     return lines
 
 
 def _comparison(predicate: str) -> _Speller:
-    def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+    def lines(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
         yield w.compare(result, predicate, *args)
 
     return lines
 
 
 def _bitwise(instruction: str) -> _Speller:
-    def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+    def lines(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
         yield w.line(result, instruction, w.target.flag, *(w.word(a) for a in args))
 
     return lines
 
 
 def _intrinsic(name: str) -> _Speller:
-    def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+    def lines(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
         yield w.intrinsic(result, name, args[0])
 
     return lines
@@ -368,7 +368,7 @@ def _extremum(predicate: str) -> _Speller:
     """Of a and b the first if it is smaller (larger) or nan, else the second."""
     opposite = {"olt": "ogt", "ogt": "olt"}[predicate]
 
-    def lines(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+    def lines(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
         first = w.new()
         if isinstance(args[1], float) and args[1] and not math.isnan(args[1]):  # of zeros the sign could be lost
             yield w.compare(first, opposite, *args)
@@ -383,11 +383,11 @@ def _extremum(predicate: str) -> _Speller:
     return lines
 
 
-def _where(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _where(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     yield w.select(result, w.word(args[0]), args[1], args[2])
 
 
-def _sign(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _sign(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     """Nested choices: 1, -1, or the zero or nan itself."""
     above, below, one = w.new(), w.new(), w.new()
     yield w.compare(above, "ogt", args[0], 0.0)
@@ -399,13 +399,13 @@ def _sign(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     yield w.select(result, above, 1.0, one)
 
 
-def _floor_divide(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _floor_divide(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     quotient = w.new()
     yield w.arithmetic(quotient, "fdiv", *args)
     yield w.intrinsic(result, "floor", quotient)
 
 
-def _remainder(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _remainder(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     """As a - floor(a/b) b, which loses digits where the quotient is large."""
     whole, product = w.new(), w.new()
     yield from _floor_divide(w, whole, args)
@@ -413,17 +413,17 @@ def _remainder(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     yield w.arithmetic(result, "fsub", args[0], product)
 
 
-def _isfinite(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _isfinite(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     size = w.new()
     yield w.intrinsic(size, "fabs", args[0])
     yield w.line(result, "fcmp olt", w.target.number, size, w.target.constant(float("inf")))
 
 
-def _not(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _not(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     yield w.line(result, "xor", w.target.flag, w.word(args[0]), w.target.constant(True))
 
 
-def _power_of_two(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _power_of_two(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     """The sum with the rounder has n in its lowest bits; shifted, they are the exponent."""
     t, bias, mantissa = w.target, *((1023, 52) if w.target.bits == 64 else (127, 23))
     lifted, bits, moved = w.new(), w.new(), w.new()
@@ -433,7 +433,7 @@ def _power_of_two(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     yield f"  {result} = bitcast {t.integer} {moved} to {t.number}"
 
 
-def _exponent(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _exponent(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     """The exponent's bits as the lowest of 2^52 (2^23), which is then taken away."""
     t, bias, mantissa = w.target, *((1023, 52) if w.target.bits == 64 else (127, 23))
     bits, moved, lifted, number = w.new(), w.new(), w.new(), w.new()
@@ -444,7 +444,7 @@ def _exponent(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     yield f"  {result} = fsub {t.number} {number}, {t.constant(2.0**mantissa + bias)}"
 
 
-def _gather(w: _Writer, result: str, args: tuple) -> Iterator[str]:
+def _gather(w: _LlvmWriter, result: str, args: tuple) -> Iterator[str]:
     """An entry of a table; what is no index within it takes the nearest entry, nan the first."""
     t, (index, values) = w.target, args
     table, indices, place = w.table(values), t.of("i32"), w.new()
@@ -465,13 +465,13 @@ def _gather(w: _Writer, result: str, args: tuple) -> Iterator[str]:
     )
 
 
-def _index_within(w: _Writer, result: str, index: Expression) -> Iterator[str]:
+def _index_within(w: _LlvmWriter, result: str, index: Expression) -> Iterator[str]:
     """The conversion cuts off what `floor` does, and need not wait for it."""
     (number,) = index.args
     yield f"  {result} = fptosi {w.target.number} {w.word(number)} to {w.target.of('i32')}"
 
 
-def _clamped_index(w: _Writer, result: str, index: Any, values: tuple[float, ...]) -> Iterator[str]:
+def _clamped_index(w: _LlvmWriter, result: str, index: Any, values: tuple[float, ...]) -> Iterator[str]:
     t, indices = w.target, w.target.of("i32")
     whole, low = w.new(), w.new()
     convert = f"llvm.fptosi.sat.{'' if t.width == 1 else f'v{t.width}'}i32.{t.suffix}"

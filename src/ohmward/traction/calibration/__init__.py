@@ -4,10 +4,10 @@ from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import calibrate_motor
 from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
-from ohmward.traction.calibration.truth import Drive, motion_from_pose, motion_from_speed
+from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_pose, motion_from_speed
 
 __all__ = [
-    "Drive",
+    "CalibrationDrive",
     "Parameter",
     "calibrate_motor",
     "calibrate_radius",

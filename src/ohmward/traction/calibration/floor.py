@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import regress, scores
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
-from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
@@ -47,7 +47,7 @@ class Points(NamedTuple):
     drive: np.ndarray
 
 
-class LawFit(NamedTuple):
+class FloorFit(NamedTuple):
     """logs: (2,) ln mu and ln C; cov: (2, 2); slip_std: what is left of a drive's slip."""
 
     logs: np.ndarray
@@ -64,7 +64,7 @@ class DragFit(NamedTuple):
     force_std: float
 
 
-def learn_floor(name: str, drives: Sequence[Drive], robot: Robot) -> Floor:
+def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> Floor:
     """The floor of these drives, for a robot whose radius and motors are calibrated.
 
     Raises:
@@ -111,7 +111,7 @@ def traction(s: Stretches, robot: Robot) -> np.ndarray:
     return (wheel_torque(robot.motor, s.current_A, s.wheel_speed_rad_s[:, :n]) - turning) / radius_m
 
 
-def fit_law(p: Points) -> LawFit:
+def fit_law(p: Points) -> FloorFit:
     """Friction and stiffness, and what they leave unexplained."""
     wheels = p.force_share.shape[1]
     share, slip, drive = p.force_share.ravel(), p.slip_ratio.ravel(), np.repeat(p.drive, wheels)
@@ -127,7 +127,7 @@ def fit_law(p: Points) -> LawFit:
         std = max(float(np.sqrt(np.mean((slip - _slip(logs, share)) ** 2))), 1e-9)
     residual, J = slip - _slip(logs, share), _jacobian(logs, share)
     H_inv, g = np.linalg.inv(J.T @ J / std**2 + P0_inv), scores(J, residual, drive) / std**2
-    return LawFit(logs, H_inv @ (g.T @ g + P0_inv) @ H_inv, _between(residual.reshape(-1, wheels), p.drive))
+    return FloorFit(logs, H_inv @ (g.T @ g + P0_inv) @ H_inv, _between(residual.reshape(-1, wheels), p.drive))
 
 
 def fit_drag(s: Stretches, robot: Robot) -> DragFit:

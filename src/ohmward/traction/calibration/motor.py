@@ -20,7 +20,7 @@ from ohmward.errors import InputError
 from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import Regression, regress
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
-from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces
@@ -37,7 +37,7 @@ _SPEED_RATIO = 2.0
 _HELD = 1e-9
 
 
-class Row(NamedTuple):
+class RegressionRow(NamedTuple):
     """Stretches and driven wheels as rows (K,): torque of the currents, columns (K, 5) of the fit, and the drive."""
 
     torque_Nm: np.ndarray
@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 
 def calibrate_motor(
-    drives: Sequence[Drive], robot: Robot, rolling: tuple[float, float] = ROLLING
+    drives: Sequence[CalibrationDrive], robot: Robot, rolling: tuple[float, float] = ROLLING
 ) -> tuple[Parameter, ...]:
     """Torque constant, friction and damping of the motors; where the drives do not tell one, the robot's own value.
 
@@ -72,7 +72,7 @@ def calibrate_motor(
     return _constant(fit, robot, scale_known), *_losses(fit, robot, prior_std)
 
 
-def rows(s: Stretches, robot: Robot) -> Row:
+def rows(s: Stretches, robot: Robot) -> RegressionRow:
     """The fit's rows; those without a current are left out.
 
     Raises:
@@ -90,7 +90,7 @@ def rows(s: Stretches, robot: Robot) -> Row:
     known = np.isfinite(torque) & np.isfinite(columns).all(axis=-1)
     if not known.any():
         raise InputError("the motor cannot be calibrated without motor currents; the log has none")
-    return Row(torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known])
+    return RegressionRow(torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known])
 
 
 def _speeds_differ(s: Stretches) -> bool:
@@ -98,7 +98,7 @@ def _speeds_differ(s: Stretches) -> bool:
     return bool(fast >= _SPEED_RATIO * slow)
 
 
-def _prior(row: Row, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """What is believed of kappa, rolling, roller, friction and damping."""
     torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
     fastest = float(np.abs(row.columns[:, 4]).max())
@@ -108,7 +108,7 @@ def _prior(row: Row, robot: Robot, rolling: tuple[float, float]) -> tuple[np.nda
     return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, torque_Nm, torque_Nm / fastest])
 
 
-def _fit(row: Row, prior: np.ndarray, prior_std: np.ndarray) -> Regression:
+def _fit(row: RegressionRow, prior: np.ndarray, prior_std: np.ndarray) -> Regression:
     return regress(row.columns, row.torque_Nm, row.drive, prior, prior_std)
 
 

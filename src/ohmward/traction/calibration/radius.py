@@ -9,14 +9,14 @@ import numpy as np
 from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import regress
 from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
-from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import static_loads
 from ohmward.traction.terrain.floor import STIFFNESS
 
 
-def calibrate_radius(drives: Sequence[Drive], robot: Robot) -> Parameter:
+def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
     """The radius with which the wheels' turns give the true speed over ground.
 
     v = r |G^+ omega|, fitted over the steady stretches; from the wheels that are not driven where they have encoders,

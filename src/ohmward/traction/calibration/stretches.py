@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.truth import Drive
+from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.robot import Robot
 
 LENGTH_S = 1.0
@@ -35,7 +35,9 @@ class Stretches(NamedTuple):
     acceleration: np.ndarray
 
 
-def cut(drives: Sequence[Drive], robot: Robot, *, steady: bool = True, length_s: float = LENGTH_S) -> Stretches:
+def cut(
+    drives: Sequence[CalibrationDrive], robot: Robot, *, steady: bool = True, length_s: float = LENGTH_S
+) -> Stretches:
     """All stretches of the drives in which the body's motion is known.
 
     steady: leave out those in which the wheels change their speed much, among them starts and stops.
@@ -62,7 +64,7 @@ def travel_speed(motion: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(motion[..., :-1] ** 2, axis=-1))
 
 
-def _of_drive(number: int, drive: Drive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
+def _of_drive(number: int, drive: CalibrationDrive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
     rim = rim_motion(robot, log.wheel_speed_rad_s[:, : robot.driven])
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()

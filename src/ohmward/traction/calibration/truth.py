@@ -14,7 +14,7 @@ from ohmward.traction.robot.robot import Robot
 HALF_WINDOW_S = 0.3
 
 
-class Drive(NamedTuple):
+class CalibrationDrive(NamedTuple):
     """A recording and how the body moved in it.
 
     log: in the robot's wheel order.

@@ -6,7 +6,7 @@ from ohmward.traction.control.driven_wheel import DrivenWheel, driven_wheel
 from ohmward.traction.control.force_filter import Observer
 from ohmward.traction.control.limits import Limits
 from ohmward.traction.control.set_point_seeker import SetPoint, SetPointSeeker
-from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand, SpeedCommand
+from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
 from ohmward.traction.control.slip_pid import SlipPid
@@ -15,8 +15,8 @@ from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade
 from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
 
 __all__ = [
+    "ControlFlag",
     "DrivenWheel",
-    "Flag",
     "FuzzySlidingMode",
     "Limits",
     "Measurement",

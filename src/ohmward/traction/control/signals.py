@@ -8,7 +8,7 @@ from enum import IntFlag
 from typing import Any, NamedTuple
 
 
-class Flag(IntFlag):
+class ControlFlag(IntFlag):
     """What a controller has to say about its step; `Report.flags` is their sum."""
 
     STALE = 1  #: the measurement is too old, too uncertain or no number: torque goes to zero
@@ -68,7 +68,7 @@ class Report(NamedTuple):
     surface_m_s: distance from it as a slip speed, > 0 where slip is too large; see `surface`.
     force_N:     of the ground on the wheel, along x, as observed.
     wished_Nm:   torque without limits.
-    flags:       sum of `Flag`.
+    flags:       sum of `ControlFlag`.
     """
 
     slip_ratio: Any

@@ -23,7 +23,7 @@ from ohmward.trace import clip, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.limits import limited
 from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.control.surface import Surface, surface
+from ohmward.traction.control.surface import SlidingSurface, surface
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).
 STEPS_PER_TIME_CONSTANT = 5.0
@@ -101,11 +101,11 @@ class SlidingMode:
         rolling = maximum(abs(motion.rim_m_s), abs(motion.travel_m_s)) > motion.floor_m_s
         return SlidingMemory(where(rolling, integral, 0.0))
 
-    def surface(self, motion: Motion) -> Surface:
+    def surface(self, motion: Motion) -> SlidingSurface:
         """The surface of the slip that is wanted."""
         return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
 
-    def gain_m_s2(self, here: Surface, motion: Motion, wheel: DrivenWheel) -> Any:
+    def gain_m_s2(self, here: SlidingSurface, motion: Motion, wheel: DrivenWheel) -> Any:
         """The least k that keeps the sliding condition."""
         unsure, beta = self.uncertainty, self.uncertainty.inertia_factor
         by_force = here.gain * wheel.radius_m**2 * unsure.force_N / wheel.inertia_kg_m2
@@ -117,6 +117,6 @@ class SlidingMode:
         return k * maximum(self.time_constant_s, STEPS_PER_TIME_CONSTANT * dt_s)
 
 
-def wanted_rate(here: Surface, motion: Motion) -> Any:
+def wanted_rate(here: SlidingSurface, motion: Motion) -> Any:
     """What gain r domega/dt has to be for sigma to stay as it is [m/s^2]."""
     return here.drift * motion.acceleration_m_s2 + here.reference_speed * motion.target_rate_per_s

@@ -16,7 +16,7 @@ from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import Observed, Observer, believable_step_s
 from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand
+from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
 from ohmward.traction.control.slip_law import Motion, SlipLaw
 from ohmward.traction.control.surface import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
@@ -104,11 +104,11 @@ class SlipController:
         limited_s = where(acting & missing, state.limited_s + dt_s, 0.0)
 
         flags = (
-            where(known, 0.0, float(Flag.STALE))
-            + where(stopped & known, float(Flag.STOPPED), 0.0)
-            + where(limited(wished, torque), float(Flag.TORQUE_LIMITED), 0.0)
-            + where(limited_s > self.patience_s, float(Flag.UNREACHABLE), 0.0)
-            + where(understood, 0.0, float(Flag.BAD_COMMAND))
+            where(known, 0.0, float(ControlFlag.STALE))
+            + where(stopped & known, float(ControlFlag.STOPPED), 0.0)
+            + where(limited(wished, torque), float(ControlFlag.TORQUE_LIMITED), 0.0)
+            + where(limited_s > self.patience_s, float(ControlFlag.UNREACHABLE), 0.0)
+            + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
         )
         ratio = driving_slip_ratio(direction * motion.rim_m_s, direction * motion.travel_m_s)
         report = Report(ratio, target, here.sigma, seen.force_N, wished, flags)

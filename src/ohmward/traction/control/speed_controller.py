@@ -28,7 +28,7 @@ from ohmward.trace import clip, maximum, minimum, sqrt, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import Observed, Observer, believable_step_s
 from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import Flag, Measurement, Report, SpeedCommand
+from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.dynamics.slip import driving_slip_ratio
@@ -130,11 +130,11 @@ class SpeedController:
             where(acting, integral, 0.0),
         )
         flags = (
-            where(known, 0.0, float(Flag.STALE))
-            + where(stopped & acting, float(Flag.STOPPED), 0.0)
-            + where(limited(bounded, torque), float(Flag.TORQUE_LIMITED), 0.0)
-            + where(limited(wished, bounded), float(Flag.SLIP_BOUND), 0.0)
-            + where(understood, 0.0, float(Flag.BAD_COMMAND))
+            where(known, 0.0, float(ControlFlag.STALE))
+            + where(stopped & acting, float(ControlFlag.STOPPED), 0.0)
+            + where(limited(bounded, torque), float(ControlFlag.TORQUE_LIMITED), 0.0)
+            + where(limited(wished, bounded), float(ControlFlag.SLIP_BOUND), 0.0)
+            + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
         )
         sigma = where(wished >= 0, bounds.upper_sigma, bounds.lower_sigma)
         ratio = driving_slip_ratio(rim, seen.travel_speed_m_s)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from ohmward.trace import maximum, where
 
 
-class Surface(NamedTuple):
+class SlidingSurface(NamedTuple):
     """Where a wheel is with respect to a slip, and how that changes; speeds in m/s.
 
     sigma:           distance, > 0 where the slip is too large.
@@ -33,13 +33,13 @@ class Surface(NamedTuple):
     drift: Any
 
 
-def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> Surface:
+def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> SlidingSurface:
     """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 where it is to drive."""
     rim, travel = abs(rim_m_s), abs(travel_m_s)
     V = maximum(rim, travel)
     V_f = maximum(V, maximum(floor_m_s, launch * floor_m_s - (launch - 1) * V))
     slope = where(floor_m_s < V, 1.0, 1.0 - launch)
-    return Surface(
+    return SlidingSurface(
         rim_m_s - travel_m_s - slip_target * V_f,
         V_f,
         where(rim >= travel, 1 - slip_target * slope * _sign(rim_m_s), 1.0),

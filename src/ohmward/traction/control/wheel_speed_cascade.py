@@ -17,7 +17,7 @@ from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import Observed, Observer
 from ohmward.traction.control.limits import limited
-from ohmward.traction.control.signals import Flag, Measurement, Report, SlipCommand
+from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
 from ohmward.traction.control.slip_controller import understandable
 from ohmward.traction.control.surface import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
@@ -80,10 +80,10 @@ class WheelSpeedCascade:
         reference = clip(wished, state.reference_rad_s - change, state.reference_rad_s + change)
 
         flags = (
-            where(known, 0.0, float(Flag.STALE))
-            + where(stopped & known, float(Flag.STOPPED), 0.0)
-            + where(limited(wished, reference), float(Flag.TORQUE_LIMITED), 0.0)
-            + where(understood, 0.0, float(Flag.BAD_COMMAND))
+            where(known, 0.0, float(ControlFlag.STALE))
+            + where(stopped & known, float(ControlFlag.STOPPED), 0.0)
+            + where(limited(wished, reference), float(ControlFlag.TORQUE_LIMITED), 0.0)
+            + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
         )
         sigma = surface(direction * rim, direction * v, target, self.floor_m_s).sigma
         ratio = driving_slip_ratio(rim, v)

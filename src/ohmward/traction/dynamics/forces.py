@@ -41,7 +41,7 @@ class Scene(NamedTuple):
     terrains: tuple[Terrain, ...]
 
 
-class Input(NamedTuple):
+class RobotInput(NamedTuple):
     """What acts on the robot during a step.
 
     current_A:      (driven,) of each motor, > 0 drives forward.
@@ -89,7 +89,7 @@ def scene(robot: Robot, *terrains: Terrain) -> Scene:
     return Scene(robot, terrains * wheels if len(terrains) == 1 else terrains)
 
 
-def forces(x: np.ndarray, u: Input, p: Scene) -> Forces:
+def forces(x: np.ndarray, u: RobotInput, p: Scene) -> Forces:
     """Loads, slip and forces in state x; loads and ground forces depend on each other where the robot has a height."""
     ground = np.zeros(2)
     for _ in range(LOAD_PASSES if p.robot.height_m else 1):
@@ -114,7 +114,7 @@ def wheel_motion(x: np.ndarray, robot: Robot) -> WheelMotion:
     return WheelMotion(np.concatenate([robot.wheel.radius_m * omega, travel[robot.driven :]]), travel, sideways)
 
 
-def forces_at(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray, grip: np.ndarray | None = None) -> Forces:
+def forces_at(x: np.ndarray, u: RobotInput, p: Scene, load_N: np.ndarray, grip: np.ndarray | None = None) -> Forces:
     """Slip and forces in state x under these loads (wheels,).
 
     grip: (driven,) [N s/m] force per slip speed, where it is not to be that of x, see `grips`.
@@ -136,7 +136,7 @@ def forces_at(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray, grip: np.nd
     )
 
 
-def grips(x: np.ndarray, u: Input, p: Scene, load_N: np.ndarray) -> np.ndarray:
+def grips(x: np.ndarray, u: RobotInput, p: Scene, load_N: np.ndarray) -> np.ndarray:
     """Force per slip speed (driven,) [N s/m] of each driven wheel in state x."""
     wheels = wheel_motion(x, p.robot)
     share = np.broadcast_to(np.asarray(u.adhesion_share), load_N.shape)
@@ -161,7 +161,7 @@ def vector_grip(rim: Any, travel: Any, sideways: Any, load_N: Any, law: Traction
     return law.force_N(Contact(slip, rim, sqrt(travel**2 + sideways**2 + _STILL**2), load_N)) / slip
 
 
-def normal_loads(u: Input, robot: Robot, ground_N: np.ndarray) -> np.ndarray:
+def normal_loads(u: RobotInput, robot: Robot, ground_N: np.ndarray) -> np.ndarray:
     """Load of each wheel (wheels,) under its share of the weight and the tilt by the forces along the ground.
 
     ground_N: (2,) all forces of the ground along x and y; they act robot.height_m below the centre of gravity. A load
@@ -180,13 +180,13 @@ def force_on_plane(f: Forces, robot: Robot) -> np.ndarray:
     return np.array([c @ along - s @ across, s @ along + c @ across])
 
 
-def weight_along_ground(u: Input, robot: Robot) -> np.ndarray:
+def weight_along_ground(u: RobotInput, robot: Robot) -> np.ndarray:
     """(2,) part of the weight along x and y of the body."""
     weight = robot.mass_kg * GRAVITY
     return np.array([-weight * sin(u.grade_rad), -weight * cos(u.grade_rad) * sin(u.bank_rad)])
 
 
-def momentum_rates(x: np.ndarray, u: Input, p: Scene, f: Forces) -> np.ndarray:
+def momentum_rates(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> np.ndarray:
     """Force or moment on each state (n,): its inertia times its rate."""
     robot = p.robot
     body = robot.rolling.T @ (f.traction_N + f.rolling_N) + robot.sideways.T @ f.scrub_N
@@ -195,7 +195,7 @@ def momentum_rates(x: np.ndarray, u: Input, p: Scene, f: Forces) -> np.ndarray:
     return np.concatenate([body + _external(x, pull, robot), wheels])
 
 
-def rates(x: np.ndarray, u: Input, p: Scene) -> np.ndarray:
+def rates(x: np.ndarray, u: RobotInput, p: Scene) -> np.ndarray:
     """Rate of change of the state (n,)."""
     return momentum_rates(x, u, p, forces(x, u, p)) / p.robot.inertia
 

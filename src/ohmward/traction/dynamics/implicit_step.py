@@ -28,7 +28,7 @@ import numpy as np
 from ohmward.trace import linearize, maximum
 from ohmward.traction.dynamics.forces import (
     LOAD_PASSES,
-    Input,
+    RobotInput,
     Scene,
     force_on_plane,
     forces_at,
@@ -86,7 +86,7 @@ class Step(NamedTuple):
     defect_m_s: Any
 
 
-def next_state(x: np.ndarray, u: Input, p: Scene, dt_s: Any, method: Method = ALEXANDER, substeps: int = 1) -> Any:
+def next_state(x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method = ALEXANDER, substeps: int = 1) -> Any:
     """State after `dt_s` of constant input, (n,)."""
     for _ in range(substeps):
         x = step(x, u, p, dt_s / substeps, method).state
@@ -94,7 +94,7 @@ def next_state(x: np.ndarray, u: Input, p: Scene, dt_s: Any, method: Method = AL
 
 
 def step(
-    x: np.ndarray, u: Input, p: Scene, dt_s: Any, method: Method = ALEXANDER, newton_steps: int = NEWTON_STEPS
+    x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method = ALEXANDER, newton_steps: int = NEWTON_STEPS
 ) -> Step:
     """State after `dt_s` of constant input, and where the energy went.
 
@@ -118,7 +118,9 @@ def step(
     return Step(stage, Energy(total, kinetic, numerical_loss(gains, method, p.robot)), defect)
 
 
-def solve_stage(base: np.ndarray, h_s: Any, u: Input, p: Scene, newton_steps: int) -> tuple[np.ndarray, np.ndarray]:
+def solve_stage(
+    base: np.ndarray, h_s: Any, u: RobotInput, p: Scene, newton_steps: int
+) -> tuple[np.ndarray, np.ndarray]:
     """X (n,) of X = base + h rate(X), and the loads (wheels,) there.
 
     Loads follow the forces from step to step, but not in the Jacobian, and rest at last: X is exact for the loads.

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.traction.dynamics.forces import Forces, Input, Scene, weight_along_ground
+from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, weight_along_ground
 from ohmward.traction.robot.motor import copper_loss
 from ohmward.traction.robot.robot import Robot
 
@@ -37,7 +37,7 @@ class Power(NamedTuple):
     drawbar: Any
 
 
-def power(x: np.ndarray, u: Input, p: Scene, f: Forces) -> Power:
+def power(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> Power:
     """The split [W] in state x with the forces `f`."""
     robot = p.robot
     motion, omega = x[: robot.freedoms], x[robot.freedoms :]

@@ -19,7 +19,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import linearize, where
-from ohmward.traction.dynamics.forces import Input, Scene, force_on_plane, forces_at, momentum_rates, normal_loads
+from ohmward.traction.dynamics.forces import RobotInput, Scene, force_on_plane, forces_at, momentum_rates, normal_loads
 from ohmward.traction.friction.law import TractionLaw, contact
 from ohmward.traction.robot.robot import Robot, wheel_speeds
 
@@ -40,7 +40,7 @@ class WheelSlip(NamedTuple):
     speed_rad_s: np.ndarray
 
 
-def next_motion(motion: np.ndarray, u: Input, p: Scene, dt_s: Any) -> np.ndarray:
+def next_motion(motion: np.ndarray, u: RobotInput, p: Scene, dt_s: Any) -> np.ndarray:
     """Motion of the body (freedoms,) after `dt_s` of constant input: the midpoint rule, order 2.
 
     Raises:
@@ -52,7 +52,7 @@ def next_motion(motion: np.ndarray, u: Input, p: Scene, dt_s: Any) -> np.ndarray
     return motion + dt_s * motion_rates(halfway, u, p)
 
 
-def motion_rates(motion: np.ndarray, u: Input, p: Scene) -> np.ndarray:
+def motion_rates(motion: np.ndarray, u: RobotInput, p: Scene) -> np.ndarray:
     """Rate of change of the body's motion (freedoms,) while all wheels grip."""
     robot, free = p.robot, p.robot.freedoms
     x = gripping(motion, robot)
@@ -62,7 +62,7 @@ def motion_rates(motion: np.ndarray, u: Input, p: Scene) -> np.ndarray:
     return np.linalg.inv(inertia) @ (push[:free] + rows.T @ push[free:])
 
 
-def wheel_slip(motion: np.ndarray, u: Input, p: Scene) -> WheelSlip:
+def wheel_slip(motion: np.ndarray, u: RobotInput, p: Scene) -> WheelSlip:
     """What the driven wheels do in this motion (freedoms,)."""
     robot = p.robot
     x = gripping(motion, robot)

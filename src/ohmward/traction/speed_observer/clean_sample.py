@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.trace import exp, maximum, minimum, where
-from ohmward.traction.speed_observer.estimate import Flag, Sample
+from ohmward.traction.speed_observer.estimate import SlipFlag, SlipSample
 
 #: A longer step is a clock that was set, not a robot that waited.
 LONGEST_STEP_S = 3600.0
@@ -17,7 +17,7 @@ LONGEST_STEP_S = 3600.0
 HOLD_S = 0.5
 
 
-class Reading(NamedTuple):
+class CleanSlipSample(NamedTuple):
     """A sample with every number finite that is used.
 
     dt_s: step [s], >= 0.
@@ -28,7 +28,7 @@ class Reading(NamedTuple):
     wheel_speed_rad_s: (wheels,), 0 where it is not measured.
     measured: (wheels,) whether it is.
     pitch_rad: as measured.
-    flags: sum of `Flag`.
+    flags: sum of `SlipFlag`.
     """
 
     dt_s: Any
@@ -52,9 +52,9 @@ def clock_after(time_s: float, dt_s: float) -> float:
     return (0.0 if math.isnan(time_s) else time_s) + (dt_s if is_step(dt_s) else 0.0)
 
 
-def read(
-    sample: Sample, before_A: np.ndarray, gap_s: float, current_limit_A: float, wheel_speed_limit_rad_s: float
-) -> Reading:
+def sanitize(
+    sample: SlipSample, before_A: np.ndarray, gap_s: float, current_limit_A: float, wheel_speed_limit_rad_s: float
+) -> CleanSlipSample:
     """The sample made safe; before_A: (driven,) the last currents."""
     driven = len(before_A)
     time_good = is_step(sample.dt_s)
@@ -64,12 +64,12 @@ def read(
     current = [where(good, i, kept * b) for good, i, b in zip(known, sample.current_A, before_A, strict=True)]
     measured = [within(w, wheel_speed_limit_rad_s) for w in sample.wheel_speed_rad_s]
     flags = (
-        where(time_good, 0.0, float(Flag.BAD_TIME))
-        + where(dt_s > gap_s, float(Flag.GAP), 0.0)
-        + where(every(known), 0.0, float(Flag.NO_CURRENT))
-        + where(every(measured[:driven]), 0.0, float(Flag.NO_ENCODER))
+        where(time_good, 0.0, float(SlipFlag.BAD_TIME))
+        + where(dt_s > gap_s, float(SlipFlag.GAP), 0.0)
+        + where(every(known), 0.0, float(SlipFlag.NO_CURRENT))
+        + where(every(measured[:driven]), 0.0, float(SlipFlag.NO_ENCODER))
     )
-    return Reading(
+    return CleanSlipSample(
         dt_s,
         minimum(dt_s, gap_s),
         dt_s - minimum(dt_s, gap_s),

@@ -8,11 +8,11 @@ import numpy as np
 
 from ohmward.trace import linearize, maximum, sqrt, where
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.speed_observer.clean_sample import Reading, every, some
-from ohmward.traction.speed_observer.estimate import Estimate, Flag
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, every, some
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.fusion import Fused
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: A wheel shows the speed of the body where its grip is at least this.
 LEAST_GRIP = 0.2
@@ -29,8 +29,8 @@ class Known(NamedTuple):
 
 
 def conclude(
-    fused: Fused, agrees: np.ndarray, before: Known, reading: Reading, model: Model, test: SlipTest
-) -> tuple[Estimate, Known]:
+    fused: Fused, agrees: np.ndarray, before: Known, reading: CleanSlipSample, model: Model, test: SlipAlarm
+) -> tuple[SlipEstimate, Known]:
     """What is known after a sample; agrees: (driven,) whether the encoder of a wheel was used."""
     x, P = fused.belief
     parts, n = model.layout.split(x), model.driven
@@ -45,7 +45,7 @@ def conclude(
     stands = every(test.stands(v, s, w) for v, s, w in zip(travel, travel_std(P, model), rim, strict=True))
     stuck_s = test.standing_s(stands, before.stuck_s, reading.dt_s)
     yaw = model.layout.index("yaw_rate_rad_s")
-    estimate = Estimate(
+    estimate = SlipEstimate(
         speed_m_s=x[0],
         speed_std_m_s=std(P[0, 0]),
         yaw_rate_rad_s=x[yaw],
@@ -65,7 +65,7 @@ def conclude(
         unobserved_s=unobserved_s,
         slipping=np.array([where(test.slips(s, e, v), 1.0, 0.0) for s, e, v in zip(slip, slip_std, rim, strict=True)]),
         immobilised=where(stuck_s > test.stuck_s, 1.0, 0.0),
-        flags=fused.flags + where(unobserved_s > UNOBSERVED_S, float(Flag.SPEED_UNOBSERVED), 0.0),
+        flags=fused.flags + where(unobserved_s > UNOBSERVED_S, float(SlipFlag.SPEED_UNOBSERVED), 0.0),
     )
     return estimate, Known(unobserved_s, stuck_s)
 

@@ -16,8 +16,8 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.kalman import TINY, correct_state
 from ohmward.trace import logical_not, maximum, sqrt, where
-from ohmward.traction.speed_observer.clean_sample import Reading, some
-from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, some
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.fusion import Fused, widened
 from ohmward.traction.speed_observer.model import Model
 
@@ -59,7 +59,7 @@ def use_encoders(
     prior: Belief,
     lag: np.ndarray,
     torque_noise: np.ndarray,
-    reading: Reading,
+    reading: CleanSlipSample,
     matched: Matched,
     doubtful_s: np.ndarray,
     model: Model,
@@ -88,7 +88,7 @@ def use_encoders(
         updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
     changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
     doubted = some([t > patience_s for t in doubtful_s])
-    flags = where(changed, float(Flag.GROUND_CHANGED), 0.0) + where(doubted, float(Flag.ENCODER_DOUBTED), 0.0)
+    flags = where(changed, float(SlipFlag.GROUND_CHANGED), 0.0) + where(doubted, float(SlipFlag.ENCODER_DOUBTED), 0.0)
     return Fused(belief, 0.0, flags), updates
 
 
@@ -130,7 +130,7 @@ def with_part_of_gain(before: Belief, after: Belief, i: int, share: Any) -> Beli
     return Belief(mean, cov)
 
 
-def possible_jump(k: int, reading: Reading, model: Model) -> Any:
+def possible_jump(k: int, reading: CleanSlipSample, model: Model) -> Any:
     """By how much [rad/s] motor and ground can turn a wheel faster or slower than predicted in this step, at most."""
     robot = model.scene.robot
     ground_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[k]

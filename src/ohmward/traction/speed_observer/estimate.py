@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 
-class Sample(NamedTuple):
+class SlipSample(NamedTuple):
     """One sample of whatever has arrived; nan where there is nothing new.
 
     dt_s: time since the sample before [s]; 0 for the first.
@@ -34,7 +34,7 @@ class Sample(NamedTuple):
     speed_age_s: Any = 0.0
 
 
-class Estimate(NamedTuple):
+class SlipEstimate(NamedTuple):
     """What an observer knows after a sample. A quantity that is no state has the value that is assumed, and std 0.
 
     speed_m_s, speed_std_m_s: of the body, forward.
@@ -52,7 +52,7 @@ class Estimate(NamedTuple):
         came from outside. Then it is dead reckoning from the forces, and `speed_std_m_s` grows with it.
     slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipTest`, else 0.
     immobilised: 1 where the wheels turn and the robot does not, else 0.
-    flags: sum of `Flag` values; 0 is a sample without incident.
+    flags: sum of `SlipFlag` values; 0 is a sample without incident.
     """
 
     speed_m_s: Any
@@ -77,7 +77,7 @@ class Estimate(NamedTuple):
     flags: Any
 
 
-class Flag(IntFlag):
+class SlipFlag(IntFlag):
     """What happened at a sample. None of it stops an observer."""
 
     BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0

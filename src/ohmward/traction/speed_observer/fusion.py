@@ -15,8 +15,8 @@ from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gate import choose, passes
 from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.clean_sample import Reading, within
-from ohmward.traction.speed_observer.estimate import Flag, Sample
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, within
+from ohmward.traction.speed_observer.estimate import SlipFlag, SlipSample
 from ohmward.traction.speed_observer.late import History, change_since
 from ohmward.traction.speed_observer.model import Model
 
@@ -34,7 +34,7 @@ class Fused(NamedTuple):
 
     belief: after them.
     shown: 1 where one of them shows the speed of the body, else 0.
-    flags: sum of `Flag`.
+    flags: sum of `SlipFlag`.
     """
 
     belief: Belief
@@ -42,7 +42,7 @@ class Fused(NamedTuple):
     flags: Any
 
 
-def use_passive_wheels(fused: Fused, lag: np.ndarray, reading: Reading, model: Model, gate: float) -> Fused:
+def use_passive_wheels(fused: Fused, lag: np.ndarray, reading: CleanSlipSample, model: Model, gate: float) -> Fused:
     """With the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`."""
     std = model.noise.passive_std_rad_s
     if std is None:
@@ -54,17 +54,17 @@ def use_passive_wheels(fused: Fused, lag: np.ndarray, reading: Reading, model: M
     return fused
 
 
-def use_gyro(fused: Fused, sample: Sample, model: Model, gate: float) -> Fused:
+def use_gyro(fused: Fused, sample: SlipSample, model: Model, gate: float) -> Fused:
     """With the yaw rate."""
     std, i = model.noise.gyro_std_rad_s, model.layout.index("yaw_rate_rad_s")
     if std is None:
         return fused
     y = sample.yaw_rate_rad_s
     accepted, belief = gated(fused.belief, y, lambda x: x[i : i + 1], std**2, gate)
-    return fused._replace(belief=belief, flags=fused.flags + refused(y, accepted, Flag.GYRO_REJECTED))
+    return fused._replace(belief=belief, flags=fused.flags + refused(y, accepted, SlipFlag.GYRO_REJECTED))
 
 
-def use_pitch(fused: Fused, sample: Sample, model: Model, gate: float) -> Fused:
+def use_pitch(fused: Fused, sample: SlipSample, model: Model, gate: float) -> Fused:
     """With the pitch, which is the grade under a stiff robot."""
     std = model.noise.pitch_std_rad
     if std is None or not model.states.grade:
@@ -74,7 +74,7 @@ def use_pitch(fused: Fused, sample: Sample, model: Model, gate: float) -> Fused:
     return fused._replace(belief=belief)
 
 
-def use_accelerometer(fused: Fused, sample: Sample, reading: Reading, model: Model, gate: float) -> Fused:
+def use_accelerometer(fused: Fused, sample: SlipSample, reading: CleanSlipSample, model: Model, gate: float) -> Fused:
     """With the specific force along x."""
     std = model.noise.accelerometer_std_m_s2
     if std is None:
@@ -84,7 +84,7 @@ def use_accelerometer(fused: Fused, sample: Sample, reading: Reading, model: Mod
 
 
 def use_speed(
-    fused: Fused, sample: Sample, history: History, doubtful: Any, model: Model, gate: float
+    fused: Fused, sample: SlipSample, history: History, doubtful: Any, model: Model, gate: float
 ) -> tuple[Fused, Any]:
     """With the external speed, which may be late; and 1 where the gate refused it, else 0.
 
@@ -105,7 +105,7 @@ def use_speed(
     anew = there & doubtful
     belief = choose(anew, push_unknown(widened(fused.belief, 0, nu * nu), model), fused.belief)
     accepted, belief = gated(belief, y, lambda x: x[:1], own * own + drift * drift, gate)
-    flags = refused(y, accepted, Flag.SPEED_REJECTED) + where(anew, float(Flag.SPEED_TAKEN_ANEW), 0.0)
+    flags = refused(y, accepted, SlipFlag.SPEED_REJECTED) + where(anew, float(SlipFlag.SPEED_TAKEN_ANEW), 0.0)
     return Fused(belief, where(accepted, 1.0, fused.shown), fused.flags + flags), refused(y, accepted, 1.0)
 
 
@@ -114,7 +114,7 @@ def use_standstill(fused: Fused, resting: Any, model: Model) -> Fused:
     belief = fused.belief
     for i in range(model.scene.robot.freedoms):
         belief = kalman.correct_state(belief, i, 0.0, STANDSTILL_STD**2, resting)
-    flags = fused.flags + where(resting, float(Flag.STANDSTILL), 0.0)
+    flags = fused.flags + where(resting, float(SlipFlag.STANDSTILL), 0.0)
     return Fused(belief, where(resting, 1.0, fused.shown), flags)
 
 

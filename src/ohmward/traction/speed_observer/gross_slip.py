@@ -22,8 +22,8 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.trace import exp, log, maximum, sin, where
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.clean_sample import Reading, largest, some
-from ohmward.traction.speed_observer.estimate import Flag
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, largest, some
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.fusion import Fused
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import traction
@@ -54,7 +54,7 @@ def is_ambiguous(model: Model) -> bool:
 
 
 def unexplained_change(
-    before_m_s: Any, old: Belief, prior: Belief, fused: Belief, reading: Reading, model: Model
+    before_m_s: Any, old: Belief, prior: Belief, fused: Belief, reading: CleanSlipSample, model: Model
 ) -> Any:
     """Change [m/s] of the speed of late that no force explains, after a step from `old`; a slope is no force here.
 
@@ -67,7 +67,9 @@ def unexplained_change(
     return where(forces_unknown | (reading.moving_s <= 0.0), 0.0, after_m_s)
 
 
-def reconsider(fused: Fused, unexplained_m_s: Any, reading: Reading, model: Model, gate: float) -> tuple[Fused, Any]:
+def test_hypotheses(
+    fused: Fused, unexplained_m_s: Any, reading: CleanSlipSample, model: Model, gate: float
+) -> tuple[Fused, Any]:
     """The belief, started again where wheels have let go; and the unexplained change after that.
 
     gate: the square of a friction, in its standard deviations, that is out of question.
@@ -83,7 +85,7 @@ def reconsider(fused: Fused, unexplained_m_s: Any, reading: Reading, model: Mode
     likely = (grip > UNUSUAL) & (grip + DOUBT > slide) & (slide < gate)
     let_go = likely & learning & driven
     after = choose(let_go, sliding(belief, log_friction, unexplained_m_s, model), belief)
-    flags = fused.flags + where(let_go, float(Flag.GROUND_CHANGED), 0.0)
+    flags = fused.flags + where(let_go, float(SlipFlag.GROUND_CHANGED), 0.0)
     return Fused(after, fused.shown, flags), where(let_go, 0.0, unexplained_m_s)
 
 

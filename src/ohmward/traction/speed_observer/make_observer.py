@@ -1,8 +1,8 @@
 """An observer for a robot and a log of it: which sensors there are, how wrong they are, which states that allows.
 
 What can be seen in the log is measured there: quantisation and noise of encoders, noise of gyro and accelerometer, the
-sampling interval. What cannot (offsets, the torque constant, the ground) keeps the values of `Noise`. Every choice is a
-note.
+sampling interval. What cannot (offsets, the torque constant, the ground) keeps the values of `ObserverNoise`.
+Every choice is a note.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.disturbance import unexplained_push_m_s2
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
 
@@ -146,7 +146,7 @@ def knows_force(robot: Robot, log: DriveLog) -> bool:
     return not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
 
 
-def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
+def noise_of(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
     """How wrong the sensors of this log are, and which there are; force: whether its currents tell it.
 
     The accelerometer serves where they do not, and the pitch tells gravity from it.
@@ -154,7 +154,7 @@ def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
     accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not force
-    return Noise(
+    return ObserverNoise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
         gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
@@ -163,12 +163,14 @@ def noise_of(robot: Robot, log: DriveLog, force: bool) -> Noise:
         accelerometer_std_m_s2=noise_std(log.acceleration_m_s2, LEAST_ACCELEROMETER_M_S2) if accelerates else None,
         accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
         radius_std=RADIUS_STD,
-        torque_std_Nm=Noise.torque_std_Nm if force else unknown_torque_Nm(robot, usual_step_s(log)),
-        initial_speed_std_m_s=math.hypot(Noise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)),
+        torque_std_Nm=ObserverNoise.torque_std_Nm if force else unknown_torque_Nm(robot, usual_step_s(log)),
+        initial_speed_std_m_s=math.hypot(
+            ObserverNoise.initial_speed_std_m_s, RADIUS_STD * first_speed_m_s(robot, driven)
+        ),
     )
 
 
-def with_push(noise: Noise, push_g: float) -> Noise:
+def with_push(noise: ObserverNoise, push_g: float) -> ObserverNoise:
     """The noise with a grade that may be such a push [g]: of a slope, or of friction, which turns with the robot."""
     std = max(noise.grade_std_rad, push_g)
     if std == noise.grade_std_rad:
@@ -201,7 +203,7 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
     return abs(float(known[0])) * robot.wheel.radius_m if known.size else 0.0
 
 
-def states_of(noise: Noise, force: bool) -> States:
+def states_of(noise: ObserverNoise, force: bool) -> States:
     """What the log can show: without a force nothing of the ground, without a speed from outside no radius.
 
     A filter learns a radius that nothing shows from the errors of its model. Where it is no state, its part in the
@@ -294,7 +296,7 @@ def usual_step_s(log: DriveLog) -> float:
     return float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
 
 
-def notes_of(noise: Noise, log: DriveLog) -> tuple[Note, ...]:
+def notes_of(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
     """What the observer takes its sensors to be."""
     stds = {
         "encoders": (noise.encoder_std_rad_s, "rad/s"),

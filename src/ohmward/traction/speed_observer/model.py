@@ -18,12 +18,12 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, maximum, minimum, sin, sqrt, where
-from ohmward.traction.dynamics.forces import Input, Scene, momentum_rates, normal_loads
+from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
-from ohmward.traction.speed_observer.clean_sample import Reading
-from ohmward.traction.speed_observer.noise import Noise
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slip_step import Moved, grip, slip_step, traction, without_traction
-from ohmward.traction.speed_observer.states import Layout, States
+from ohmward.traction.speed_observer.states import StateLayout, States
 
 #: What the speed may change by in a second of which nothing is known [m/s^2], and at most [m/s].
 UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
@@ -46,12 +46,12 @@ class Model:
 
     scene: Scene
     states: States
-    noise: Noise
+    noise: ObserverNoise
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> StateLayout:
         """Which element of the state is what."""
-        return Layout(self.scene.robot, self.states)
+        return StateLayout(self.scene.robot, self.states)
 
     @property
     def driven(self) -> int:
@@ -99,27 +99,27 @@ class Model:
         kept = self.kept(name, dt_s)
         return self.lasting(name)[0] ** 2 * (1.0 - kept * kept)
 
-    def moved(self, x: np.ndarray, reading: Reading, start_m_s: np.ndarray | None = None) -> Moved:
+    def moved(self, x: np.ndarray, reading: CleanSlipSample, start_m_s: np.ndarray | None = None) -> Moved:
         """Body and wheels after the step from state x (n,); start_m_s as in `slip_step`."""
         return slip_step(self.layout.split(x), self.input(x, reading), self.scene, reading.moving_s, start_m_s)
 
-    def next_state(self, x: np.ndarray, reading: Reading, start_m_s: np.ndarray | None = None) -> np.ndarray:
+    def next_state(self, x: np.ndarray, reading: CleanSlipSample, start_m_s: np.ndarray | None = None) -> np.ndarray:
         """Mean of the state after the step, (n,)."""
         moved = self.moved(x, reading, start_m_s)
         own = [*moved.motion, *moved.omega]
         names = self.layout.names
         return np.array([*own, *(self.kept(names[i], reading.dt_s) * x[i] for i in range(len(own), len(names)))])
 
-    def input(self, x: np.ndarray, reading: Reading) -> Input:
+    def input(self, x: np.ndarray, reading: CleanSlipSample) -> RobotInput:
         """What acts on the robot; the grade is the state's, else the measured one, else level."""
         grade = self.layout.split(x).grade_rad
         if grade is None:
             grade = 0.0
             if self.noise.pitch_std_rad is not None:
                 grade = where(abs(reading.pitch_rad) <= STEEPEST_RAD, reading.pitch_rad, 0.0)
-        return Input(reading.current_A, grade)
+        return RobotInput(reading.current_A, grade)
 
-    def process_noise(self, mean: np.ndarray, reading: Reading) -> np.ndarray:
+    def process_noise(self, mean: np.ndarray, reading: CleanSlipSample) -> np.ndarray:
         """Q (n, n) of a step; unknown torque and traction go through the model, where a wheel that grips damps them."""
         robot, noise = self.scene.robot, self.noise
         moved = self.moved(mean, reading)
@@ -140,12 +140,12 @@ class Model:
         Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
         return mirror_lower(Q)
 
-    def torque_response(self, moved: Moved, reading: Reading) -> np.ndarray:
+    def torque_response(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
         """Change (freedoms + driven, driven) of body and wheels in a step by a torque that is wrong by one sigma."""
         most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
         return moved.torque_response * (self.noise.torque_std_Nm + reading.guessed * most_Nm)
 
-    def torque_noise_rad_s(self, moved: Moved, reading: Reading) -> np.ndarray:
+    def torque_noise_rad_s(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
         """(driven,) standard deviation of what a wrong torque adds to each wheel's speed at the end of the step."""
         return np.diag(self.torque_response(moved, reading)[self.scene.robot.freedoms :])
 
@@ -165,7 +165,7 @@ class Model:
         slipped = (parts.omega - rolled[:n]) * (2.0 / (1.0 + moved.damping)) ** 2
         return share * np.concatenate([rolled[:n] + slipped, rolled[n:]])
 
-    def bend_response(self, moved: Moved, reading: Reading) -> np.ndarray:
+    def bend_response(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
         """Change (freedoms + driven, driven) of body and wheels in a step by a law that bends otherwise, one sigma.
 
         Friction and stiffness fit a law at its two ends; how it bends in between stays unknown, and a wheel there seems
@@ -189,7 +189,7 @@ class Model:
         """(driven,) in [0, 1], of wheels that slip so."""
         return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
 
-    def specific_force(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def specific_force(self, x: np.ndarray, reading: CleanSlipSample) -> np.ndarray:
         """What an accelerometer along x shows in state x, (1,) [m/s^2]."""
         parts, robot, n = self.layout.split(x), self.scene.robot, self.driven
         u = self.input(x, reading)
@@ -211,4 +211,4 @@ class Model:
     @cached_property
     def static_load_N(self) -> np.ndarray:
         """(wheels,) on level ground."""
-        return normal_loads(Input(0.0), self.scene.robot, np.zeros(2))
+        return normal_loads(RobotInput(0.0), self.scene.robot, np.zeros(2))

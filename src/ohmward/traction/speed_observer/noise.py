@@ -13,7 +13,7 @@ _OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_
 
 
 @dataclass(frozen=True)
-class Noise:
+class ObserverNoise:
     """Standard deviations of sensors, walks of states, and what is believed before the first sample.
 
     A sensor with None does not exist: nothing is compiled for it.

@@ -22,7 +22,7 @@ from ohmward.trace import where
 
 
 @dataclass(frozen=True)
-class SlipTest:
+class SlipAlarm:
     """Settings of both tests.
 
     Attributes:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.trace import linearize, maximum, minimum, where
-from ohmward.traction.dynamics.forces import Forces, Input, Scene, forces_at, momentum_rates, normal_loads
+from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces_at, momentum_rates, normal_loads
 from ohmward.traction.friction.law import Contact
 from ohmward.traction.speed_observer.states import Parts
 
@@ -65,7 +65,7 @@ class Balance(NamedTuple):
     rest_slope: np.ndarray
 
 
-def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> Moved:
+def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> Moved:
     """Body and wheels after `dt_s` of constant current; `u.grade_rad` is that of the step.
 
     start_m_s: (driven,) slip near the one that balances; without it Newton starts at the slip before the step.
@@ -92,7 +92,7 @@ def slip_step(parts: Parts, u: Input, p: Scene, dt_s: Any, start_m_s: np.ndarray
     return Moved(motion, omega, balance.slip_m_s, response, pushed, bend_N, damping)
 
 
-def without_traction(parts: Parts, u: Input, p: Scene, load_N: np.ndarray) -> Forces:
+def without_traction(parts: Parts, u: RobotInput, p: Scene, load_N: np.ndarray) -> Forces:
     """What acts on body and wheels besides the traction of the driven wheels; load_N: (wheels,)."""
     x = np.concatenate([parts.motion, parts.omega])
     f = forces_at(x, u, p, load_N, np.zeros(p.robot.driven))

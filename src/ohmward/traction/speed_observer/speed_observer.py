@@ -27,10 +27,10 @@ from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
 from ohmward.trace import maximum, where
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.speed_observer.clean_sample import Reading, every, read
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, every, sanitize
 from ohmward.traction.speed_observer.conclusions import Known, conclude
 from ohmward.traction.speed_observer.encoders import Matched, match, use_encoders
-from ohmward.traction.speed_observer.estimate import Estimate, Flag, Sample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.fusion import (
     Fused,
     use_accelerometer,
@@ -40,11 +40,11 @@ from ohmward.traction.speed_observer.fusion import (
     use_speed,
     use_standstill,
 )
-from ohmward.traction.speed_observer.gross_slip import is_ambiguous, reconsider, unexplained_change
+from ohmward.traction.speed_observer.gross_slip import is_ambiguous, test_hypotheses, unexplained_change
 from ohmward.traction.speed_observer.late import History, empty_history, remember
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.noise import Noise
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.slip_step import Moved
 from ohmward.traction.speed_observer.states import States
 
@@ -102,11 +102,11 @@ class SpeedObserver:
 
     scene: Scene
     states: States = field(default_factory=States)
-    noise: Noise = field(default_factory=Noise)
+    noise: ObserverNoise = field(default_factory=ObserverNoise)
     method: str = "ukf"
     matching: bool = False
     window: float = 100.0
-    test: SlipTest = field(default_factory=SlipTest)
+    test: SlipAlarm = field(default_factory=SlipAlarm)
     gate: float = 10.8
     surprise: float = 25.0
     patience_s: float = 1.0
@@ -147,25 +147,25 @@ class SpeedObserver:
         """Whether nothing is learnt of the ground: then turns are the gyro's first, and what wheels add is slip."""
         return self.states.friction == "known"
 
-    def no_sample(self) -> Sample:
+    def no_sample(self) -> SlipSample:
         """A sample without any measurement, to be filled with `_replace`."""
         robot = self.scene.robot
-        return Sample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
+        return SlipSample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
 
-    def init(self, first: Sample) -> ObserverState:
+    def init(self, first: SlipSample) -> ObserverState:
         """State before the first sample, which it looks at: a body that moves as the driven wheels say."""
         n = self.model.driven
-        reading = read(first, np.zeros(n), self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+        reading = sanitize(first, np.zeros(n), self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
         belief = self.model.first_belief(np.asarray(reading.wheel_speed_rad_s[:n], dtype=float))
         history = empty_history(0 if self.noise.speed_std_m_s is None else self.late_steps)
         matched = Matched(np.zeros(n), np.zeros(n))
         current_A = np.asarray(reading.current_A, dtype=float)
         return ObserverState(pack(belief), matched, current_A, history, 0.0, np.zeros(n), 0.0, 0.0, 0.0, 0.0)
 
-    def step(self, state: ObserverState, sample: Sample) -> tuple[ObserverState, Estimate]:
+    def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
         """The state after a sample, and what is known then."""
         before = unpack(state.belief)
-        reading = read(sample, state.current_A, self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+        reading = sanitize(sample, state.current_A, self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
         rest_s = where(self.looks_at_rest(reading), state.rest_s + reading.dt_s, 0.0)
         resting = rest_s > self.rest_hold_s
         reading = self.held(reading, resting)
@@ -187,13 +187,13 @@ class SpeedObserver:
         if is_ambiguous(self.model):
             step = before, prior, fused.belief
             unexplained_m_s = unexplained_change(unexplained_m_s, *step, reading, self.model)
-            fused, unexplained_m_s = reconsider(fused, unexplained_m_s, reading, self.model, self.gate)
+            fused, unexplained_m_s = test_hypotheses(fused, unexplained_m_s, reading, self.model, self.gate)
 
         agrees = np.array([w.agrees for w in wheels])
         estimate, known = conclude(
             fused, agrees, Known(state.unobserved_s, state.stuck_s), reading, self.model, self.test
         )
-        healthy = where(is_healthy(before) > 0.5, 0.0, float(Flag.NOT_POSITIVE_DEFINITE))
+        healthy = where(is_healthy(before) > 0.5, 0.0, float(SlipFlag.NOT_POSITIVE_DEFINITE))
         matched = match(state.matched, wheels, self.window) if self.matching else state.matched
         after = ObserverState(
             pack(fused.belief),
@@ -208,26 +208,28 @@ class SpeedObserver:
         )
         return after, estimate._replace(flags=estimate.flags + reading.flags + healthy)
 
-    def predict(self, belief: Belief, reading: Reading) -> Belief:
+    def predict(self, belief: Belief, reading: CleanSlipSample) -> Belief:
         """The belief at the end of the step, before its measurements."""
         Q = self.model.process_noise(belief.mean, reading)
         start = self.model.moved(belief.mean, reading).slip_m_s if self.method == "ukf" else None
         return METHODS[self.method].predict(belief, lambda x: self.model.next_state(x, reading, start), Q)
 
-    def looks_at_rest(self, reading: Reading) -> Any:
+    def looks_at_rest(self, reading: CleanSlipSample) -> Any:
         """Whether the driven wheels stand, as far as they can be seen, and the motors do nothing."""
         n = self.model.driven
         still = [abs(w) <= self.rest_wheel_rad_s for w in reading.wheel_speed_rad_s[:n]]
         idle = [abs(i) <= self.rest_current_A for i in reading.current_A]
         return every([*still, *idle, *reading.measured[:n], *(g < 0.5 for g in reading.guessed)])
 
-    def held(self, reading: Reading, resting: Any) -> Reading:
+    def held(self, reading: CleanSlipSample, resting: Any) -> CleanSlipSample:
         """The reading of a robot that stands: whatever holds it, the model must not push it."""
         return reading._replace(
             moving_s=where(resting, 0.0, reading.moving_s), unknown_s=where(resting, 0.0, reading.unknown_s)
         )
 
-    def use_wheels(self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: Reading) -> Any:
+    def use_wheels(
+        self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: CleanSlipSample
+    ) -> Any:
         """The prior corrected with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.free_wheels
         settings = self.model, self.surprise, self.patience_s, jumps_teach
@@ -235,7 +237,13 @@ class SpeedObserver:
         return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, *settings)
 
     def use_body(
-        self, fused: Fused, lag: np.ndarray, state: ObserverState, sample: Sample, reading: Reading, history: History
+        self,
+        fused: Fused,
+        lag: np.ndarray,
+        state: ObserverState,
+        sample: SlipSample,
+        reading: CleanSlipSample,
+        history: History,
     ) -> tuple[Fused, Any]:
         """With all that measures the body; and how long the external speed has contradicted the estimate."""
         fused = use_passive_wheels(fused, lag, reading, self.model, self.gate)
@@ -251,7 +259,7 @@ class SpeedObserver:
         return fused, where(abs(sample.speed_m_s) >= 0.0, where(contradicts > 0.5, begun_s, 0.0), since_s)
 
 
-def speed_change(before: Belief, prior: Belief, fused: Fused, reading: Reading) -> Any:
+def speed_change(before: Belief, prior: Belief, fused: Fused, reading: CleanSlipSample) -> Any:
     """Change [m/s] of the speed in the step: as the forces say; as the wheels say where a motor current is missing."""
     forces_known = every([g < 0.5 for g in reading.guessed])
     return where(forces_known, prior.mean[0], fused.belief.mean[0]) - before.mean[0]

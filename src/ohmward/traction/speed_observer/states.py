@@ -76,7 +76,7 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Layout:
+class StateLayout:
     """The vector of a robot with these states."""
 
     robot: Robot

@@ -18,7 +18,7 @@ from ohmward.trace.live import Live
 from ohmward.trace.structure import check
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import clock_after
-from ohmward.traction.speed_observer.estimate import Estimate, Flag, Sample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.slow_channel import held
 from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 
@@ -34,12 +34,12 @@ class Track(NamedTuple):
     """
 
     time_s: np.ndarray
-    estimates: Estimate
+    estimates: SlipEstimate
     seconds: float
 
     def counts(self) -> dict[str, int]:
         """How many samples carry each flag, by name; flags that never occur are left out."""
-        return count_flags(self.estimates.flags, Flag)
+        return count_flags(self.estimates.flags, SlipFlag)
 
 
 def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> Track:
@@ -82,8 +82,8 @@ class SlipEstimator:
     def state(self, state: ObserverState | None) -> None:
         self._state, self._live = state, None
 
-    def update(self, sample: Sample) -> Estimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `Flag`.
+    def update(self, sample: SlipSample) -> SlipEstimate:
+        """What is known after one live sample. A bad sample is survived and flagged, see `SlipFlag`.
 
         Raises:
             InputError: the sample has other wheels or motors than the observer's robot.
@@ -136,7 +136,7 @@ class SlipEstimator:
         return self._kernel
 
 
-def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> Sample:
+def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> SlipSample:
     """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
 
     Raises:
@@ -150,18 +150,20 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
         )
     start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
     nothing = np.full(len(log), math.nan)
-    given = {name: nothing if (values := getattr(log, name)) is None else values for name in Sample._fields[3:]}
+    given = {name: nothing if (values := getattr(log, name)) is None else values for name in SlipSample._fields[3:]}
     current_A = held(log.time_s, log.motor_current_A)
-    return Sample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, current_A, **given)
+    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, current_A, **given)
 
 
-def considered_step(observer: SpeedObserver, state: ObserverState, sample: Sample) -> tuple[ObserverState, Estimate]:
+def considered_step(
+    observer: SpeedObserver, state: ObserverState, sample: SlipSample
+) -> tuple[ObserverState, SlipEstimate]:
     """A step of the observer, and its estimate with what the radius is not known by."""
     after, estimate = observer.step(state, sample)
     return after, consider_radius(estimate, observer)
 
 
-def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
+def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEstimate:
     """The estimate with what the radius is not known by in the sigmas of speed and slip, where it is no state."""
     if observer.states.radius:
         return estimate
@@ -172,16 +174,16 @@ def consider_radius(estimate: Estimate, observer: SpeedObserver) -> Estimate:
     )
 
 
-def motion_of(robot: Robot, estimates: Estimate) -> np.ndarray:
+def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
     """(T, freedoms) the motion of the body that estimates (T, ...) hold in the speeds of the wheels' centres."""
     rim = robot.wheel.radius_m * estimates.radius_share[:, None] * estimates.wheel_speed_rad_s
     return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
-def first_of(samples: Sample) -> Sample:
+def first_of(samples: SlipSample) -> SlipSample:
     """A sample to start from: of every wheel and motor the first value that was measured."""
     wheels, currents = _first_known(samples.wheel_speed_rad_s), _first_known(samples.current_A)
-    return Sample(0.0, wheels, currents)
+    return SlipSample(0.0, wheels, currents)
 
 
 def _first_known(values: np.ndarray) -> np.ndarray:

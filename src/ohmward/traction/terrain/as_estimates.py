@@ -6,22 +6,22 @@ import numpy as np
 
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import Estimate
-from ohmward.traction.speed_observer.slip_alarm import SlipTest
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.terrain.slip_on_floors import SlipTrack
 
 
-def as_estimates(track: SlipTrack, robot: Robot, test: SlipTest | None = None) -> Estimate:
+def as_estimates(track: SlipTrack, robot: Robot, test: SlipAlarm | None = None) -> SlipEstimate:
     """The track as estimates (T, ...); what is no question here is as assumed: radius, level ground, friction.
 
     test: what slip is allowed.
     """
-    n, test = robot.driven, test or SlipTest()
+    n, test = robot.driven, test or SlipAlarm()
     rim = track.rim @ robot.rolling[:n].T
     travel = np.sqrt(np.sum(track.rim[:, :-1] ** 2, axis=1))[:, None]
     slip, std = np.nan_to_num(track.slip_ratio) * travel, np.nan_to_num(track.slip_ratio_std) * travel
     nothing, ones = np.zeros(len(track.time_s)), np.ones(len(track.time_s))
-    return Estimate(
+    return SlipEstimate(
         speed_m_s=track.motion[:, 0],
         speed_std_m_s=track.motion_std[:, 0],
         yaw_rate_rad_s=track.motion[:, -1],

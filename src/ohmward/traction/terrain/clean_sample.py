@@ -31,7 +31,7 @@ class EncoderWatch(NamedTuple):
     repeated_s: np.ndarray
 
 
-class Reading(NamedTuple):
+class CleanFloorSample(NamedTuple):
     """The sample, nan where there is nothing to use, the encoders as watched, and the sum of `FloorFlag`."""
 
     sample: WheelSample
@@ -44,7 +44,7 @@ def watch_from(driven: int) -> EncoderWatch:
     return EncoderWatch(np.zeros(driven), np.zeros(driven))
 
 
-def read(sample: WheelSample, before: EncoderWatch) -> Reading:
+def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     """The sample made safe."""
     time_good = is_step(sample.dt_s)
     dt_s = where(time_good, sample.dt_s, 0.0)
@@ -61,7 +61,7 @@ def read(sample: WheelSample, before: EncoderWatch) -> Reading:
         + where(some(stopped), float(FloorFlag.ENCODER_STOPPED), 0.0)
     )
     safe = WheelSample(dt_s, _or_nan(used, sample.wheel_speed_rad_s), _or_nan(pushing, sample.current_A))
-    return Reading(safe, watch, flags)
+    return CleanFloorSample(safe, watch, flags)
 
 
 def watched(speed_rad_s: np.ndarray, good: list, before: EncoderWatch, dt_s: Any) -> EncoderWatch:

@@ -25,7 +25,7 @@ from ohmward.flags import count_flags
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, exp, maximum, sqrt, where
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.clean_sample import EncoderWatch, read, watch_from
+from ohmward.traction.terrain.clean_sample import EncoderWatch, sanitize, watch_from
 from ohmward.traction.terrain.crossing import Crossing, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
     drag_share,
@@ -121,14 +121,14 @@ class SlipOnFloors:
         """State before the first sample, which it looks at: rims that turn as the encoders say."""
         robot = self.wheels.robot
         watch = watch_from(robot.driven)
-        state = self.wheels.init(read(first, watch).sample)
+        state = self.wheels.init(sanitize(first, watch).sample)
         rim = state.belief.mean[: robot.freedoms]
         return FloorState(state, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch)
 
     def step(self, state: FloorState, sample: WheelSample) -> tuple[FloorState, FloorEstimate]:
         """The state after a sample, and what is known then."""
         robot = self.wheels.robot
-        safe, watch, flags = read(sample, state.encoders)
+        safe, watch, flags = sanitize(sample, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, safe)
         belief = with_friction(robot, belief)
         slow_rim, rate = followed(state.slow_rim, belief.rim, safe.dt_s)
