@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from figure import HERE, Figure, at_most
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import (
-    FuzzySlidingMode,
     SlipCommand,
     SlipController,
     SlipPid,
-    SlipRatioSlidingMode,
     SpeedCommand,
     SpeedController,
     WheelSpeedDrive,

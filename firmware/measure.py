@@ -45,7 +45,7 @@ OPTIONS = ("-O2", "-Os")
 #: What an STM32F411xE has [bytes].
 FLASH, RAM = 512 * 1024, 128 * 1024
 #: Share of the values of a simulated log that are lost, and of those that are wild.
-LOST, WILD = 0.005, 0.001
+DIVERGED, WILD = 0.005, 0.001
 
 #: Filters of a battery, and how they are exported.
 FILTERS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -216,7 +216,7 @@ def faulty(samples: Any) -> Any:
         chance = rng.random(values.shape)
         chance[:1] = 1.0
         wild = rng.choice([np.inf, -np.inf, 1e9, -1e9], values.shape)
-        return np.where(chance < LOST, np.nan, np.where(chance < LOST + WILD, wild, values))
+        return np.where(chance < DIVERGED, np.nan, np.where(chance < DIVERGED + WILD, wild, values))
 
     return type(samples)(*(spoilt(np.asarray(values, float)) if np.ndim(values) else values for values in samples))
 

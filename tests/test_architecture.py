@@ -13,12 +13,12 @@ import ohmward
 SOURCE = Path(ohmward.__file__).parent
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "flags", "toml_file"}
+GROUND = {"errors", "checks", "atomic", "filters.flags", "toml_file"}
 BELOW: dict[str, set[str]] = {
     "errors": set(),
     "checks": {"errors"},
     "atomic": {"errors"},
-    "flags": set(),
+    "filters.flags": set(),
     "toml_file": {"errors", "atomic"},
     "trace": GROUND,
     "filters": {"trace"} | GROUND,

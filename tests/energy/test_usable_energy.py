@@ -103,7 +103,7 @@ def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
     [
         ({"soc": 60.0}, "soc must be between 0 and 1, got 60"),
         ({"soc": 0.2, "reserve_soc": 0.3}, "reserve_soc must be below soc = 0.2"),
-        ({"soc": 0.5, "capacity_share": 0.0}, "capacity_share must be > 0"),
+        ({"soc": 0.5, "soh_capacity": 0.0}, "soh_capacity must be > 0"),
         ({"soc": 0.5, "soc_std": -0.1}, "soc_std must be >= 0"),
     ],
 )

@@ -113,7 +113,7 @@ def test_flags_and_members_are_those_of_the_header(tmp_path):
     copy = made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
     assert copy.name == "soc" and copy.arguments == () and copy.Sample._fields == SocSample._fields
     assert copy.example == {}
-    assert copy.flags["NO_CURRENT"] == 1 and copy.flags["LOST"] == 256
+    assert copy.flags["NO_CURRENT"] == 1 and copy.flags["DIVERGED"] == 256
     assert copy.dtype("sample").itemsize == 16
     copy.start(FIRST)
     assert copy.step(FIRST._replace(current_A=math.nan)).flags == copy.flags["NO_CURRENT"]

@@ -15,7 +15,7 @@ RADIUS = RLMA.wheel.radius_m
 def estimates(speed, rim, slip, robot=RLMA, **others):
     """Estimates (T, ...) of one speed, one speed of all rims and one slip."""
     wheels = np.ones((T, robot.driven))
-    blank = dict.fromkeys(SlipEstimate._fields, np.zeros(T)) | {"radius_share": np.ones(T)}
+    blank = dict.fromkeys(SlipEstimate._fields, np.zeros(T)) | {"radius_ratio": np.ones(T)}
     known = {
         "speed_m_s": speed * np.ones(T),
         "speed_std_m_s": 0.01 * np.ones(T),
@@ -75,7 +75,7 @@ def test_a_known_ratio_gives_the_slip_speed():
 
 
 def test_the_rim_turns_on_the_radius_that_was_estimated():
-    e = estimates(0.9, 1.0, 0.1, radius_share=np.full(T, 0.9))
+    e = estimates(0.9, 1.0, 0.1, radius_ratio=np.full(T, 0.9))
     assert true_slip(RLMA, e, DriveTruth(0.9 * np.ones(T))).speed_m_s == pytest.approx(0.0)
 
 

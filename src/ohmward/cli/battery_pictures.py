@@ -88,8 +88,8 @@ def offset_figure(log: Log, estimates: SocEstimate) -> Figure:
 def health_figure(log: Log, estimates: SocEstimate) -> Figure:
     """Estimated capacity and resistance as shares of the battery file's."""
     series = [
-        Series(log.time_s, 100 * estimates.capacity_share, "capacity", role="estimate"),
-        Series(log.time_s, 100 * estimates.resistance_share, "resistance", role="comparison"),
+        Series(log.time_s, 100 * estimates.soh_capacity, "capacity", role="estimate"),
+        Series(log.time_s, 100 * estimates.resistance_ratio, "resistance", role="comparison"),
     ]
     return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, height_px=180)
 
@@ -139,7 +139,7 @@ def ocv_figure(
 ) -> Figure:
     """Open-circuit voltage: mean curve and branches, the tests and rests behind it, the fit's 95 % interval."""
     soc = np.linspace(0.0, 1.0, 401)
-    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.half_gap_V(soc))
+    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.hysteresis_at_V(soc))
     series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "quiet") for b in branches]
     series.append(Series(100 * soc, mean, "mean", role="estimate"))
     if half.any():

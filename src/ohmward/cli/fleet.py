@@ -115,8 +115,8 @@ def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
         "samples": sum(row["samples"] for row in good),
         "hours": sum(row["duration_s"] for row in good) / 3600.0,
         "soc_final_min": _most(min, good, "soc_final"),
-        "capacity_share_min": _most(min, good, "capacity_share"),
-        "resistance_share_max": _most(max, good, "resistance_share"),
+        "capacity_share_min": _most(min, good, "soh_capacity"),
+        "resistance_share_max": _most(max, good, "resistance_ratio"),
         "summary": str(finished.summary),
         "errors": [{"path": row["path"], "error": row["error"]} for row in finished.failed],
     }

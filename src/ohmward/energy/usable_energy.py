@@ -37,8 +37,8 @@ class BatteryState:
 
     Attributes:
         soc, soc_std: state of charge in [0, 1] and its standard deviation.
-        capacity_share, capacity_std: capacity over the battery file's.
-        resistance_share, resistance_std: resistance over the battery file's.
+        soh_capacity, capacity_std: capacity over the battery file's.
+        resistance_ratio, resistance_std: resistance over the battery file's.
         temperature_degC: of the battery.
         reserve_soc: state of charge that is to be left.
         cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
@@ -46,9 +46,9 @@ class BatteryState:
 
     soc: float
     soc_std: float = 0.0
-    capacity_share: float = 1.0
+    soh_capacity: float = 1.0
     capacity_std: float = 0.0
-    resistance_share: float = 1.0
+    resistance_ratio: float = 1.0
     resistance_std: float = 0.0
     temperature_degC: float = 25.0
     reserve_soc: float = 0.0
@@ -59,7 +59,7 @@ class BatteryState:
             require_between(name, getattr(self, name), 0.0, 1.0)
         for name in ("soc_std", "capacity_std", "resistance_std", "cutoff_V"):
             require_between(name, getattr(self, name), 0.0, math.inf)
-        for name in ("capacity_share", "resistance_share"):
+        for name in ("soh_capacity", "resistance_ratio"):
             require_positive(name, getattr(self, name))
         require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
         if self.reserve_soc >= self.soc:
@@ -94,8 +94,8 @@ def discharge(battery: Battery, charge: BatteryState, power_W: float, z: np.ndar
     """
     soc = np.linspace(0.0, 1.0, _GRID)
     ocv_V, r_ohm = discharge_curves(battery, soc, charge.temperature_degC)
-    capacity = np.maximum(charge.capacity_share + charge.capacity_std * z[1], 0.0)
-    resistance = np.maximum(charge.resistance_share + charge.resistance_std * z[2], 0.0)
+    capacity = np.maximum(charge.soh_capacity + charge.capacity_std * z[1], 0.0)
+    resistance = np.maximum(charge.resistance_ratio + charge.resistance_std * z[2], 0.0)
     voltage_V, holds = loaded_voltage(ocv_V[:, None], r_ohm[:, None] * resistance, power_W)
     margin_V = np.where(holds, voltage_V - charge.cutoff_V, _NO_POWER_V)
     start = np.clip(charge.soc + charge.soc_std * z[0], 0.0, 1.0)
@@ -128,7 +128,7 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
 def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float) -> tuple[np.ndarray, np.ndarray]:
     """Open-circuit voltage [V] of the discharge branch and settled resistance [ohm] at each state of charge (K,)."""
     model: Any = battery.thevenin or battery.rc
-    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.half_gap_V(soc)
+    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at_V(soc)
     if isinstance(model, RcModel):
         return ocv_V, np.full(soc.shape, rc_resistance(model))
     u = thevenin.CircuitInput(-1.0, temperature_degC)

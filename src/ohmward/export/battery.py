@@ -120,7 +120,7 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
     """The battery with its curve on lines, and how far they are from it; of a filter that looks at the curve alone."""
     if filter_name not in WITH_LINES:
         raise InputError(
-            f"{filter_name} needs the hysteresis and the warmth of the curve too; a curve error is for "
+            f"{filter_name} needs the hysteresis and the arrhenius_factor of the curve too; a curve error is for "
             f"{', '.join(WITH_LINES)}"
         )
     model = require_thevenin(battery)

@@ -36,7 +36,7 @@ AtRate = Callable[[Callable], Callable]
 
 def joint_loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) -> Loops:
     """The loops of the joint filter of states and parameters."""
-    read = trace(at_rate(joint.read), state, _EXAMPLE)
+    read = trace(at_rate(joint.sanitize), state, _EXAMPLE)
     constant_s = read.outputs[0] if isinstance(read.outputs[0], float) else None
     reading = members(read.result_structure)
     n = len(state.belief.mean)
@@ -48,7 +48,7 @@ def joint_loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) ->
     def conclude(state: Any, innovation_V: Any, reading: Any) -> Any:
         return joint.concluded(state, innovation_V, reading)
 
-    example = joint.read(state, _EXAMPLE)
+    example = joint.sanitize(state, _EXAMPLE)
     concluded = trace(conclude, state, 0.0, example)
     w = unscented.weights(n, joint.scaling)
     words = {

@@ -18,7 +18,7 @@ PATIENCE_S = 60.0
 
 
 def on_dask(
-    job: Job, batches: Sequence[list[str]], address: str, patience_s: float = PATIENCE_S
+    job: Job, batches: Sequence[list[str]], address: str, reset_after_s: float = PATIENCE_S
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch as it is finished; no more batches are under way than keep the workers busy.
 
@@ -31,7 +31,7 @@ def on_dask(
         OhmwardError: Dask is not installed, or its scheduler was lost.
     """
     distributed = _distributed()
-    with _connect(address, patience_s) as client:
+    with _connect(address, reset_after_s) as client:
         left, suspects = iter(batches), []
         paths_of = {_submit(client, job, batch): batch for batch in islice(left, 2 * sum(client.nthreads().values()))}
         finished = distributed.as_completed(list(paths_of))
@@ -63,16 +63,16 @@ def _submit(client: Client, job: Job, batch: list[str]) -> Future:
     return client.submit(job.run, batch, pure=False)
 
 
-def _connect(address: str, patience_s: float) -> Client:
+def _connect(address: str, reset_after_s: float) -> Client:
     distributed = _distributed()
     try:
-        client = distributed.Client(address, timeout=patience_s)
+        client = distributed.Client(address, timeout=reset_after_s)
     except (OSError, ValueError) as error:
         raise InputError(
             f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler`"
         ) from error
     try:
-        client.wait_for_workers(1, timeout=patience_s)
+        client.wait_for_workers(1, timeout=reset_after_s)
         _check_versions(client)
     except TimeoutError as error:
         client.close()

@@ -115,8 +115,8 @@ def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
         "soc_max": float(np.max(found.soc)),
         "voltage_rmse_V": voltage.rmse if voltage else None,
         "current_offset_A": float(found.current_offset_A[-1]),
-        "capacity_share": float(found.capacity_share[-1]),
-        "resistance_share": float(found.resistance_share[-1]),
+        "soh_capacity": float(found.soh_capacity[-1]),
+        "resistance_ratio": float(found.resistance_ratio[-1]),
         "flagged_share": float(np.mean((flags & ~int(SocFlag.REST)) != 0)),
     }
     return {name: None if value != value else value for name, value in figures.items()}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: What a stream must have; what it gives for each of its rows.
 MEASURED = ("time_s", "current_A", "voltage_V", "temperature_degC")
-ESTIMATED = ("soc", "soc_std", "current_offset_A", "capacity_share", "resistance_share")
+ESTIMATED = ("soc", "soc_std", "current_offset_A", "soh_capacity", "resistance_ratio")
 SCHEMA = f"robot string, time_s double, {', '.join(f'{name} double' for name in ESTIMATED)}, flags int"
 
 

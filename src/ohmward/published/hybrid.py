@@ -38,13 +38,13 @@ class Hybrid:
     Attributes:
         thevenin: what estimates.
         rc: what initialises and corrects.
-        quiet_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
+        rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
         settle_s: length of a rest before its voltage is taken for the open-circuit voltage.
     """
 
     thevenin: TheveninFilter
     rc: RcKalman
-    quiet_share: float = 0.03
+    rest_share: float = 0.03
     settle_s: float = 900.0
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
@@ -59,7 +59,7 @@ class Hybrid:
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
         rc, second = self.rc.step(state.rc, sample)
         model, noise = self.thevenin.model, self.thevenin.noise
-        quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.quiet_share)
+        quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.rest_share)
         dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
         rest, due = rested(state.rest, quiet, dt_s, self.settle_s)
 

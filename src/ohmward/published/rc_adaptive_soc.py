@@ -52,7 +52,7 @@ class RcAdaptiveSoc:
         restarted = where(lost, float(SocFlag.NOT_POSITIVE_DEFINITE), 0.0)
         shares = self.shares(circuit)
         estimate = estimate._replace(
-            capacity_share=shares[0], resistance_share=shares[1], flags=estimate.flags + restarted
+            soh_capacity=shares[0], resistance_ratio=shares[1], flags=estimate.flags + restarted
         )
         return SchemeState(joint, soc), estimate
 

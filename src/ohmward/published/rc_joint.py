@@ -35,7 +35,7 @@ from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
 
-LOST = 7.0
+DIVERGED = 7.0
 """Parameters further than a factor of e^7 from their nominal values are lost, and the filter starts again."""
 
 BULK_STD_V = 0.5
@@ -120,7 +120,7 @@ class RcJoint:
         match_Q, match_R: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
         window: effective number of samples for that.
         gate: largest NIS of a voltage that is used.
-        patience_s: after so much time outside the gate the voltage is used: it is the filter that is wrong.
+        reset_after_s: after so much time outside the gate the voltage is used: it is the filter that is wrong.
         gap_s: a longer step says nothing about the current in between.
         unknown_A: standard deviation of a current that was not measured.
         current_limit_A: a larger current is a fault of its sensor.
@@ -139,7 +139,7 @@ class RcJoint:
     match_R: bool = True
     window: float = 100.0
     gate: float = 25.0
-    patience_s: float = 60.0
+    reset_after_s: float = 60.0
     gap_s: float = 600.0
     unknown_A: float = 1.0
     current_limit_A: float = math.inf
@@ -232,13 +232,13 @@ class RcJoint:
         distance = nis(innovation)
         measured = measured & isfinite(distance) & ((reading.dt_s > 0) | first)
         outside = measured & (distance > self.gate)
-        return measured & ((distance <= self.gate) | (state.rejected_s > self.patience_s)), outside
+        return measured & ((distance <= self.gate) | (state.rejected_s > self.reset_after_s)), outside
 
     def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
         """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
         logarithms, voltages = belief.mean[:PARAMETERS], belief.mean[PARAMETERS:]
         _, positive = cholesky(belief.cov)
-        healthy = (positive > 0.5) & (logarithms @ logarithms < LOST**2) & isfinite(sum(voltages))
+        healthy = (positive > 0.5) & (logarithms @ logarithms < DIVERGED**2) & isfinite(sum(voltages))
         level_V = where(isfinite(voltage_V), voltage_V, 0.0)
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
 

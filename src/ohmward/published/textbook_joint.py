@@ -155,7 +155,7 @@ class TextbookJoint:
         after = state._replace(belief=pack(corrected), gain=K[:, 0])
         return self.concluded(after, correction.innovation.value[0], reading)
 
-    def read(self, state: TextbookJointState, sample: SocSample) -> CleanJointSample:
+    def sanitize(self, state: TextbookJointState, sample: SocSample) -> CleanJointSample:
         """What a sample says."""
         current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
         measured = is_voltage(sample.voltage_V, self.highest_ocv_V)

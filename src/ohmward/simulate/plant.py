@@ -18,11 +18,11 @@ import numpy as np
 from ohmward.battery.models.thevenin import (
     KELVIN,
     CircuitInput,
+    arrhenius_factor,
     next_state,
     ohmic_resistance,
     pair_resistances,
     voltage,
-    warmth,
 )
 from ohmward.errors import InputError
 from ohmward.simulate.cells import SimulatedBattery
@@ -136,7 +136,7 @@ def terminal_voltage(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) 
 
 def transfer_overpotential(u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Butler-Volmer with symmetry 1/2 [V]: linear at small currents, logarithmic at large ones."""
-    return battery.transfer_V * np.arcsinh(u.current_A * warmth(u, battery.circuit) / battery.exchange_A)
+    return battery.transfer_V * np.arcsinh(u.current_A * arrhenius_factor(u, battery.circuit) / battery.exchange_A)
 
 
 def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery: SimulatedBattery) -> Any:
@@ -157,7 +157,7 @@ def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: Simulat
     Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
     """
     r0_ohm = ohmic_resistance(soc, u, battery.circuit)
-    exchange_A = battery.exchange_A / warmth(u, battery.circuit)
+    exchange_A = battery.exchange_A / arrhenius_factor(u, battery.circuit)
     i = overpotential_V / (r0_ohm + battery.transfer_V / exchange_A)
     for _ in range(_NEWTON_STEPS):
         excess = r0_ohm * i + battery.transfer_V * np.arcsinh(i / exchange_A) - overpotential_V
@@ -187,7 +187,7 @@ def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     ohmic = (ohmic_resistance(soc, u, p) * i + transfer_overpotential(u, battery)) * i
     side_reactions = p.ocv.mean_V(soc, u.temperature_degC) * (i - stored_A)
     reversible = stored_A * (u.temperature_degC + KELVIN) * _entropy_V_per_K(soc, battery)
-    return p.ocv.half_gap_V(soc) * h * i + diffusion + ohmic + side_reactions + reversible
+    return p.ocv.hysteresis_at_V(soc) * h * i + diffusion + ohmic + side_reactions + reversible
 
 
 def next_temperature(temperature_degC: Any, heat_W: Any, demand: Demand, battery: SimulatedBattery) -> Any:

@@ -99,7 +99,7 @@ def true_slip(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> TrueS
     Where the slip ratio lambda itself is known, the slip speed is lambda max(|r omega|, |v|).
     """
     n = robot.driven
-    rim = robot.wheel.radius_m * estimates.radius_share[:, None] * estimates.wheel_speed_rad_s
+    rim = robot.wheel.radius_m * estimates.radius_ratio[:, None] * estimates.wheel_speed_rad_s
     travel = true_motion(robot, estimates, truth) @ robot.rolling[:n].T
     if truth.slip_ratio is None:
         speed = rim - travel

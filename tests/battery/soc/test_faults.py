@@ -141,7 +141,7 @@ def test_half_an_hour_of_a_fault_is_survived_and_the_estimate_returns(name, faul
 @pytest.mark.parametrize("fault", ["voltage +0.2 V", "voltage -0.2 V", "voltage of another battery", "current stuck"])
 def test_a_lasting_contradiction_is_noticed_in_time(fault):
     _, estimates = run("ekf", broken(OUTAGE, **LASTING[fault]))
-    lost = flagged(estimates, SocFlag.LOST)
+    lost = flagged(estimates, SocFlag.DIVERGED)
     assert lost.size
     assert lost[0] >= FIRST + 60
     assert estimates.soc_std[lost[0] : LAST].max() > 0.1
@@ -149,7 +149,7 @@ def test_a_lasting_contradiction_is_noticed_in_time(fault):
 
 def test_nothing_is_lost_without_a_fault():
     _, estimates = run("ekf", broken(ONE))
-    assert not flagged(estimates, SocFlag.LOST | SocFlag.VOLTAGE_REJECTED).size
+    assert not flagged(estimates, SocFlag.DIVERGED | SocFlag.VOLTAGE_REJECTED).size
 
 
 @pytest.mark.parametrize("name", ["ekf", "ukf", "coulomb"])

@@ -12,7 +12,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.logs.log import Log
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 
 
 def measured(name):

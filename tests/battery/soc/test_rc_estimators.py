@@ -152,9 +152,9 @@ def test_system_is_linear_in_offset_and_output_in_resistance():
 def test_model_error_lives_along_charge():
     """It stays at rest, and its variance is one whatever the charge that flows."""
     noise = replace(SENSORS, model_soc_length=0.1)
-    assert rc_linear.error_kept(0.0, noise) == 1.0
-    assert rc_linear.error_kept(0.1, noise) == pytest.approx(math.exp(-1))
-    kept = rc_linear.error_kept(0.04, noise)
+    assert rc_linear.error_decay(0.0, noise) == 1.0
+    assert rc_linear.error_decay(0.1, noise) == pytest.approx(math.exp(-1))
+    kept = rc_linear.error_decay(0.04, noise)
     Q = rc_linear.process_noise(np.zeros((2, 2)), kept, 1.0, noise)
     assert kept**2 + Q[MODEL_ERROR, MODEL_ERROR] == pytest.approx(1.0)
 
@@ -165,7 +165,7 @@ def test_resistance_error_is_found():
     noise = replace(SENSORS, resistance_std=0.3)
     run = simulate(worn, 3000, 5, voltage_std_V=0.002, soc=0.9)
     found = SocEstimator(RcKalman(MODEL, noise)).run(log_of(run.samples)).estimates
-    assert found.resistance_share[-1] == pytest.approx(1.3, rel=0.05)
+    assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.05)
     assert np.abs(found.soc - run.soc)[500:].max() < 0.02
 
 
@@ -175,8 +175,8 @@ def test_scheme_tells_capacity_and_resistance():
     found = (
         SocEstimator(adaptive_soc_of(MODEL, replace(SENSORS, resistance_std=0.3))).run(log_of(run.samples)).estimates
     )
-    assert found.resistance_share[-1] == pytest.approx(1.3, rel=0.03)
-    assert found.capacity_share[-1] == pytest.approx(0.85, rel=0.03)
+    assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.03)
+    assert found.soh_capacity[-1] == pytest.approx(0.85, rel=0.03)
 
 
 def test_scheme_starts_with_the_same_lasting_resistance():
@@ -229,7 +229,7 @@ def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
     rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
     assert rejected[700:760].all()
     assert not rejected[770:].any()
-    assert np.count_nonzero(found.flags.astype(int) & SocFlag.LOST) <= 3
+    assert np.count_nonzero(found.flags.astype(int) & SocFlag.DIVERGED) <= 3
     assert found.soc[-1] - run.soc[-1] > 0.1
 
 
@@ -240,7 +240,7 @@ def test_scheme_survives_a_joint_filter_that_is_lost():
     lost = state.joint.belief._replace(mean=np.full(7, NAN), lower=np.full(28, NAN))
     state, estimate = scheme.step(state._replace(joint=state.joint._replace(belief=lost)), row(run.samples, 0))
     assert estimate.flags == SocFlag.NOT_POSITIVE_DEFINITE
-    assert (estimate.capacity_share, estimate.resistance_share) == (1.0, 1.0)
+    assert (estimate.soh_capacity, estimate.resistance_ratio) == (1.0, 1.0)
     _, found = kernel_of("scheme").scan(state, SocSample(*(c[1:] for c in run.samples)))
     assert np.abs(found.soc - run.soc[1:])[300:].max() < 0.02
 

@@ -191,8 +191,8 @@ def test_a_worn_battery_shows_in_its_capacity_and_resistance():
     truth = simulate(worn, hours, 0.95, hysteresis=0.0)
     noise = replace(NOISE, capacity_std=0.2, resistance_std=0.5)
     _, estimates = scan(TheveninFilter(NMC, noise, idle_current_A=None), samples(truth, 0.0, NOISE))
-    assert estimates.capacity_share[-1] == pytest.approx(0.8, abs=0.04)
-    assert estimates.resistance_share[-1] == pytest.approx(1.5, abs=0.1)
+    assert estimates.soh_capacity[-1] == pytest.approx(0.8, abs=0.04)
+    assert estimates.resistance_ratio[-1] == pytest.approx(1.5, abs=0.1)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -245,7 +245,7 @@ def test_estimates_stay_within_empty_and_full():
 def test_names_of_the_belief():
     assert TheveninFilter(NMC).state_names == (
         *("soc", "v1_V", "v2_V", "hysteresis"),
-        *("offset_A", "charge_gain", "resistance_share", "model_error"),
+        *("offset_A", "charge_gain", "resistance_ratio", "model_error"),
     )
 
 
@@ -258,7 +258,7 @@ def test_names_of_the_belief():
         ({"window": 0.5}, "window must be >= 1, got 0.5"),
         ({"current_limit_C": math.nan}, "current_limit_C must be finite, got nan"),
         ({"rest_hold_s": -1.0}, "rest_hold_s must be >= 0, got -1"),
-        ({"patience_s": -1.0}, "patience_s must be >= 0, got -1"),
+        ({"reset_after_s": -1.0}, "reset_after_s must be >= 0, got -1"),
         ({"idle_current_A": math.inf}, "idle_current_A must be finite, got inf"),
     ],
 )

@@ -31,7 +31,7 @@ def drive():
 
 def test_the_energy_of_the_battery_is_accounted_for(drive):
     account = drive.history.account
-    assert np.abs(account.gap_J).max() <= 1e-9 * account.battery[-1]
+    assert np.abs(account.residual_J).max() <= 1e-9 * account.battery[-1]
     assert account.idle[-1] == pytest.approx(10.0 * 2.0)
     assert np.abs(account.numerical).max() < 1e-3 * account.battery[-1]
     assert np.abs(account.resistor).max() < 1e-9 * account.battery[-1]
@@ -158,7 +158,7 @@ def test_a_full_battery_leaves_the_braking_to_the_resistor():
     run = closed_loop.run(full)
     assert np.diff(run.history.account.resistor).min() > -1e-9
     assert run.history.account.resistor[-1] > 1.0
-    assert np.abs(run.history.account.gap_J).max() < 1e-9 * run.history.account.battery.max()
+    assert np.abs(run.history.account.residual_J).max() < 1e-9 * run.history.account.battery.max()
 
 
 def test_an_empty_battery_ends_the_drive():

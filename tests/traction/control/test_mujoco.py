@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
 
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
 from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
 from ohmward.simulate.robot_truth import stack
 from ohmward.traction.control import (
     ControlFlag,
-    FuzzySlidingMode,
     Measurement,
     SlipCommand,
     SlipController,

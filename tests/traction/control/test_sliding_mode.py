@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.control import FuzzySlidingMode, SlidingMode, SlipRatioSlidingMode, Uncertainty
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward.traction.control import SlidingMode, Uncertainty
 from traction.control.examples import SLIDING, UNSURE, WHEEL, motion
 
 RNG = np.random.default_rng(1)

@@ -9,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.trace import Kernel
 from ohmward.traction.control import (
     ControlFlag,
-    FuzzySlidingMode,
     Limits,
     Measurement,
     SlidingMode,
     SlipCommand,
     SlipController,
     SlipPid,
-    SlipRatioSlidingMode,
 )
 from ohmward.traction.control.slip_law import SlipLaw
 from traction.control.examples import DRY, LIMITS, SLIDING, SLIPPERY, UNSURE, WHEEL, Truth, drive, measured
@@ -196,5 +196,5 @@ def test_it_traces_and_the_compiled_step_is_the_same(law):
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match=r"slip_controller.patience_s must be > 0"):
-        controller(patience_s=0.0)
+    with pytest.raises(InputError, match=r"slip_controller.reset_after_s must be > 0"):
+        controller(reset_after_s=0.0)

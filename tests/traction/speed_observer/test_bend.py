@@ -31,4 +31,4 @@ def coverage_95(run, **noise):
 
 def test_a_corner_that_nobody_believes_in_breaks_no_sigma(held_slip):
     assert coverage_95(held_slip) > 0.85
-    assert coverage_95(held_slip, bend_std=1e-6) < 0.7
+    assert coverage_95(held_slip, curve_shape_std=1e-6) < 0.7

@@ -9,7 +9,7 @@ import pytest
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, Motor, hard_terrain
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.disturbance import unexplained_push_m_s2
+from ohmward.traction.speed_observer.disturbance import disturbance_m_s2
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import observe
 
@@ -36,12 +36,12 @@ IDEAL = [replace(r, motor=Motor(0.05, 0.2, gear_ratio=10.0, rotor_inertia_kg_m2=
 @pytest.mark.parametrize("robot", IDEAL, ids=["RLMA", "Robotino"])
 @pytest.mark.parametrize("push", [0.0, 0.3, 3.0])
 def test_what_was_put_in_comes_out(robot, push):
-    assert unexplained_push_m_s2(robot, drive(robot, push)) == pytest.approx(push, abs=0.01)
-    assert unexplained_push_m_s2(robot, drive(robot, push, motion=-0.3 + 0 * TIME)) == pytest.approx(push, abs=0.01)
+    assert disturbance_m_s2(robot, drive(robot, push)) == pytest.approx(push, abs=0.01)
+    assert disturbance_m_s2(robot, drive(robot, push, motion=-0.3 + 0 * TIME)) == pytest.approx(push, abs=0.01)
 
 
 def test_noise_of_encoders_does_not_count():
-    assert unexplained_push_m_s2(IDEAL[0], drive(IDEAL[0], noise=0.05)) < 0.1
+    assert disturbance_m_s2(IDEAL[0], drive(IDEAL[0], noise=0.05)) < 0.1
 
 
 def test_a_friction_that_the_motor_is_known_to_have_is_explained():
@@ -49,15 +49,15 @@ def test_a_friction_that_the_motor_is_known_to_have_is_explained():
     friction_Nm = 0.5 * robot.mass_kg * robot.wheel.radius_m / robot.driven
     known = replace(robot, motor=replace(robot.motor, friction_Nm=friction_Nm, friction_speed_rad_s=0.01))
     log = drive(robot, push_m_s2=0.5)
-    assert unexplained_push_m_s2(robot, log) == pytest.approx(0.5, abs=0.01)
-    assert unexplained_push_m_s2(known, log) == pytest.approx(0.0, abs=0.01)
+    assert disturbance_m_s2(robot, log) == pytest.approx(0.5, abs=0.01)
+    assert disturbance_m_s2(known, log) == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_log_that_cannot_tell_gives_nothing():
     log = drive()
     for short in (log.select(slice(0, 1)), log.select(slice(0, 25)), drive(motion=0 * TIME)):
-        assert unexplained_push_m_s2(RLMA, short) == 0.0
-    assert unexplained_push_m_s2(RLMA, replace(log, motor_current_A=np.full((TIME.size, 2), math.nan))) == 0.0
+        assert disturbance_m_s2(RLMA, short) == 0.0
+    assert disturbance_m_s2(RLMA, replace(log, motor_current_A=np.full((TIME.size, 2), math.nan))) == 0.0
 
 
 def test_a_push_opens_the_grade_and_a_large_one_the_slip():

@@ -44,5 +44,5 @@ def test_a_wheel_that_goes_on_to_surprise_teaches_its_friction_and_does_not_drag
     first = at_rest(observer)._replace(wheel_speed_rad_s=np.full(4, CRUISE_RAD_S), current_A=np.full(2, CRUISE_A))
     _, e = Kernel(observer.step, observer.init(first), first).scan(observer.init(first), samples)
     assert e.flags[200].astype(int) & SlipFlag.GROUND_CHANGED
-    assert e.friction_share[205, 0] < 0.1
+    assert e.friction_ratio[205, 0] < 0.1
     assert e.speed_m_s[200:210] == pytest.approx(e.speed_m_s[199], abs=0.015)

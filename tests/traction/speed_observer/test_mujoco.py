@@ -63,7 +63,7 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     assert growth == pytest.approx(9.81 * np.radians(1.0), rel=0.15)
     assert e.flags[-1] == SlipFlag.SPEED_UNOBSERVED
     assert e.unobserved_s[-1] > 3.0 and e.grip[-1].max() < 1e-3
-    assert e.friction_share[-1] * 0.7 == pytest.approx(0.2, rel=0.03)
+    assert e.friction_ratio[-1] * 0.7 == pytest.approx(0.2, rel=0.03)
 
 
 @pytest.mark.slow

@@ -159,7 +159,7 @@ def test_an_external_speed_shows_the_radius():
     sample = log(speeds, np.full(4000, 0.3), speed_m_s=np.full(4000, 0.4))
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(speed_std_m_s=0.02, radius_std=0.02))
     _, e = observed(observer, sample)
-    assert e.radius_share[-1] == pytest.approx(true_share, abs=3 * e.radius_std[-1])
+    assert e.radius_ratio[-1] == pytest.approx(true_share, abs=3 * e.radius_std[-1])
     assert e.radius_std[-1] < 0.005
 
 

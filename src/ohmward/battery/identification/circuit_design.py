@@ -96,7 +96,7 @@ def design(
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
     A = np.zeros((samples.soc.size, layout.size))
-    warm = warmth(samples, rates.activation_K, reference_degC)
+    warm = arrhenius_factor(samples, rates.activation_K, reference_degC)
     here = hat(samples.soc, RESISTANCE_GRID) * (warm * samples.current_A)[:, None]
     driven = hat(samples.soc_before, RESISTANCE_GRID) * (warm * samples.mean_current_A)[:, None]
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
@@ -108,7 +108,7 @@ def design(
         A[:, initial + j] = np.cumprod(decay)
     A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
     if layout.hysteresis:
-        gap_V = ocv.half_gap_V(samples.soc)
+        gap_V = ocv.hysteresis_at_V(samples.soc)
         decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
         h = scan(decay, (1 - decay) * np.sign(samples.mean_current_A))
         A[:, layout.scale] = (gap_V * h)[:, None]
@@ -116,7 +116,7 @@ def design(
     return A
 
 
-def warmth(samples: TestSamples, activation_K: float, reference_degC: float) -> np.ndarray:
+def arrhenius_factor(samples: TestSamples, activation_K: float, reference_degC: float) -> np.ndarray:
     """(N,) factor of the resistances at the temperature of each sample (Arrhenius)."""
     return np.exp(activation_K * (1 / (samples.temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
 

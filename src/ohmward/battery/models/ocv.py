@@ -52,7 +52,7 @@ class OcvCurve:
         warmer_K = temperature_degC - self.reference_degC
         return self._at(self.voltage_V, soc) + warmer_K * self._at(self.temperature_V_per_K, soc)
 
-    def half_gap_V(self, soc: Any) -> Any:
+    def hysteresis_at_V(self, soc: Any) -> Any:
         """Half the distance of the two branches [V] at soc, float or traced."""
         return self._at(self.hysteresis_V, soc)
 
@@ -62,7 +62,7 @@ class OcvCurve:
         branch: -1 discharge, 0 mean, 1 charge. A voltage above (below) the curve gives 1 (0).
         """
         soc = np.linspace(0.0, 1.0, 4001)
-        curve = self.mean_V(soc, temperature_degC) + branch * self.half_gap_V(soc)
+        curve = self.mean_V(soc, temperature_degC) + branch * self.hysteresis_at_V(soc)
         return float(np.interp(voltage_V, np.maximum.accumulate(curve) + 1e-12 * np.arange(len(soc)), soc))
 
     def scaled(self, factor: float) -> OcvCurve:

@@ -31,8 +31,8 @@ class CircuitInput(NamedTuple):
 class Health(NamedTuple):
     """How far the battery has moved from its file: what its capacity and its resistances are multiplied by."""
 
-    capacity_share: Any = 1.0
-    resistance_share: Any = 1.0
+    soh_capacity: Any = 1.0
+    resistance_ratio: Any = 1.0
 
 
 NEW = Health()
@@ -127,12 +127,12 @@ def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: H
     """
     soc, *v, h = x
     i = u.current_A
-    drive = health.resistance_share * i
+    drive = health.resistance_ratio * i
     v_next = [
         decay * vj + (1 - decay) * rj * drive
         for decay, vj, rj in zip(pair_decays(p, dt_s), v, pair_resistances(soc, u, p), strict=True)
     ]
-    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.capacity_share)
+    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.soh_capacity)
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
@@ -144,13 +144,13 @@ def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -
 def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     """Voltage [V] that would remain after a very long rest, hysteresis included."""
     soc, h = x[0], x[-1]
-    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.half_gap_V(soc) * h
+    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.hysteresis_at_V(soc) * h
 
 
 def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -> list[Any]:
     """What the current of the past and of this instant adds [V]: v_1 ... v_n, then the ohmic drop."""
     soc, *v, _ = x
-    return [*v, ohmic_resistance(soc, u, p) * (health.resistance_share * u.current_A)]
+    return [*v, ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)]
 
 
 def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:
@@ -175,16 +175,16 @@ def ohmic_resistance(soc: Any, u: CircuitInput, p: Thevenin) -> Any:
     """R_0 [ohm] at this SoC, direction of current and temperature."""
     charging = _on_grid(p.r0_charge_ohm, soc)
     if p.r0_charge_ohm == p.r0_discharge_ohm:
-        return warmth(u, p) * charging
-    return warmth(u, p) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
+        return arrhenius_factor(u, p) * charging
+    return arrhenius_factor(u, p) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
 
 
 def pair_resistances(soc: Any, u: CircuitInput, p: Thevenin) -> list[Any]:
     """R_1 ... R_n [ohm] at this SoC and temperature."""
-    return [warmth(u, p) * _on_grid(row, soc) for row in p.r_ohm]
+    return [arrhenius_factor(u, p) * _on_grid(row, soc) for row in p.r_ohm]
 
 
-def warmth(u: CircuitInput, p: Thevenin) -> Any:
+def arrhenius_factor(u: CircuitInput, p: Thevenin) -> Any:
     """Factor of all resistances at this temperature (Arrhenius), 1 at the reference."""
     if p.activation_K == 0.0:
         return 1.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
-from ohmward.flags import count_flags
+from ohmward.filters.flags import count_flags
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, snapshot
 from ohmward.trace.live import Live

@@ -52,13 +52,13 @@ class Gate(NamedTuple):
     """Which voltages are used.
 
     largest: NIS of a voltage that is used.
-    patience_s: after so much time outside it is the filter that is wrong; see `correct`.
+    reset_after_s: after so much time outside it is the filter that is wrong; see `correct`.
     highest_ocv_V: of the battery [V]; voltages that no such battery can show are none.
     rejected_s: how long the voltage has been outside so far [s].
     """
 
     largest: float
-    patience_s: float
+    reset_after_s: float
     highest_ocv_V: float
     rejected_s: Any
 
@@ -123,15 +123,15 @@ def output(p: rc.Circuit | rc.RcModel, model_std_V: Any, overpotential_V: Any) -
     return np.array([[surface_share, bulk_share, model_std_V, -rc.instant_resistance(p), overpotential_V]])
 
 
-def require_settings(gap_s: float, gate: float, patience_s: float, current_limit_C: float) -> None:
+def require_settings(gap_s: float, gate: float, reset_after_s: float, current_limit_C: float) -> None:
     """The settings that every linear filter on the RC model has are what they can be."""
     require_positive("gap_s", gap_s)
     require_positive("gate", gate)
-    require_between("patience_s", patience_s, 0.0, math.inf)
+    require_between("reset_after_s", reset_after_s, 0.0, math.inf)
     require_positive("current_limit_C", current_limit_C)
 
 
-def error_kept(moved: Any, noise: BatteryNoise) -> Any:
+def error_decay(moved: Any, noise: BatteryNoise) -> Any:
     """Share of the model error that is left after SoC has moved by so much."""
     return np.exp(-moved / noise.model_soc_length)
 
@@ -173,7 +173,7 @@ def correct(
     spread = (H @ prior.cov @ H.T)[0, 0]
     distance = (y - y_hat) ** 2 / gate.largest
     outside = measured & (distance > spread + R)
-    lost = outside & (gate.rejected_s > gate.patience_s)
+    lost = outside & (gate.rejected_s > gate.reset_after_s)
     wider = where(lost, maximum((distance - R) / maximum(spread, 1e-30), 1.0), 1.0)
     posterior, innovation = kalman.update(
         prior._replace(cov=wider * prior.cov), np.array([y]), H, np.array([[R]]), np.array([y_hat])
@@ -185,7 +185,7 @@ def correct(
         where(measured, innovation.value[0], math.nan),
         where(measured, 0.0, float(SocFlag.NO_VOLTAGE))
         + where(outside & logical_not(lost), float(SocFlag.VOLTAGE_REJECTED), 0.0)
-        + where(lost, float(SocFlag.LOST), 0.0),
+        + where(lost, float(SocFlag.DIVERGED), 0.0),
         where(outside, gate.rejected_s + reading.dt_s, 0.0),
     )
 

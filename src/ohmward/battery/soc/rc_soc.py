@@ -52,7 +52,7 @@ class RcSoc:
         noise: what to assume about sensors and model.
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used.
-        patience_s: after so much time outside the gate it is the filter that is wrong, and it doubts itself.
+        reset_after_s: after so much time outside the gate it is the filter that is wrong, and it doubts itself.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
@@ -60,11 +60,11 @@ class RcSoc:
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     gap_s: float = 600.0
     gate: float = 25.0
-    patience_s: float = 60.0
+    reset_after_s: float = 60.0
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
-        rc_linear.require_settings(self.gap_s, self.gate, self.patience_s, self.current_limit_C)
+        rc_linear.require_settings(self.gap_s, self.gate, self.reset_after_s, self.current_limit_C)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -100,7 +100,7 @@ class RcSoc:
         p, noise = parameters.circuit, self.noise
         current_A, dt_s = reading.mean.current_A, reading.dt_s
         moved = abs(current_A) * dt_s / self.model.capacity_As
-        kept = rc_linear.error_kept(moved, noise)
+        kept = rc_linear.error_decay(moved, noise)
         F5, B5 = rc_linear.transition(p, kept, dt_s)
         per_A = dt_s / self.model.capacity_As
         F = rc_linear.block_diagonal(F5, np.eye(1))
@@ -127,7 +127,7 @@ class RcSoc:
         H = np.hstack([H5, np.zeros((1, 1))])
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         R = rc_linear.voltage_variance(reading, over_V, self.line[1], self.noise, parameters.resistance_std)
-        gate = Gate(self.gate, self.patience_s, self.model.ocv.voltage_V[-1], state.rejected_s)
+        gate = Gate(self.gate, self.reset_after_s, self.model.ocv.voltage_V[-1], state.rejected_s)
         return rc_linear.correct(prior, H, R, y_hat, voltage_V, gate, reading)
 
     def estimate(self, belief: Belief, outcome: VoltageUpdate, flags: Any) -> SocEstimate:
@@ -140,8 +140,8 @@ class RcSoc:
             voltage_std_V=outcome.voltage_std_V,
             innovation_V=outcome.innovation_V,
             current_offset_A=belief.mean[OFFSET],
-            capacity_share=math.nan * belief.mean[BULK],
-            resistance_share=1.0 + belief.mean[RESISTANCE],
+            soh_capacity=math.nan * belief.mean[BULK],
+            resistance_ratio=1.0 + belief.mean[RESISTANCE],
             flags=flags,
         )
 

@@ -74,7 +74,7 @@ class RestOcv:
         """Coulomb counting started anew from this rest's voltage (a scalar Kalman update), OCV and its std [V]."""
         noise, T = self.noise, state.temperature_degC
         ocv, slope = linearize(lambda s: np.array([self.model.ocv.mean_V(s[0], T)]), np.array([state.soc]))
-        gap = self.model.ocv.half_gap_V(state.soc)
+        gap = self.model.ocv.hysteresis_at_V(state.soc)
         left = sum(pair_resistances(state.soc, CircuitInput(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
         R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * slope[0, 0]) ** 2
         R = R + (0.7 * gap) ** 2 + left**2

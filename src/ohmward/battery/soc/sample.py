@@ -28,8 +28,8 @@ class SocEstimate(NamedTuple):
     voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and how far off it may be.
     innovation_V: measured minus expected voltage [V]; nan when the voltage was not used.
     current_offset_A: what the current sensor shows at zero current [A].
-    capacity_share: capacity over the battery file's.
-    resistance_share: resistance over the battery file's.
+    soh_capacity: capacity over the battery file's.
+    resistance_ratio: resistance over the battery file's.
     flags: sum of `SocFlag` values; 0 is a sample without incident.
     """
 
@@ -39,8 +39,8 @@ class SocEstimate(NamedTuple):
     voltage_std_V: Any
     innovation_V: Any
     current_offset_A: Any
-    capacity_share: Any
-    resistance_share: Any
+    soh_capacity: Any
+    resistance_ratio: Any
     flags: Any
 
 
@@ -55,4 +55,4 @@ class SocFlag(IntFlag):
     REST = 32  # current known: the zero-current update was made
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
-    LOST = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
+    DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown

@@ -65,7 +65,7 @@ class FilterState(NamedTuple):
     noise: moments for covariance matching [V^2].
     current_A, temperature_degC: last credible ones.
     rest_s: how long the current has looked like rest.
-    doubtful_s: how long the voltage has contradicted the belief.
+    rejected_s: how long the voltage has contradicted the belief.
     unknown_s: how long the current has not been known.
     """
 
@@ -74,7 +74,7 @@ class FilterState(NamedTuple):
     current_A: float
     temperature_degC: float
     rest_s: float
-    doubtful_s: float
+    rejected_s: float
     unknown_s: float
 
 
@@ -106,7 +106,7 @@ class TheveninFilter:
         rest_hold_s: how long the current must look like rest first.
         gap_s: a longer step between two samples says nothing about the current in between.
         gate: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance.
-        patience_s: after so much time beyond the gate it is the filter that is wrong: SoC is declared unknown.
+        reset_after_s: after so much time beyond the gate it is the filter that is wrong: SoC is declared unknown.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
@@ -119,7 +119,7 @@ class TheveninFilter:
     rest_hold_s: float = 30.0
     gap_s: float = 600.0
     gate: float = 25.0
-    patience_s: float = 60.0
+    reset_after_s: float = 60.0
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
@@ -129,14 +129,14 @@ class TheveninFilter:
             require_positive(name, getattr(self, name))
         require_between("window", self.window, 1.0, math.inf)
         require_between("rest_hold_s", self.rest_hold_s, 0.0, math.inf)
-        require_between("patience_s", self.patience_s, 0.0, math.inf)
+        require_between("reset_after_s", self.reset_after_s, 0.0, math.inf)
         if self.idle_current_A is not None:
             require_finite("idle_current_A", self.idle_current_A)
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the belief's mean, in order."""
-        return (*self.model.state_names, "offset_A", "charge_gain", "resistance_share", "model_error")
+        return (*self.model.state_names, "offset_A", "charge_gain", "resistance_ratio", "model_error")
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
         """State before the first sample, which it looks at: the voltage says how far a given SoC can be true.
@@ -167,7 +167,7 @@ class TheveninFilter:
         rest_s, resting = self.rest(state, prior, reading)
         prior = choose(resting, self.zero_current_update(prior, reading), prior)
 
-        lost = state.doubtful_s > self.patience_s
+        lost = state.rejected_s > self.reset_after_s
         prior = choose(lost, _soc_unknown(prior), prior)
         error = self.voltage_error(prior, reading)
         R = np.array([[error.variance * error.weight]]) + (state.noise.residual if self.matching else 0.0)
@@ -184,7 +184,7 @@ class TheveninFilter:
             reading.now.current_A,
             reading.now.temperature_degC,
             rest_s,
-            self.doubtful_s(state, correction.innovation, R[0, 0] - error.variance, reading, measured),
+            self.rejected_s(state, correction.innovation, R[0, 0] - error.variance, reading, measured),
             reading.unknown_s,
         )
         flags = (
@@ -193,7 +193,7 @@ class TheveninFilter:
             + where(measured & ~accepted, float(SocFlag.VOLTAGE_REJECTED), 0.0)
             + where(resting, float(SocFlag.REST), 0.0)
             + where(limited, float(SocFlag.SOC_LIMITED), 0.0)
-            + where(measured & lost, float(SocFlag.LOST), 0.0)
+            + where(measured & lost, float(SocFlag.DIVERGED), 0.0)
         )
         return after, self.estimate(posterior, correction, y, measured, flags)
 
@@ -213,7 +213,7 @@ class TheveninFilter:
         u = CircuitInput(reading.mean.current_A - offset, reading.mean.temperature_degC)
         moved = next_state(circuit, u, self.model, reading.dt_s, health)
         gain, resistance = x[-3], x[-2]
-        kept = self.error_kept(u.current_A, reading)
+        kept = self.error_decay(u.current_A, reading)
         return np.array(
             [circuit[0] + gain * (moved[0] - circuit[0]), *moved[1:], offset, gain, resistance, kept * error]
         )
@@ -226,9 +226,9 @@ class TheveninFilter:
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, Health, Any]:
         """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
-        return x[:-4], x[-4], Health(resistance_share=x[-2]), x[-1]
+        return x[:-4], x[-4], Health(resistance_ratio=x[-2]), x[-1]
 
-    def error_kept(self, current_A: Any, reading: CleanSocSample) -> Any:
+    def error_decay(self, current_A: Any, reading: CleanSocSample) -> Any:
         """Share of the model error that is still there after the charge of this step."""
         unknown_A = where(reading.known > 0.5, 0.0, USUAL_C * self.model.capacity_Ah)
         moved_As = (abs(current_A) + unknown_A) * reading.dt_s
@@ -250,7 +250,7 @@ class TheveninFilter:
             noise.current_offset_walk_A**2 * dt_s / 3600.0,
             noise.capacity_walk**2 * dt_s / 3.6e6,
             noise.resistance_walk**2 * dt_s / 3.6e5,
-            1 - self.error_kept(reading.mean.current_A, reading) ** 2,
+            1 - self.error_decay(reading.mean.current_A, reading) ** 2,
         ]
         return np.diag(np.array(diagonal))
 
@@ -278,7 +278,7 @@ class TheveninFilter:
         """Rise of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
         return linearize(lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), soc)[1][0]
 
-    def doubtful_s(
+    def rejected_s(
         self, state: FilterState, innovation: Innovation, repeated: Any, reading: CleanSocSample, measured: Any
     ) -> Any:
         """How long the voltage has contradicted the belief, this step included.
@@ -290,8 +290,8 @@ class TheveninFilter:
         """
         nu, S = innovation.value[0], innovation.cov[0, 0]
         contradicts = nu * nu > self.gate * (S - repeated)
-        doubtful_s = where(contradicts & (state.doubtful_s <= self.patience_s), state.doubtful_s + reading.dt_s, 0.0)
-        return where(measured, doubtful_s, state.doubtful_s)
+        rejected_s = where(contradicts & (state.rejected_s <= self.reset_after_s), state.rejected_s + reading.dt_s, 0.0)
+        return where(measured, rejected_s, state.rejected_s)
 
     def rest(self, state: FilterState, prior: Belief, reading: CleanSocSample) -> tuple[Any, Any]:
         """How long the current has looked like rest, and whether it counts as one.
@@ -335,8 +335,8 @@ class TheveninFilter:
             voltage_std_V=np.sqrt(innovation.cov[0, 0]),
             innovation_V=where(measured, innovation.value[0], math.nan),
             current_offset_A=x[-4],
-            capacity_share=1.0 / maximum(x[-3], 0.1),
-            resistance_share=x[-2],
+            soh_capacity=1.0 / maximum(x[-3], 0.1),
+            resistance_ratio=x[-2],
             flags=flags,
         )
 

@@ -243,7 +243,7 @@ def _charge(
     if recording and recording.soc:
         e = recording.soc
         values |= {"soc": min(max(float(e.soc[-1]), 0.0), 1.0), "soc_std": float(e.soc_std[-1])}
-        shares = {"capacity_share": e.capacity_share[-1], "resistance_share": e.resistance_share[-1]}
+        shares = {"soh_capacity": e.soh_capacity[-1], "resistance_ratio": e.resistance_ratio[-1]}
         values |= {name: float(value) for name, value in shares.items() if math.isfinite(value)}
     if recording and plan is None and recording.log.temperature_degC is not None:
         values["temperature_degC"] = _last_known(recording.log.temperature_degC, 25.0)

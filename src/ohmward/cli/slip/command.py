@@ -210,9 +210,9 @@ def scores(task: SlipTask, track: Track) -> dict[str, Any]:
 def lasting_figures(e: SlipEstimate) -> dict[str, float | None]:
     """Friction, grade and radius at the end; None for what is assumed, which has no std."""
     final = {
-        ("friction_share", "friction_std"): (e.friction_share[-1, 0], e.friction_std[-1, 0]),
+        ("friction_ratio", "friction_std"): (e.friction_ratio[-1, 0], e.friction_std[-1, 0]),
         ("grade_rad", "grade_std_rad"): (e.grade_rad[-1], e.grade_std_rad[-1]),
-        ("radius_share", "radius_std"): (e.radius_share[-1], e.radius_std[-1]),
+        ("radius_ratio", "radius_std"): (e.radius_ratio[-1], e.radius_std[-1]),
     }
     return {
         name: float(value) if pair[1] > 0 else None
@@ -317,7 +317,7 @@ def estimate_table(task: SlipTask, track: Track) -> dict[str, np.ndarray]:
         "yaw_rate_std_rad_s": e.yaw_rate_std_rad_s,
         "grade_rad": e.grade_rad,
         "grade_std_rad": e.grade_std_rad,
-        "radius_share": e.radius_share,
+        "radius_ratio": e.radius_ratio,
         "unobserved_s": e.unobserved_s,
         "immobilised": e.immobilised.astype(int),
         "flags": e.flags.astype(int),
@@ -329,7 +329,7 @@ def estimate_table(task: SlipTask, track: Track) -> dict[str, np.ndarray]:
             f"{wheel}_slip_speed_m_s": e.slip_speed_m_s[:, k],
             f"{wheel}_slip_speed_std_m_s": e.slip_speed_std_m_s[:, k],
             f"{wheel}_traction_N": e.traction_N[:, k],
-            f"{wheel}_friction_share": e.friction_share[:, k],
+            f"{wheel}_friction_share": e.friction_ratio[:, k],
             f"{wheel}_slipping": e.slipping[:, k].astype(int),
         }
     return columns | ({"speed_truth_m_s": task.truth.values.speed_m_s} if task.truth else {})

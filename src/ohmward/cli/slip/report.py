@@ -99,7 +99,7 @@ def slip_figure(time_s: np.ndarray, e: SlipEstimate, k: int, wheel: str, truth: 
 
 def friction_figure(time_s: np.ndarray, e: SlipEstimate) -> Figure:
     """What the ground gives at most, over the terrain that was believed; its sigma is a relative one."""
-    share, std = e.friction_share[:, 0], e.friction_std[:, 0]
+    share, std = e.friction_ratio[:, 0], e.friction_std[:, 0]
     band = Band(time_s, 100 * share * np.exp(-BAND_95 * std), 100 * share * np.exp(BAND_95 * std), "95 % band")
     series = [Series(time_s, 100 * share, "estimate", role="estimate")]
     return Figure("Friction over the believed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)

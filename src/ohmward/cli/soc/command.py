@@ -79,8 +79,8 @@ def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
         "soc_max": float(estimates.soc.max()),
         "voltage_rmse_V": voltage.rmse if voltage else None,
         "current_offset_A": float(estimates.current_offset_A[-1]),
-        "capacity_share": float(estimates.capacity_share[-1]),
-        "resistance_share": float(estimates.resistance_share[-1]),
+        "soh_capacity": float(estimates.soh_capacity[-1]),
+        "resistance_ratio": float(estimates.resistance_ratio[-1]),
         "flags": answer.counts(),
         **soc_scores(log, estimates, task.truth.soc if task.truth else None),
         "truth": task.truth.note if task.truth else None,
@@ -114,8 +114,8 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         f"ran from {wording.percent(figures['soc_min'], 1)} to {wording.percent(figures['soc_max'], 1)}",
         "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3),
         "current offset": wording.quantity(figures["current_offset_A"], "mA", 1e3),
-        "capacity": f"{wording.percent(figures['capacity_share'], 1)} of the battery file's",
-        "resistance": f"{wording.percent(figures['resistance_share'], 1)} of the battery file's",
+        "capacity": f"{wording.percent(figures['soh_capacity'], 1)} of the battery file's",
+        "resistance": f"{wording.percent(figures['resistance_ratio'], 1)} of the battery file's",
         "flagged samples": flags or "none",
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
@@ -158,8 +158,8 @@ def estimate_table(task: SocTask, answer: SocRun) -> dict[str, np.ndarray]:
         "voltage_expected_std_V": e.voltage_std_V,
         "innovation_V": e.innovation_V,
         "current_offset_A": e.current_offset_A,
-        "capacity_share": e.capacity_share,
-        "resistance_share": e.resistance_share,
+        "soh_capacity": e.soh_capacity,
+        "resistance_ratio": e.resistance_ratio,
         "flags": e.flags.astype(int),
     }
     return columns | ({"soc_truth": task.truth.soc} if task.truth else {})

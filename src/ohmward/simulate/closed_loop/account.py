@@ -52,7 +52,7 @@ class Account(NamedTuple):
     numerical: Any = 0.0
 
     @property
-    def gap_J(self) -> Any:
+    def residual_J(self) -> Any:
         """What the balance lacks."""
         return self.battery - sum(self[1:])
 

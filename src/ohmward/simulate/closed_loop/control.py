@@ -11,9 +11,10 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.trace import clip, where
 from ohmward.traction.control import (
-    FuzzySlidingMode,
     Limits,
     Measurement,
     Report,
@@ -21,7 +22,6 @@ from ohmward.traction.control import (
     SlipCommand,
     SlipController,
     SlipPid,
-    SlipRatioSlidingMode,
     SpeedCommand,
     SpeedController,
     Uncertainty,

@@ -132,7 +132,7 @@ class Observation:
             self._state = self.observer.init(arrival.sample)
             self._step = Kernel(self.observer.step, self._state, arrival.sample)
         self._state, estimate = self._step(self._state, arrival.sample)
-        believed = self.observer.scene.robot.wheel.radius_m * estimate.radius_share
+        believed = self.observer.scene.robot.wheel.radius_m * estimate.radius_ratio
         self._travel_m_s = believed * estimate.wheel_speed_rad_s - estimate.slip_speed_m_s
         self._taken_s, self._std_m_s = arrival.taken_s, float(estimate.speed_std_m_s)
         return estimate

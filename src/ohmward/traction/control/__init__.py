@@ -1,7 +1,5 @@
 """Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
 
-from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.traction.control.driven_wheel import DrivenWheel, driven_wheel
 from ohmward.traction.control.force_filter import Observer
 from ohmward.traction.control.limits import Limits
@@ -17,7 +15,6 @@ from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
 __all__ = [
     "ControlFlag",
     "DrivenWheel",
-    "FuzzySlidingMode",
     "Limits",
     "Measurement",
     "Observer",
@@ -28,7 +25,6 @@ __all__ = [
     "SlipCommand",
     "SlipController",
     "SlipPid",
-    "SlipRatioSlidingMode",
     "SpeedCommand",
     "SpeedController",
     "Uncertainty",

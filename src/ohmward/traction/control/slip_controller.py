@@ -58,7 +58,7 @@ class SlipController:
         launch: how many times that slip speed a driving wheel starts with from rest, >= 1.
         stop_m_s: below this speed braking has come to its end, > 0.
         tolerance: deviation of the slip ratio that counts as reached, > 0.
-        patience_s: a slip that stays out of reach so long is reported, > 0.
+        reset_after_s: a slip that stays out of reach so long is reported, > 0.
     """
 
     wheel: DrivenWheel
@@ -70,10 +70,10 @@ class SlipController:
     launch: float = 6.0
     stop_m_s: float = 0.05
     tolerance: float = 0.02
-    patience_s: float = 0.2
+    reset_after_s: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("target_rate_per_s", "floor_m_s", "stop_m_s", "tolerance", "patience_s"):
+        for name in ("target_rate_per_s", "floor_m_s", "stop_m_s", "tolerance", "reset_after_s"):
             require_positive(f"slip_controller.{name}", getattr(self, name))
         require_between("slip_controller.launch", self.launch, 1.0, math.inf)
 
@@ -107,7 +107,7 @@ class SlipController:
             where(known, 0.0, float(ControlFlag.STALE))
             + where(stopped & known, float(ControlFlag.STOPPED), 0.0)
             + where(limited(wished, torque), float(ControlFlag.TORQUE_LIMITED), 0.0)
-            + where(limited_s > self.patience_s, float(ControlFlag.UNREACHABLE), 0.0)
+            + where(limited_s > self.reset_after_s, float(ControlFlag.UNREACHABLE), 0.0)
             + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
         )
         ratio = driving_slip_ratio(direction * motion.rim_m_s, direction * motion.travel_m_s)

@@ -55,26 +55,26 @@ class LawFit(NamedTuple):
 
     family: its name.
     law: with the best parameters.
-    resistance_share: c.
+    resistance_ratio: c.
     intervals: of the family's parameters and of c.
     rmse_N: of the measurements that it was fitted to.
     """
 
     family: str
     law: TractionLaw
-    resistance_share: float
+    resistance_ratio: float
     intervals: tuple[Interval, ...]
     rmse_N: float
 
     def force_N(self, contact: Contact) -> np.ndarray:
         """Drawbar pull (n,) [N]."""
-        return drawbar_N(self.law, self.resistance_share, contact)
+        return drawbar_N(self.law, self.resistance_ratio, contact)
 
 
-def drawbar_N(law: TractionLaw, resistance_share: float, contact: Contact) -> np.ndarray:
+def drawbar_N(law: TractionLaw, resistance_ratio: float, contact: Contact) -> np.ndarray:
     """What is left of the traction when the wheel has pulled itself, (n,) [N]."""
     direction, _ = direction_and_size(contact.travel_speed_m_s)
-    return law.force_N(contact) - resistance_share * direction * contact.load_N
+    return law.force_N(contact) - resistance_ratio * direction * contact.load_N
 
 
 def fit_law(data: ForceSlip, family: Family) -> LawFit:

@@ -23,7 +23,7 @@ TURNS_RAD_S = 0.2
 _FEWEST = 20
 
 
-def unexplained_push_m_s2(robot: Robot, log: DriveLog) -> float:
+def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     """The median of u over the samples in which the robot moves [m/s^2]; 0 where the log cannot tell."""
     n = robot.driven
     speed, current = log.wheel_speed_rad_s[:, :n], log.motor_current_A

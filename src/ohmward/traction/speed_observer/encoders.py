@@ -2,8 +2,8 @@
 
 Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
 surprise added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the body.
-While it goes on to surprise, sigma points learn the friction from it; after `patience_s` the encoder is at fault. It is
-used again once it agrees.
+While it stays outside its gate, sigma points learn the friction from it; after `reset_after_s` the encoder is at
+fault. It is used again once it agrees.
 """
 
 from __future__ import annotations
@@ -61,33 +61,33 @@ def use_encoders(
     torque_noise: np.ndarray,
     reading: CleanSlipSample,
     matched: Matched,
-    doubtful_s: np.ndarray,
+    rejected_s: np.ndarray,
     model: Model,
     surprise: float,
-    patience_s: float,
+    reset_after_s: float,
     jumps_teach: bool,
 ) -> tuple[Fused, list[WheelUpdate]]:
     """The prior corrected with the speeds of the driven wheels, and each wheel's update.
 
     lag: (wheels,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
     torque_noise: (driven,) [rad/s] of the predicted speeds, see `Model.torque_noise_rad_s`.
-    doubtful_s: (driven,) how long each encoder has been surprising.
+    rejected_s: (driven,) how long each encoder has been surprising.
     jumps_teach: whether the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
     """
     belief, updates = prior, []
     for k in range(model.driven):
         R = encoder_variance(matched, k, model)
         nu = reading.wheel_speed_rad_s[k] + lag[k] - belief.mean[model.layout.wheel(k)]
-        spike = (abs(nu) > possible_jump(k, reading, model)) & (doubtful_s[k] < SPIKE_S)
-        believed = reading.measured[k] & (doubtful_s[k] <= patience_s) & logical_not(spike)
+        spike = (abs(nu) > possible_jump(k, reading, model)) & (rejected_s[k] < SPIKE_S)
+        believed = reading.measured[k] & (rejected_s[k] <= reset_after_s) & logical_not(spike)
         doubt = where(believed, 0.0, doubted_variance(belief, k, reading.moving_s, model))
         y = reading.wheel_speed_rad_s[k] + lag[k]
-        jumps = (doubtful_s[k] <= 0.0) if jumps_teach else True
+        jumps = (rejected_s[k] <= 0.0) if jumps_teach else True
         update = _use_encoder(belief, k, y, R, believed, jumps, torque_noise[k], model, surprise)
         belief = widened(update.belief, 0, doubt)
         updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
-    changed = some([u.surprising & (t <= patience_s) for u, t in zip(updates, doubtful_s, strict=True)])
-    doubted = some([t > patience_s for t in doubtful_s])
+    changed = some([u.surprising & (t <= reset_after_s) for u, t in zip(updates, rejected_s, strict=True)])
+    doubted = some([t > reset_after_s for t in rejected_s])
     flags = where(changed, float(SlipFlag.GROUND_CHANGED), 0.0) + where(doubted, float(SlipFlag.ENCODER_DOUBTED), 0.0)
     return Fused(belief, 0.0, flags), updates
 

@@ -43,9 +43,9 @@ class SlipEstimate(NamedTuple):
     slip_speed_m_s, slip_speed_std_m_s: (driven,) r omega - v of the wheel's centre.
     slip_ratio: (driven,) nan below a floor of speed.
     traction_N: (driven,) force of the ground.
-    friction_share, friction_std: (driven,) of what the ground gives at most, over the terrain's; the std is relative.
+    friction_ratio, friction_std: (driven,) of what the ground gives at most, over the terrain's; the std is relative.
     grade_rad, grade_std_rad: > 0 uphill.
-    radius_share, radius_std: effective radius over the robot's.
+    radius_ratio, radius_std: effective radius over the robot's.
     grip: (driven,) slope of traction over slip, one sigma of slip beyond the estimate, over the slope without slip:
         1 grips, 0 spins. The wheels show the speed of the body as far as they grip.
     unobserved_s: how long nothing has shown the speed of the body: no wheel gripped, no passive wheel turned, no speed
@@ -64,11 +64,11 @@ class SlipEstimate(NamedTuple):
     slip_speed_std_m_s: np.ndarray
     slip_ratio: np.ndarray
     traction_N: np.ndarray
-    friction_share: np.ndarray
+    friction_ratio: np.ndarray
     friction_std: np.ndarray
     grade_rad: Any
     grade_std_rad: Any
-    radius_share: Any
+    radius_ratio: Any
     radius_std: Any
     grip: np.ndarray
     unobserved_s: Any

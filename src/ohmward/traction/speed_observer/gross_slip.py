@@ -76,7 +76,7 @@ def test_hypotheses(
     """
     belief, std, i = fused.belief, model.noise.friction_std, model.layout.index("grade_rad")
     log_friction = log_friction_of_sliding(belief, unexplained_m_s, model)
-    grip, slide = unusualness(belief, model), (log_friction / std) ** 2
+    grip, slide = squared_mahalanobis(belief, model), (log_friction / std) ** 2
     along = model.scene.robot.rolling[: model.driven, 0]
     driven = (along @ model.traction_N(belief.mean) * unexplained_m_s > 0.0) & (
         along @ reading.current_A * unexplained_m_s > 0.0
@@ -89,7 +89,7 @@ def test_hypotheses(
     return Fused(after, fused.shown, flags), where(let_go, 0.0, unexplained_m_s)
 
 
-def unusualness(belief: Belief, model: Model) -> Any:
+def squared_mahalanobis(belief: Belief, model: Model) -> Any:
     """Sum of squares of what has been learnt, each in its standard deviations before the first sample."""
     return sum((belief.mean[model.layout.index(name)] / model.initial_std(name)) ** 2 for name in LEARNT)
 

@@ -21,7 +21,7 @@ from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.disturbance import unexplained_push_m_s2
+from ohmward.traction.speed_observer.disturbance import disturbance_m_s2
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
@@ -107,7 +107,7 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
         noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
     if scrubs:
         noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
-    push_g = unexplained_push_m_s2(rolling, log) / GRAVITY if force else 0.0
+    push_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
     noise, notes = with_push(noise, push_g), []
     if push_g > DOUBTFUL_PUSH_G:
         notes.append(Note(DOUBT.format(push_g), "warning"))

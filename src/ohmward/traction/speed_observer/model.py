@@ -62,7 +62,7 @@ class Model:
         """A body that moves as the driven wheels (driven,) say."""
         robot, names = self.scene.robot, self.layout.names
         own = np.concatenate([motion_from_wheels(robot, wheel_speed_rad_s), wheel_speed_rad_s])
-        mean = np.array([*own, *(1.0 if name == "radius_share" else 0.0 for name in names[len(own) :])])
+        mean = np.array([*own, *(1.0 if name == "radius_ratio" else 0.0 for name in names[len(own) :])])
         return Belief(mean, np.diag([self.initial_std(name) ** 2 for name in names]))
 
     def initial_std(self, name: str) -> float:
@@ -85,7 +85,7 @@ class Model:
             "log_stiffness": (noise.stiffness_std, noise.stiffness_walk),
             "grade_rad": (noise.grade_std_rad, noise.grade_walk),
             "rolling_excess": (noise.rolling_std, noise.rolling_walk),
-            "radius_share": (noise.radius_std, 0.0),
+            "radius_ratio": (noise.radius_std, 0.0),
             "accelerometer_offset_m_s2": (noise.accelerometer_offset_std_m_s2, 0.0),
         }.get(name, (0.0, 0.0))
 
@@ -136,7 +136,7 @@ class Model:
         diagonal += [self.walked(name, reading.dt_s) for name in self.layout.names[len(diagonal) :]]
         Q = np.diag(np.array(diagonal))
         own = robot.freedoms + self.driven
-        C = self.bend_response(moved, reading)
+        C = self.curve_shape_noise(moved, reading)
         Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
         return mirror_lower(Q)
 
@@ -165,7 +165,7 @@ class Model:
         slipped = (parts.omega - rolled[:n]) * (2.0 / (1.0 + moved.damping)) ** 2
         return share * np.concatenate([rolled[:n] + slipped, rolled[n:]])
 
-    def bend_response(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
+    def curve_shape_noise(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
         """Change (freedoms + driven, driven) of body and wheels in a step by a law that bends otherwise, one sigma.
 
         Friction and stiffness fit a law at its two ends; how it bends in between stays unknown, and a wheel there seems
@@ -173,13 +173,13 @@ class Model:
         """
         if self.states.friction == "known":
             return np.zeros_like(moved.force_response)
-        lasting = sqrt(2 * self.noise.bend_s / maximum(reading.moving_s, _TINY_S))
-        return moved.force_response * (moved.bend_N * (self.noise.bend_std * lasting))
+        lasting = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(reading.moving_s, _TINY_S))
+        return moved.force_response * (moved.bend_N * (self.noise.curve_shape_std * lasting))
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         """Slip speed (driven,) [m/s] in state x (n,)."""
         parts, robot = self.layout.split(x), self.scene.robot
-        return robot.wheel.radius_m * parts.radius_share * parts.omega - robot.rolling[: self.driven] @ parts.motion
+        return robot.wheel.radius_m * parts.radius_ratio * parts.omega - robot.rolling[: self.driven] @ parts.motion
 
     def traction_N(self, x: np.ndarray) -> np.ndarray:
         """Force (driven,) [N] of the ground on the driven wheels in state x (n,)."""
@@ -204,7 +204,7 @@ class Model:
 
         def speed(x: np.ndarray) -> np.ndarray:
             parts = self.layout.split(x)
-            return np.array([robot.rolling[k] @ parts.motion / (robot.wheel.radius_m * parts.radius_share)])
+            return np.array([robot.rolling[k] @ parts.motion / (robot.wheel.radius_m * parts.radius_ratio)])
 
         return speed
 

@@ -24,9 +24,9 @@ class ObserverNoise:
         encoder_lag_share: encoder speeds are those of so long ago, in steps: 0.5 for counts over the step, 0 for an
             instantaneous speed.
         torque_std_Nm: of the torque at a wheel: current sensor, ripple, friction of the gear.
-        bend_std: relative, of the part of the slip that is there because the terrain's law bends; a ground that grips
-            fully until it lets go has none of it. Without effect where the ground is known.
-        bend_s: so long that error lasts.
+        curve_shape_std: relative error of the nonlinear part of the slip, which a ground that grips fully until it
+            slides does not have. Without effect where the ground is known.
+        curve_shape_correlation_s: correlation time of that error [s].
         gyro_std_rad_s, passive_std_rad_s, speed_std_m_s, pitch_std_rad, accelerometer_std_m_s2: of a gyro (offset
             included), of encoders on wheels that are not driven, of an external speed without a std of its own, of a
             measured pitch, of an accelerometer.
@@ -45,8 +45,8 @@ class ObserverNoise:
     encoder_std_rad_s: float = 0.07
     encoder_lag_share: float = 0.5
     torque_std_Nm: float = 0.1
-    bend_std: float = 0.7
-    bend_s: float = 0.1
+    curve_shape_std: float = 0.7
+    curve_shape_correlation_s: float = 0.1
     gyro_std_rad_s: float | None = None
     passive_std_rad_s: float | None = None
     speed_std_m_s: float | None = None

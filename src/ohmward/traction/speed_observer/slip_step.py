@@ -72,7 +72,7 @@ def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.nd
     """
     robot, n = p.robot, p.robot.driven
     free = robot.freedoms
-    radius = robot.wheel.radius_m * parts.radius_share
+    radius = robot.wheel.radius_m * parts.radius_ratio
     x = np.concatenate([parts.motion, parts.omega])
     load_N = normal_loads(u, robot, np.zeros(2))
     ballistic = x + dt_s * momentum_rates(x, u, p, without_traction(parts, u, p, load_N)) / robot.inertia

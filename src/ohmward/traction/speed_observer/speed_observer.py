@@ -59,8 +59,8 @@ class ObserverState(NamedTuple):
     current_A: (driven,) last credible ones.
     history: how the speed has changed lately, for speeds that come late.
     rest_s: how long wheels and motors have been at rest.
-    doubtful_s: (driven,) how long each encoder has contradicted the model.
-    speed_doubtful_s: since when the external speed has contradicted the estimate, without a break.
+    rejected_s: (driven,) how long each encoder has contradicted the model.
+    speed_rejected_s: since when the external speed has contradicted the estimate, without a break.
     unexplained_m_s: how much the speed has changed of late without a force, see `let_go`.
     unobserved_s, stuck_s: as in `Known`.
     """
@@ -70,8 +70,8 @@ class ObserverState(NamedTuple):
     current_A: np.ndarray
     history: History
     rest_s: Any
-    doubtful_s: np.ndarray
-    speed_doubtful_s: Any
+    rejected_s: np.ndarray
+    speed_rejected_s: Any
     unexplained_m_s: Any
     unobserved_s: Any
     stuck_s: Any
@@ -91,7 +91,7 @@ class SpeedObserver:
         test: when a wheel slips and the robot is stuck.
         gate: largest NIS of a measurement of the body that is used; 10.8 is 99.9 %.
         surprise: NIS of an encoder beyond which its wheel has met other ground.
-        patience_s: for so long an encoder or an external speed may contradict everything else. Then the encoder is
+        reset_after_s: for so long an encoder or an external speed may contradict everything else. Then the encoder is
             doubted; an external speed is believed.
         gap_s: a longer step says nothing about the current in between.
         rest_hold_s: wheels and motors must be at rest for so long before the speed counts as zero; inf never does.
@@ -109,7 +109,7 @@ class SpeedObserver:
     test: SlipAlarm = field(default_factory=SlipAlarm)
     gate: float = 10.8
     surprise: float = 25.0
-    patience_s: float = 1.0
+    reset_after_s: float = 1.0
     gap_s: float = 0.1
     rest_hold_s: float = 0.5
     rest_wheel_rad_s: float = 0.05
@@ -128,7 +128,7 @@ class SpeedObserver:
             )
         for name in ("gate", "surprise", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A"):
             require_positive(name, getattr(self, name))
-        for name in ("patience_s", "rest_wheel_rad_s", "rest_current_A"):
+        for name in ("reset_after_s", "rest_wheel_rad_s", "rest_current_A"):
             require_between(name, getattr(self, name), 0.0, math.inf)
         require_between("window", self.window, 1.0, math.inf)
         require_between("late_steps", self.late_steps, 0, 1000)
@@ -177,11 +177,11 @@ class SpeedObserver:
         fused, wheels = self.use_wheels(state, prior, lag, moved, reading)
         changed_m_s = speed_change(before, prior, fused, reading)
         history = remember(state.history, reading.dt_s, changed_m_s)
-        doubtful_s = [
+        rejected_s = [
             where(w.surprising, t + reading.dt_s, where(measured, 0.0, t))
-            for w, t, measured in zip(wheels, state.doubtful_s, reading.measured, strict=False)
+            for w, t, measured in zip(wheels, state.rejected_s, reading.measured, strict=False)
         ]
-        fused, speed_doubtful_s = self.use_body(fused, lag, state, sample, reading, history)
+        fused, speed_rejected_s = self.use_body(fused, lag, state, sample, reading, history)
         fused = use_standstill(fused, resting, self.model)
         unexplained_m_s = state.unexplained_m_s
         if is_ambiguous(self.model):
@@ -201,8 +201,8 @@ class SpeedObserver:
             reading.current_A,
             history,
             rest_s,
-            np.array(doubtful_s),
-            speed_doubtful_s,
+            np.array(rejected_s),
+            speed_rejected_s,
             unexplained_m_s,
             *known,
         )
@@ -232,9 +232,9 @@ class SpeedObserver:
     ) -> Any:
         """The prior corrected with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.free_wheels
-        settings = self.model, self.surprise, self.patience_s, jumps_teach
+        settings = self.model, self.surprise, self.reset_after_s, jumps_teach
         noise = self.model.torque_noise_rad_s(moved, reading)
-        return use_encoders(prior, lag, noise, reading, state.matched, state.doubtful_s, *settings)
+        return use_encoders(prior, lag, noise, reading, state.matched, state.rejected_s, *settings)
 
     def use_body(
         self,
@@ -252,9 +252,9 @@ class SpeedObserver:
         fused = use_pitch(fused, sample, self.model, self.gate)
         fused = use_accelerometer(fused, sample, reading, self.model, self.gate)
         if self.noise.speed_std_m_s is None:
-            return fused, state.speed_doubtful_s
-        since_s = where(state.speed_doubtful_s > 0.0, state.speed_doubtful_s + reading.dt_s, 0.0)
-        fused, contradicts = use_speed(fused, sample, history, since_s > self.patience_s, self.model, self.gate)
+            return fused, state.speed_rejected_s
+        since_s = where(state.speed_rejected_s > 0.0, state.speed_rejected_s + reading.dt_s, 0.0)
+        fused, contradicts = use_speed(fused, sample, history, since_s > self.reset_after_s, self.model, self.gate)
         begun_s = where(contradicts > 0.5, maximum(since_s, reading.dt_s), since_s)
         return fused, where(abs(sample.speed_m_s) >= 0.0, where(contradicts > 0.5, begun_s, 0.0), since_s)
 

@@ -5,7 +5,7 @@
     log_stiffness                                   of the slope of traction over slip, over the terrain's
     grade_rad                                       of the ground, and whatever else pushes the body as a slope would
     rolling_excess                                  rolling resistance over the terrain's, less one
-    radius_share                                    effective radius of the wheels over the robot's
+    radius_ratio                                    effective radius of the wheels over the robot's
     accelerometer_offset_m_s2
 
 Shares of the ground are logarithms: positive whatever the filter does, and their sigma is a relative one.
@@ -62,7 +62,7 @@ class Parts(NamedTuple):
     friction, stiffness: shares, friction (driven,).
     grade_rad: > 0 uphill; None where it is no state.
     rolling_share: of the terrain's resistance.
-    radius_share, accelerometer_offset: as their states.
+    radius_ratio, accelerometer_offset: as their states.
     """
 
     motion: np.ndarray
@@ -71,7 +71,7 @@ class Parts(NamedTuple):
     stiffness: Any
     grade_rad: Any
     rolling_share: Any
-    radius_share: Any
+    radius_ratio: Any
     accelerometer_offset: Any
 
 
@@ -89,7 +89,7 @@ class StateLayout:
             "log_stiffness": self.states.stiffness,
             "grade_rad": self.states.grade,
             "rolling_excess": self.states.rolling,
-            "radius_share": self.states.radius,
+            "radius_ratio": self.states.radius,
             "accelerometer_offset_m_s2": self.states.accelerometer_offset,
         }
         return (*self.robot.state_names, *self.friction_names, *(name for name, there in optional.items() if there))
@@ -129,6 +129,6 @@ class StateLayout:
             np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
             x[self.index("grade_rad")] if self.states.grade else None,
             1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
-            x[self.index("radius_share")] if self.states.radius else 1.0,
+            x[self.index("radius_ratio")] if self.states.radius else 1.0,
             x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0,
         )

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.flags import count_flags
+from ohmward.filters.flags import count_flags
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, maximum, snapshot
 from ohmward.trace.live import Live
@@ -176,7 +176,7 @@ def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEsti
 
 def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
     """(T, freedoms) the motion of the body that estimates (T, ...) hold in the speeds of the wheels' centres."""
-    rim = robot.wheel.radius_m * estimates.radius_share[:, None] * estimates.wheel_speed_rad_s
+    rim = robot.wheel.radius_m * estimates.radius_ratio[:, None] * estimates.wheel_speed_rad_s
     return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.flags import count_flags
+from ohmward.filters.flags import count_flags
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, exp, maximum, sqrt, where
 from ohmward.traction.robot.robot import Robot
