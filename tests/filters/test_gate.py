@@ -6,7 +6,7 @@ import pytest
 from filters.examples import PENDULUM, PENDULUM_R, height, largest_difference, two_outputs
 from ohmward.filters import Belief, kalman, unscented
 from ohmward.filters.consistency import gate_threshold
-from ohmward.filters.gate import GateCounts, gate, passes
+from ohmward.filters.gate import GateCounts, gate, inflate, passes, time_rejected
 
 THRESHOLD = gate_threshold(1)
 
@@ -70,3 +70,29 @@ def test_the_gate_lets_the_right_share_through():
         _, innovation = kalman.update(belief, np.array([y]), np.eye(1), np.eye(1))
         accepted += bool(passes(innovation, threshold))
     assert abs(accepted / 2000 - 0.9) < 3 * math.sqrt(0.9 * 0.1 / 2000)
+
+
+def test_the_time_of_rejection_grows_and_ends_with_the_first_measurement_that_passes():
+    seen: list = [0.0]
+    for rejected in (True, True, False, True):
+        seen.append(time_rejected(seen[-1], 0.5, rejected))
+    assert seen == [0.0, 0.5, 1.0, 0.0, 0.5]
+
+
+@pytest.mark.parametrize("rejected", [True, False])
+def test_a_missing_measurement_neither_confirms_nor_contradicts(rejected):
+    assert time_rejected(2.0, 0.5, rejected, measured=False) == 2.0
+
+
+def test_between_two_measurements_of_a_slow_sensor_the_time_goes_on():
+    assert time_rejected(2.0, 0.5, False, measured=False, sparse=True) == 2.5
+    assert time_rejected(0.0, 0.5, False, measured=False, sparse=True) == 0.0
+    assert time_rejected(2.0, 0.5, True, sparse=True) == 2.5
+    assert time_rejected(2.0, 0.5, False, sparse=True) == 0.0
+
+
+def test_inflating_adds_to_one_variance_and_never_takes():
+    wider = inflate(PENDULUM, 1, 0.7)
+    assert wider.cov[1, 1] == PENDULUM.cov[1, 1] + 0.7
+    assert np.abs(wider.cov - PENDULUM.cov).sum() == pytest.approx(0.7)
+    assert largest_difference(inflate(PENDULUM, 1, -0.7), PENDULUM) == 0

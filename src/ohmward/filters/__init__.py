@@ -4,7 +4,7 @@ Pure functions on NumPy arrays. Every one also runs on object arrays of traced s
 and compiled. `kalman`, `extended` and `unscented` each have `predict` and `update`; `adaptive` learns the noise.
 """
 
-from ohmward.filters import adaptive, conditionally_linear, consistency, extended, gate, kalman, unscented
+from ohmward.filters import adaptive, conditionally_linear, consistency, extended, gate, kalman, sanitize, unscented
 from ohmward.filters.belief import (
     Belief,
     Correction,
@@ -33,6 +33,7 @@ __all__ = [
     "log_likelihood",
     "nis",
     "pack",
+    "sanitize",
     "unpack",
     "unscented",
     "update_sequentially",

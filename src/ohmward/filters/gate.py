@@ -1,4 +1,12 @@
-"""Measurements that are missing or that cannot be true: skipped without a branch, and counted."""
+"""Innovation gate, and the reset after a time-out: one policy for every filter, without a branch.
+
+- A measurement that is missing, or whose NIS exceeds `gate`, is not used: the prediction stands (`passes`, `choose`).
+- `rejected_s` is the time for which measurements have been rejected without one in between that passed
+  (`time_rejected`).
+- Where it exceeds `reset_after_s` the filter has `diverged`: so many measurements are not wrong, the filter is. It then
+  admits that it does not know: it inflates a variance (`inflate`), uses the measurement all the same, or distrusts the
+  sensor. Which of these is the filter's own choice; the gate, the timer and their names are the same everywhere.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +17,12 @@ import numpy as np
 
 from ohmward.filters.belief import Belief, Innovation, nis
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import isfinite, where
+from ohmward.trace import isfinite, maximum, where
+from ohmward.trace.expression import Scalar
 
 
 class GateCounts(NamedTuple):
-    """How many measurements went which way; numbers without unit.
+    """Numbers of measurements by what became of them.
 
     accepted: used.
     rejected: finite, but with a NIS above the threshold. Many in a row are the filter's fault, not the sensor's.
@@ -43,7 +52,7 @@ def gate(
 
 
 def passes(innovation: Innovation, threshold: float = math.inf) -> Any:
-    """Whether the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
+    """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
     return _is_there(innovation) & (nis(innovation) <= threshold)
 
 
@@ -52,6 +61,31 @@ def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCoun
     finite = where(_is_there(innovation), 1.0, 0.0)
     used = where(accepted, 1.0, 0.0)
     return GateCounts(counts.accepted + used, counts.rejected + finite - used, counts.missing + 1 - finite)
+
+
+def time_rejected(
+    rejected_s: Scalar, dt_s: Scalar, rejected: Scalar, measured: Scalar = True, sparse: bool = False
+) -> Scalar:
+    """Time [s] for which measurements have been rejected without one in between that passed, this step included.
+
+    Args:
+        rejected_s: the same before this step; 0 at the start.
+        dt_s: step [s], >= 0.
+        rejected: the condition that the measurement is outside its gate; not looked at where there is none.
+        measured: the condition that there is a measurement.
+        sparse: the sensor is slower than the samples. Between two of its measurements the time then goes on; that of
+            other sensors stands still while there is no measurement, which neither confirms nor contradicts.
+    """
+    going_on_s = rejected_s + dt_s
+    unmeasured_s = where(rejected_s > 0.0, going_on_s, 0.0) if sparse else rejected_s
+    return where(measured, where(rejected, going_on_s, 0.0), unmeasured_s)
+
+
+def inflate(belief: Belief, i: int, variance: Scalar) -> Belief:
+    """The belief with `variance` more of element i; one that is negative adds nothing."""
+    extra = np.zeros_like(belief.cov)
+    extra[i, i] = maximum(variance, 0.0)
+    return Belief(belief.mean, belief.cov + extra)
 
 
 def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
@@ -74,5 +108,5 @@ def choose(condition: Any, a: Any, b: Any) -> Any:
 
 
 def _is_there(innovation: Innovation) -> Any:
-    """Whether every element is finite: a sum is not as soon as one of its terms is not."""
+    """True where every element is finite: a sum is not as soon as one of its terms is not."""
     return isfinite(sum(innovation.value))

@@ -1,0 +1,75 @@
+"""Sanitise a sample: one way to replace what a sensor or a clock cannot have shown, so that no filter sees it.
+
+A value is credible where it is finite and within what its sensor and the thing it measures can show. Where it is not,
+the last credible one is held, and fades where nothing says that it lasts. A step of time is credible between zero and a
+longest one; of a step longer than a gap nothing is known but that it has passed. Nothing here raises or branches, and
+every replacement is a condition, from which `flags_of` makes flags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import reduce
+from operator import and_, or_
+from typing import Any, NamedTuple
+
+from ohmward.trace import exp, where
+from ohmward.trace.expression import Scalar
+
+
+class CleanStep(NamedTuple):
+    """Time between two samples.
+
+    dt_s: step [s], >= 0; 0 where it is not credible.
+    credible: the condition that the clock can have shown it.
+    gap: the condition that it is longer than a gap, so that nothing is known of what happened in it.
+    """
+
+    dt_s: Scalar
+    credible: Scalar
+    gap: Scalar
+
+
+def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
+    """The step of time between two samples, 0 where no clock that runs can have shown it.
+
+    longest_s: a longer step is a clock that was set, not a time that passed.
+    gap_s: length of a step that is still short enough for the samples at its ends to describe it.
+    """
+    credible = is_step(dt_s, longest_s)
+    clean_s = where(credible, dt_s, 0.0)
+    return CleanStep(clean_s, credible, clean_s > gap_s)
+
+
+def is_step(dt_s: Scalar, longest_s: float) -> Any:
+    """True where so much time [s] can lie between two samples; false where it is no number."""
+    return between(dt_s, 0.0, longest_s)
+
+
+def within(value: Scalar, limit: float) -> Any:
+    """True where a value is a number of at most this size; limit: finite, or an infinite value passes."""
+    return abs(value) <= limit
+
+
+def between(value: Scalar, low: float, high: float) -> Any:
+    """True where a value is a number in [low, high]."""
+    return (value >= low) & (value <= high)
+
+
+def hold(value: Scalar, credible: Scalar, last: Scalar, dt_s: Scalar = 0.0, fade_s: float | None = None) -> Any:
+    """The value where it is credible, else the last credible one.
+
+    dt_s: step since then [s].
+    fade_s: time in which the last one fades to a share of 1/e; None where it lasts.
+    """
+    return where(credible, value, last if fade_s is None else last * exp(-dt_s / fade_s))
+
+
+def every(conditions: Iterable[Any]) -> Any:
+    """True where all conditions hold; there must be one."""
+    return reduce(and_, conditions)
+
+
+def some(conditions: Iterable[Any]) -> Any:
+    """True where one condition holds at least; there must be one."""
+    return reduce(or_, conditions)
