@@ -115,8 +115,8 @@ def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
         "samples": sum(row["samples"] for row in good),
         "hours": sum(row["duration_s"] for row in good) / 3600.0,
         "soc_final_min": _most(min, good, "soc_final"),
-        "capacity_share_min": _most(min, good, "soh_capacity"),
-        "resistance_share_max": _most(max, good, "resistance_ratio"),
+        "soh_capacity_min": _most(min, good, "soh_capacity"),
+        "resistance_ratio_max": _most(max, good, "resistance_ratio"),
         "summary": str(finished.summary),
         "errors": [{"path": row["path"], "error": row["error"]} for row in finished.failed],
     }
@@ -133,8 +133,8 @@ def describe(figures: dict[str, Any], finished: Finished) -> str:
         "logs": f"{figures['logs']:,}, {figures['resumed']:,} of them done before",
         "hours": f"{figures['hours']:,.1f} in {figures['samples']:,} samples",
         "least charge at the end": wording.percent(figures["soc_final_min"], 1),
-        "least capacity": f"{wording.percent(figures['capacity_share_min'], 1)} of the battery file's",
-        "largest resistance": f"{wording.percent(figures['resistance_share_max'], 1)} of the battery file's",
+        "least capacity": f"{wording.percent(figures['soh_capacity_min'], 1)} of the battery file's",
+        "largest resistance": f"{wording.percent(figures['resistance_ratio_max'], 1)} of the battery file's",
         "could not be used": f"{figures['failed']:,}",
         "written": figures["summary"],
     }

@@ -243,9 +243,9 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "drive": f"{figures['distance_m']:.3g} m in {wording.duration(figures['duration_s'])}, "
         f"{figures['speed_min_m_s']:z.2f} to {figures['speed_max_m_s']:z.2f} m/s",
         "speed at the end": f"{figures['speed_final_m_s']:.3g} ± {band_m_s:.2g} m/s (95 %)",
-        "friction": _share_text(figures, "friction"),
+        "friction": _ratio_text(figures, "friction"),
         "grade": _grade_text(figures),
-        "radius": _share_text(figures, "radius"),
+        "radius": _ratio_text(figures, "radius"),
         "speed unobserved": f"{wording.percent(figures['unobserved_share'], 1)} of the time",
         "flagged samples": flags or "none",
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
@@ -257,16 +257,16 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
     return {name: value for name, value in rows.items() if value}
 
 
-def _share_text(figures: dict[str, Any], name: str) -> str:
-    """A share of what was believed, with its band; empty where it was not estimated."""
+def _ratio_text(figures: dict[str, Any], name: str) -> str:
+    """A ratio to the value believed, with its 95 % band; empty where it was not estimated."""
     from ohmward.traction.score import BAND_95
 
-    share, std = figures[f"{name}_share"], figures[f"{name}_std"]
-    if share is None:
+    ratio, std = figures[f"{name}_ratio"], figures[f"{name}_std"]
+    if ratio is None:
         return ""
-    relative = BAND_95 * std * (share if name == "friction" else 1.0)
+    relative = BAND_95 * std * (ratio if name == "friction" else 1.0)
     of = "the ground's that was believed" if name == "friction" else "the robot's"
-    return f"{wording.percent(share, 1)} ± {wording.percent(relative, 1)} of {of}"
+    return f"{wording.percent(ratio, 1)} ± {wording.percent(relative, 1)} of {of}"
 
 
 def _grade_text(figures: dict[str, Any]) -> str:
@@ -329,7 +329,7 @@ def estimate_table(task: SlipTask, track: Track) -> dict[str, np.ndarray]:
             f"{wheel}_slip_speed_m_s": e.slip_speed_m_s[:, k],
             f"{wheel}_slip_speed_std_m_s": e.slip_speed_std_m_s[:, k],
             f"{wheel}_traction_N": e.traction_N[:, k],
-            f"{wheel}_friction_share": e.friction_ratio[:, k],
+            f"{wheel}_friction_ratio": e.friction_ratio[:, k],
             f"{wheel}_slipping": e.slipping[:, k].astype(int),
         }
     return columns | ({"speed_truth_m_s": task.truth.values.speed_m_s} if task.truth else {})
