@@ -16,7 +16,6 @@ import numpy as np
 
 from ohmward.filters import Belief, adaptive
 from ohmward.report import TIME, Figure, Series
-from ohmward.report.svg import to_svg
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
@@ -25,6 +24,7 @@ from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import Moved, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
+from svg import to_svg
 
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE.parent / "docs" / "pictures"

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from critical_path import least_step_s
 from machine_speed import Machine, flops_of, measured_again
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters.belief import PackedBelief, unpack
 from ohmward.trace import Kernel, trace
-from ohmward.trace.critical_path import least_step_s
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.scan import state_row, state_tree
 from ohmward.trace.structure import scalar_names, size

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from critical_path import least_step_s
+from latency import latencies
 from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
@@ -21,14 +23,12 @@ from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 from ohmward.trace import Kernel, trace
-from ohmward.trace.critical_path import least_step_s
-from ohmward.trace.llvm.latency import latencies
-from ohmward.trace.llvm.peak import peak_flops
 from ohmward.trace.lower import llvm_machine_code as machine_code
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
+from peak import peak_flops
 from timing import Goal, Section, Times, duration, measure, share, spread
 from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive
 

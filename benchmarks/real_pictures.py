@@ -11,7 +11,6 @@ import real_car
 import real_sand
 from figure import HERE
 from ohmward.report import TIME, Band, Figure, Series
-from ohmward.report.svg import to_svg
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.fit import drawbar_N, fit_law
 from ohmward.traction.friction.law import Contact, contact
@@ -19,6 +18,7 @@ from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.terrain import SOILS
 from ohmward.traction.score import BAND_95
 from ohmward.traction.speed_observer.estimate import SlipEstimate
+from svg import to_svg
 
 SLIP, PULL = "Slip ratio [-]", "Drawbar pull [N]"
 PICTURES = HERE.parent / "docs" / "pictures"

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.report import TIME, Figure, Series
-from ohmward.report.svg import to_svg
 from ohmward.simulate.mujoco_plant import switching
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
 from slip_loops import DRAG, LIMITS, QUIET, WHEEL, Observed, Sensors, Stepper, observed_run
+from svg import to_svg
 
 NORMAL, SLIPPERY = 0.8, 0.2
 DRIVE, BRAKE = 0.12, -0.18

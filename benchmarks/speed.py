@@ -31,8 +31,8 @@ import machine_speed
 import peers
 import scaling
 from observer_speed import step_times
-from ohmward.report.svg import to_svg
 from peers.battery_packages import battery_packages
+from svg import to_svg
 from timing import Goal, Picture, Section, Times, duration, goal_rows, page, spread, table, wall
 
 PAGE = Path(__file__).resolve().parent / "speed.md"

@@ -7,6 +7,7 @@ its log as `ohmward slip` does.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,14 @@ from ohmward import Battery, Log, SocEstimate, SocEstimator, identify, make_esti
 from ohmward.battery.soc.score import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
-from ohmward.report.svg import to_svg
 from ohmward.simulate.closed_loop import drive_log, run
 from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+from svg import to_svg
 
 PICTURES = Path(__file__).parent / "pictures"
 

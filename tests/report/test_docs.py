@@ -11,4 +11,4 @@ def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
     names: dict[str, object] = {}
     for example in re.findall(r"```python\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL):
         exec(compile(example, str(DOCS), "exec"), names)
-    assert {p.name for p in tmp_path.iterdir()} == {"report.html", "soc.svg"}
+    assert {p.name for p in tmp_path.iterdir()} == {"report.html"}

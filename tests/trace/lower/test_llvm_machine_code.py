@@ -55,7 +55,7 @@ def test_a_folder_that_cannot_be_written_is_said_once(tmp_path, monkeypatch):
 
 def test_several_processes_may_write_at_once(cache):
     code = f"""
-from ohmward.trace.llvm import machine_code
+from ohmward.trace.lower import llvm_machine_code as machine_code
 for k in range(50):
     machine_code.cached({SOURCE!r} + ";" * (k % 5), lambda: b"x" * 10000)
 """

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace.critical_path import FUSED
+from critical_path import FUSED
 from ohmward.trace.expression import apply
 from ohmward.trace.functions import floor, minimum, sqrt, where
 from ohmward.trace.lower.llvm_run import MachineStep
@@ -75,7 +75,7 @@ def latencies(precision: str = "f64", repeats: int = 5) -> dict[str, float]:
     """Latency [s] of every operation that machine code has, and of "fma".
 
     Raises:
-        NoMachineCodeError: see `machine_code.llvm`.
+        NoMachineCodeError: see `llvm_machine_code.llvm`.
     """
     found: dict[str, float] = dict.fromkeys(FREE, 0.0)
     for name, chain in CHAINS.items():

@@ -6,8 +6,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from benchmarks.scripts import script
 from ohmward.report import TIME, Band, Figure, Marker, Series, Span
-from ohmward.report.svg import to_svg
+
+to_svg = script("svg").to_svg
 
 X = np.arange(5.0)
 SVG = "{http://www.w3.org/2000/svg}"

@@ -1,8 +1,9 @@
 import pytest
 
-from ohmward.trace.llvm.peak import peak_flops
+from benchmarks.scripts import script
 
 pytest.importorskip("llvmlite")
+peak_flops = script("peak").peak_flops
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

@@ -1,18 +1,19 @@
 import pytest
 
-pytest.importorskip("llvmlite")
-
-from ohmward.trace.llvm.latency import CHAINS, FREE, SAME, latencies
+from benchmarks.scripts import script
 from ohmward.trace.lower.llvm_source import _SPELLINGS
+
+pytest.importorskip("llvmlite")
+latency = script("latency")
 
 
 def test_every_operation_of_machine_code_has_a_latency():
-    assert set(_SPELLINGS) <= {*CHAINS, *SAME, *FREE}
+    assert set(_SPELLINGS) <= {*latency.CHAINS, *latency.SAME, *latency.FREE}
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_latencies_are_those_of_a_processor(precision):
-    found = latencies(precision, repeats=3)
+    found = latency.latencies(precision, repeats=3)
     assert 1e-11 < found["add"] < 1e-8
     assert found["fma"] < found["multiply"] + found["add"] + 1e-9
     assert found["divide"] > found["multiply"] and found["sqrt"] > found["add"]

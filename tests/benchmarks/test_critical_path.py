@@ -5,10 +5,15 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from benchmarks.scripts import script
 from ohmward.errors import InputError
 from ohmward.trace import floor, sqrt, trace, where
-from ohmward.trace.critical_path import least_step_s, maximum_cycle_mean, state_paths
 from ohmward.trace.expression import apply
+
+critical_path = script("critical_path")
+least_step_s = critical_path.least_step_s
+maximum_cycle_mean = critical_path.maximum_cycle_mean
+state_paths = critical_path.state_paths
 
 LATENCIES = {"add": 2.0, "subtract": 2.0, "multiply": 3.0, "divide": 13.0, "sqrt": 20.0}
 NONE = -np.inf

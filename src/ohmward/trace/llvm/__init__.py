@@ -1,1 +1,0 @@
-"""Machine code through llvmlite, where it is installed: whole logs, and many logs in SIMD lanes."""
