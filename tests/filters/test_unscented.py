@@ -19,21 +19,17 @@ from ohmward.filters.unscented import Scaling
 TWO_R = np.array([[0.01, 0.002], [0.002, 0.03]])
 
 
-def textbook_step(belief, f, h, y, Q, R, alpha=0.85, beta=2.0, kappa=0.0):
-    """[T] 3.31-3.48 as printed but for the sign of beta: matrices, weights, nothing known about the model."""
-    n = len(belief.mean)
-    chi = alpha**2 * (n + kappa) - n
-    w_mean = np.full(2 * n + 1, 1 / (2 * (n + chi)))
-    w_mean[0] = chi / (n + chi)
-    w_cov = w_mean + np.eye(2 * n + 1)[0] * (1 - alpha**2 + beta)
-    root = np.linalg.cholesky((n + chi) * belief.cov)
-    X = [f(x) for x in [belief.mean, *(belief.mean + root.T), *(belief.mean - root.T)]]
-    Y = np.array([h(x) for x in X])
-    x_hat, y_hat = w_mean @ np.array(X), w_mean @ Y
-    dX, dY = X - x_hat, Y - y_hat
-    S = dY.T @ np.diag(w_cov) @ dY + R
-    K = dX.T @ np.diag(w_cov) @ dY @ np.linalg.inv(S)
-    return Belief(x_hat + K @ (y - y_hat), dX.T @ np.diag(w_cov) @ dX + Q - K @ S @ K.T), (y - y_hat, S)
+SENSORS = [(height, PENDULUM_R), (two_outputs, TWO_R), (lambda x: x[:1], PENDULUM_R)]
+
+
+def test_the_textbooks_sigma_points_and_weights_have_the_moments_of_the_belief():
+    points = unscented.sigma_points(PENDULUM)
+    w_mean, w_cov = unscented.sigma_weights(3)
+    d = points - PENDULUM.mean
+    assert largest_difference(PENDULUM, (w_mean @ points, d.T @ np.diag(w_cov) @ d)) < 1e-15
+    np.testing.assert_allclose(points[1:4] - PENDULUM.mean, 0.85 * np.linalg.cholesky(3 * PENDULUM.cov).T, atol=1e-15)
+    assert w_mean.sum() == pytest.approx(1.0, abs=1e-15)
+    assert w_cov[0] - w_mean[0] == pytest.approx(1 - 0.85**2 + 2, abs=1e-15)
 
 
 @pytest.mark.parametrize("m", [1, 2])
@@ -84,12 +80,23 @@ def test_redrawing_equals_filterpy(scaling, h, R):
     assert largest_difference(innovation, (peer.y, peer.S)) < 1e-10
 
 
-@pytest.mark.parametrize(("h", "R"), [(height, PENDULUM_R), (two_outputs, TWO_R), (lambda x: x[:1], PENDULUM_R)])
-def test_reusing_points_equals_the_textbook(h, R):
+@pytest.mark.parametrize("scaling", [Scaling(), Scaling(0.6, 2.0, 1.0)])
+@pytest.mark.parametrize(("h", "R"), SENSORS)
+def test_reusing_points_equals_the_textbook(h, R, scaling):
     belief = textbook = PENDULUM
     for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
-        belief, innovation = unscented.step_reusing_points(belief, pendulum, h, y, PENDULUM_Q, R)
-        textbook, textbook_innovation = textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R)
+        belief, innovation = unscented.step_reusing_points(belief, pendulum, h, y, PENDULUM_Q, R, scaling)
+        textbook, textbook_innovation = unscented.textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, scaling)
+    assert largest_difference(belief, textbook) < 1e-12
+    assert largest_difference(innovation, textbook_innovation) < 1e-12
+
+
+@pytest.mark.parametrize(("h", "R"), SENSORS)
+def test_redrawing_equals_the_textbook(h, R):
+    belief = textbook = PENDULUM
+    for y in 0.3 + 0.1 * np.random.default_rng(2).normal(size=(50, len(R))):
+        belief, innovation = unscented.update(unscented.predict(belief, pendulum, PENDULUM_Q), y, h, R)
+        textbook, textbook_innovation = unscented.textbook_step(textbook, pendulum, h, y, PENDULUM_Q, R, redraw=True)
     assert largest_difference(belief, textbook) < 1e-12
     assert largest_difference(innovation, textbook_innovation) < 1e-12
 
@@ -108,12 +115,12 @@ def test_a_parameter_keeps_its_mean_and_variance_to_the_bit():
 
 
 def test_taking_repeated_states_exactly_changes_nothing_but_rounding():
-    sigma = unscented.draw(PENDULUM)
-    seen = unscented.transform(pendulum, sigma)
+    sigma = unscented.draw_pairs(PENDULUM)
+    seen = unscented.propagate(pendulum, sigma)
     images = [pendulum(x) + 1e-15 * np.sign(x[0] - 0.6) for x in sigma.points]
-    unseen = unscented.image(images, sigma)
-    assert seen.repeats == (None, None, 2)
-    assert unseen.repeats == (None, None, None)
+    unseen = unscented.in_pairs(images, sigma)
+    assert seen.repeated_state == (None, None, 2)
+    assert unseen.repeated_state == (None, None, None)
     P = PENDULUM.cov
     np.testing.assert_allclose(
         unscented.covariance(seen, seen, P), unscented.covariance(unseen, unseen, P), rtol=0, atol=1e-13

@@ -50,15 +50,15 @@ def joint_loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) ->
 
     example = joint.sanitize(state, _EXAMPLE)
     concluded = trace(conclude, state, 0.0, example)
-    w = unscented.weights(n, joint.scaling)
+    w = unscented.pair_weights(n, joint.scaling)
     words = {
         "N": str(n),
         "KEPT": str(PARAMETERS),
         "WALK": ", ".join(literal(s * s) for s in joint.walk),
         "SCALE": literal(math.sqrt(w.spread)),
-        "MEAN_0": literal(w.mean_0),
+        "MEAN_0": literal(w.central_mean),
         "SIDE": literal(w.side),
-        "CENTRE": literal(math.sqrt(w.cov_0 / w.pair)),
+        "CENTRE": literal(math.sqrt(w.central_cov / w.pair)),
         "PAIR": literal(w.pair),
         "VOLTAGE_VARIANCE": literal(joint.voltage_std_V**2),
     }
@@ -99,7 +99,7 @@ def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtR
     example = textbook.predicted(state, _EXAMPLE)[1]
     estimate = trace(textbook.estimate, 0.0, 0.0, 0.0, 0.0, example)
     n = len(state.belief.mean)
-    w = unscented.weights(n)
+    w = unscented.pair_weights(n)
     words = {
         "N": str(n),
         "SCALE": literal(math.sqrt(w.spread)),

@@ -1,10 +1,10 @@
 """The unscented update of an output that is linear but for the first k states: y = g(x_1 ... x_k) + H x + v.
 
 The Cholesky factor is triangular, so the sigma points along all other states share the first k with the mean: g needs
-2 k + 1 points, not 2 n + 1. With L the factor of the first k states, odd and even (m, k) the differences g+ - g- and
-the bends g+ + g- - 2 g_0 of the pairs, and b the sum of the bends over 2 c, by which the mean of g exceeds g_0,
+2 k + 1 points, not 2 n + 1. With L the factor of the first k states, d and s (m, k) the differences g+ - g- and
+the second differences g+ + g- - 2 g_0 of the pairs, and b the sum of s over 2 c, by which the mean of g exceeds g_0,
 
-    H_eff = H + odd (2 sqrt(c) L)^-1,   R_eff = R + even even' / (4 c) + (beta - alpha^2) b b',
+    H_eff = H + d (2 sqrt(c) L)^-1,   R_eff = R + s s' / (4 c) + (beta - alpha^2) b b',
 
 and the update is that of the Kalman filter with these two (statistical linearisation, Gelb 1974, 6.2): belief,
 innovation and gain of `unscented.correct` on the same output, to rounding. The term with b holds what the central point
@@ -22,7 +22,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.linear_algebra import cholesky, solve_upper
 from ohmward.filters.shapes import require_shape
-from ohmward.filters.unscented import DEFAULT, Scaling, weights
+from ohmward.filters.unscented import DEFAULT, Scaling, pair_weights
 
 
 def correct(
@@ -43,7 +43,7 @@ def correct(
         g: (m,) of the first k states (k,).
         H: (m, n) of all states.
         R: (m, m) covariance of the measurement noise; zero is allowed.
-        k: how many states g looks at.
+        k: number of states that g looks at, the first ones.
         used: a condition; where it is false the belief stays as it is, with a gain of zero.
         scaling: of the sigma points of all n states.
 
@@ -51,7 +51,7 @@ def correct(
         InputError: y, g(x), H or R do not fit each other, or the scaling has a negative central weight.
     """
     n = len(belief.mean)
-    w = weights(n, scaling)
+    w = pair_weights(n, scaling)
     centre = belief.mean[:k]
     offsets, _ = cholesky(belief.cov[:k, :k], scale=math.sqrt(w.spread))
     middle = g(centre)
@@ -59,9 +59,9 @@ def correct(
     plus = np.array([g(centre + d) for d in offsets.T])
     minus = np.array([g(centre - d) for d in offsets.T])
 
-    even = plus + minus - 2 * middle
-    b = w.side * even.sum(axis=0)
+    second = plus + minus - 2 * middle
+    b = w.side * second.sum(axis=0)
     slope = solve_upper(2 * offsets.T, plus - minus).T
     H_eff = np.hstack([H[:, :k] + slope, H[:, k:]])
-    R_eff = R + (w.pair * (even.T @ even) + (scaling.beta - scaling.alpha**2) * np.outer(b, b))
+    R_eff = R + (w.pair * (second.T @ second) + (scaling.beta - scaling.alpha**2) * np.outer(b, b))
     return kalman.correct(belief, y, H_eff, R_eff, middle + b + H @ belief.mean, used)

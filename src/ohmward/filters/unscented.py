@@ -1,21 +1,22 @@
-"""The unscented Kalman filter, in the two variants that go by this name; they differ, so the names say which.
+"""The unscented Kalman filter: the textbook's text, and the same in the form that is compiled.
+
+Two variants go by this name and give different numbers:
 
 - `predict` and `update` draw new sigma points from the predicted belief for the output, as van der Merwe's thesis,
   FilterPy and Stone Soup do. Predictions and updates may come in any order and number.
-- `step_reusing_points` sends the propagated points on through the output function: [T] 3.31-3.48, with
-  1 - alpha^2 + beta where the text has - beta. One factorisation less, but the output's spread lacks the process noise
-  of this step, and the covariance is the plain difference P - K C'.
+- `step_reusing_points` sends the propagated points on through the output function, as [T] 3.31-3.48 does. One
+  factorisation less, but the output's spread lacks the process noise of this step, and the covariance is the plain
+  difference P - K C'.
 
-Sigma points come in pairs, mean +- sqrt(c) l_k with l_k the columns of the Cholesky factor and c = N + chi. Their
-images Y+ and Y- enter through differences and sums,
+`textbook_step` has both as they are printed: points, weights, weighted sums. Everything below it computes the same in
+pairs of points, mean +- sqrt(c) l_k with l_k the columns of the Cholesky factor and c = N + chi. Their images Y+ and Y-
+enter through differences and sums,
 
-    odd_k = Y+ - Y-,   even_k = Y+ + Y- - 2 y_hat,   even_0 = sqrt(4 c W0c) (Y_0 - y_hat),
+    d_k = Y+ - Y-,   s_k = Y+ + Y- - 2 y_hat,   s_0 = sqrt(4 c W0c) (Y_0 - y_hat),
 
-because then the weighted sum of the covariance is a plain product, (odd odd' + even even') / (4 c), that cannot be
-indefinite.
-
+because the weighted sum of the covariance is then a plain product, (d d' + s s') / (4 c), that cannot be indefinite.
 Where the image of every sigma point repeats one element of the point itself (a parameter that the model keeps; an
-output that is a state), mean and covariance of that element are known exactly and taken from the belief, not summed.
+output that is a state), its mean and covariance are known exactly and taken from the belief, not summed.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from ohmward.filters.shapes import require_shape
 
 
 class Scaling(NamedTuple):
-    """Shape of the sigma-point set; the defaults are those of [T].
+    """Shape of the set of sigma points; the defaults are those of [T].
 
     alpha: spread of the points, > 0.
     beta: knowledge of the distribution; 2 for a Gaussian.
@@ -46,55 +47,111 @@ class Scaling(NamedTuple):
     kappa: float = 0.0
 
 
-class Weights(NamedTuple):
+DEFAULT = Scaling()
+
+
+# ---- the textbook
+
+
+def sigma_points(belief: Belief, scaling: Scaling = DEFAULT) -> np.ndarray:
+    """The mean, then mean + and mean - sqrt(N + chi) times each column of the Cholesky factor, (2 n + 1, n)."""
+    spread = scaling.alpha**2 * (len(belief.mean) + scaling.kappa)  # N + chi
+    L, _ = cholesky(belief.cov, scale=math.sqrt(spread))
+    return np.vstack([belief.mean, belief.mean + L.T, belief.mean - L.T])
+
+
+def sigma_weights(n: int, scaling: Scaling = DEFAULT) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (2 n + 1,) of the sigma points for mean and covariance, with chi = alpha^2 (N + kappa) - N."""
+    alpha, beta, kappa = scaling
+    chi = alpha**2 * (n + kappa) - n
+    w_mean = np.full(2 * n + 1, 1 / (2 * (n + chi)))
+    w_mean[0] = chi / (n + chi)
+    w_cov = w_mean.copy()
+    w_cov[0] += 1 - alpha**2 + beta  # [T] has - beta
+    return w_mean, w_cov
+
+
+def textbook_step(
+    belief: Belief,
+    f: Function,
+    h: Function,
+    y: np.ndarray,
+    Q: np.ndarray,
+    R: np.ndarray,
+    scaling: Scaling = DEFAULT,
+    redraw: bool = False,
+) -> tuple[Belief, Innovation]:
+    """Predict through f and correct with y = h(x) + v: [T] 3.31-3.48 with its misprints corrected; the reference.
+
+    It gives the numbers of `step_reusing_points`, and with `redraw` those of `predict` and then `update`, to rounding;
+    arguments are theirs.
+    """
+    w_mean, w_cov = sigma_weights(len(belief.mean), scaling)
+    X = np.array([f(x) for x in sigma_points(belief, scaling)])  # (2 n + 1, n)
+    x_hat = w_mean @ X
+    dX = X - x_hat
+    P = dX.T @ (w_cov[:, None] * dX) + Q
+    if redraw:
+        X = sigma_points(Belief(x_hat, P), scaling)
+        dX = X - x_hat
+    Y = np.array([h(x) for x in X])  # (2 n + 1, m); [T] 3.42 takes the points before the propagation
+    y_hat = w_mean @ Y
+    dY = Y - y_hat
+    S = dY.T @ (w_cov[:, None] * dY) + R
+    K = gain(dX.T @ (w_cov[:, None] * dY), S)
+    nu = y - y_hat
+    return Belief(x_hat + K @ nu, P - K @ S @ K.T), Innovation(nu, S)
+
+
+# ---- the same in pairs of points
+
+
+class PairWeights(NamedTuple):
     """Weights of 2 N + 1 sigma points.
 
     spread: c = N + chi = alpha^2 (N + kappa), the squared distance of the points in standard deviations.
-    mean_0, cov_0: of the central point, chi / c and chi / c + 1 - alpha^2 + beta.
+    central_mean, central_cov: of the central point, chi / c and chi / c + 1 - alpha^2 + beta.
     side: of every other point, 1 / (2 c).
     pair: of a product of differences or of sums of a pair, 1 / (4 c).
     """
 
     spread: float
-    mean_0: float
-    cov_0: float
+    central_mean: float
+    central_cov: float
     side: float
     pair: float
 
 
-class SigmaPoints(NamedTuple):
+class SigmaPairs(NamedTuple):
     """Sigma points of a belief about n states.
 
-    points: (2 n + 1, n), the mean, then mean + sqrt(c) l_k for k = 1 ... n, then mean - sqrt(c) l_k.
+    points: (2 n + 1, n), as `sigma_points`.
     offsets: (n, n), lower triangle; column k is sqrt(c) l_k.
     weights: of the points.
     """
 
     points: np.ndarray
     offsets: np.ndarray
-    weights: Weights
+    weights: PairWeights
 
 
-class Image(NamedTuple):
-    """What a function makes of a belief's sigma points.
+class PropagatedPairs(NamedTuple):
+    """Sigma points after a function.
 
-    mean: (m,).
-    odd: (m, n), differences of the pairs, divided by `unit`.
-    even: (m, n + 1), sums of the pairs about twice the mean, and the central point.
-    unit: (m,), 2 for an element that repeats a state, whose differences are twice its offsets, else 1.
-    weights: of the sigma points.
-    repeats: for each of m elements the index of the state that it repeats at every sigma point, or None.
+    mean: (m,), y_hat.
+    differences: (m, n), d_k of the pairs; half of them for an element that repeats a state, its offsets.
+    difference_unit: (m,), what these are to be multiplied by, 2 for an element that repeats a state, else 1.
+    sums: (m, n + 1), s_k of the pairs and s_0 of the central point.
+    repeated_state: for each of m elements the index of the state that it is at every sigma point, or None.
+    weights: of the points.
     """
 
     mean: np.ndarray
-    odd: np.ndarray
-    even: np.ndarray
-    unit: np.ndarray
-    weights: Weights
-    repeats: tuple[int | None, ...]
-
-
-DEFAULT = Scaling()
+    differences: np.ndarray
+    difference_unit: np.ndarray
+    sums: np.ndarray
+    repeated_state: tuple[int | None, ...]
+    weights: PairWeights
 
 
 def predict(belief: Belief, f: Function, Q: np.ndarray, scaling: Scaling = DEFAULT) -> Belief:
@@ -111,7 +168,7 @@ def predict(belief: Belief, f: Function, Q: np.ndarray, scaling: Scaling = DEFAU
     """
     n = len(belief.mean)
     require_shape("Q", Q, (n, n))
-    x = transform(f, draw(belief, scaling))
+    x = propagate(f, draw_pairs(belief, scaling))
     require_shape("f(x)", x.mean, (n,))
     return Belief(x.mean, mirror_lower(covariance(x, x, belief.cov) + Q))
 
@@ -139,15 +196,17 @@ def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, scaling: 
     """`update`, with the gain too.
 
     The covariance is Joseph's form in the coordinates of the pairs: with D the offsets of the points and G half the
-    differences of the outputs, (D - K G) (D - K G)' / c + K (even even' / (4 c) + R) K'.
+    differences of the outputs, (D - K G) (D - K G)' / c + K (s s' / (4 c) + R) K'.
     """
-    sigma = draw(belief, scaling)
-    output = _output(transform(h, sigma), y, R)
+    sigma = draw_pairs(belief, scaling)
+    output = propagate(h, sigma)
+    _require_output(output, y, R)
     S = mirror_lower(covariance(output, output, belief.cov) + R)
-    K = gain(covariance(identity(sigma), output, belief.cov), S)
+    K = gain(covariance(unchanged(sigma), output, belief.cov), S)
     nu = y - output.mean
-    A, pair = sigma.offsets - K * (0.5 * output.unit) @ output.odd, sigma.weights.pair
-    cov = 4 * pair * (A @ A.T) + K @ (pair * (output.even @ output.even.T) + R) @ K.T
+    A = sigma.offsets - K * (0.5 * output.difference_unit) @ output.differences
+    pair = sigma.weights.pair
+    cov = 4 * pair * (A @ A.T) + K @ (pair * (output.sums @ output.sums.T) + R) @ K.T
     return Correction(Belief(belief.mean + K @ nu, mirror_lower(cov)), Innovation(nu, S), K)
 
 
@@ -168,11 +227,12 @@ def correct_reusing_points(
     """`step_reusing_points`, with the belief before the measurement and the gain too."""
     n = len(belief.mean)
     require_shape("Q", Q, (n, n))
-    sigma = draw(belief, scaling)
-    propagated = [f(point) for point in sigma.points]
-    x = image(propagated, sigma)
+    sigma = draw_pairs(belief, scaling)
+    X = [f(point) for point in sigma.points]
+    x = in_pairs(X, sigma)
     require_shape("f(x)", x.mean, (n,))
-    output = _output(image([h(point) for point in propagated], sigma), y, R)
+    output = in_pairs([h(point) for point in X], sigma)
+    _require_output(output, y, R)
     prior = Belief(x.mean, mirror_lower(covariance(x, x, belief.cov) + Q))
     S = mirror_lower(covariance(output, output, belief.cov) + R)
     C = covariance(x, output, belief.cov)
@@ -184,11 +244,11 @@ def correct_reusing_points(
 
 def output_covariance(belief: Belief, h: Function, scaling: Scaling = DEFAULT) -> np.ndarray:
     """Covariance P_yy (m, m) of h(x) under the belief, without measurement noise."""
-    output = transform(h, draw(belief, scaling))
+    output = propagate(h, draw_pairs(belief, scaling))
     return mirror_lower(covariance(output, output, belief.cov))
 
 
-def weights(n: int, scaling: Scaling = DEFAULT) -> Weights:
+def pair_weights(n: int, scaling: Scaling = DEFAULT) -> PairWeights:
     """Weights for a state of n elements, with chi = alpha^2 (n + kappa) - n.
 
     Raises:
@@ -201,66 +261,68 @@ def weights(n: int, scaling: Scaling = DEFAULT) -> Weights:
         raise InputError(
             f"alpha^2 (n + kappa) must be > 0 but is {spread} for {scaling}, n = {n}; raise kappa or alpha"
         )
-    mean_0 = 1 - n / spread
-    cov_0 = mean_0 + 1 - alpha**2 + beta
-    if cov_0 < 0:
+    central_mean = 1 - n / spread
+    central_cov = central_mean + 1 - alpha**2 + beta
+    if central_cov < 0:
         raise InputError(
-            f"the central covariance weight must be >= 0 but is {cov_0:.3g} for {scaling}, n = {n}; "
+            f"the central covariance weight must be >= 0 but is {central_cov:.3g} for {scaling}, n = {n}; "
             "with beta = 2 and kappa = 0 choose alpha between 0.52 and 1.93"
         )
-    return Weights(spread, mean_0, cov_0, 0.5 / spread, 0.25 / spread)
+    return PairWeights(spread, central_mean, central_cov, side=0.5 / spread, pair=0.25 / spread)
 
 
-def covariance(a: Image, b: Image, P: np.ndarray) -> np.ndarray:
+def covariance(a: PropagatedPairs, b: PropagatedPairs, P: np.ndarray) -> np.ndarray:
     """Covariance (m_a, m_b) of two images of the same sigma points, drawn from a belief with covariance P (n, n).
 
     Elements that both repeat a state have exactly the covariance of those states.
     """
-    summed = a.weights.pair * np.outer(a.unit, b.unit) * (a.odd @ b.odd.T + a.even @ b.even.T)
-    return np.array(
-        [
-            [summed[i, j] if p is None or q is None else P[p, q] for j, q in enumerate(b.repeats)]
-            for i, p in enumerate(a.repeats)
-        ]
-    )
+    unit = np.outer(a.difference_unit, b.difference_unit)
+    cov = a.weights.pair * unit * (a.differences @ b.differences.T + a.sums @ b.sums.T)
+    for i, p in enumerate(a.repeated_state):
+        for j, q in enumerate(b.repeated_state):
+            if p is not None and q is not None:
+                cov[i, j] = P[p, q]
+    return cov
 
 
-def draw(belief: Belief, scaling: Scaling = DEFAULT) -> SigmaPoints:
+def draw_pairs(belief: Belief, scaling: Scaling = DEFAULT) -> SigmaPairs:
     """The sigma points of a belief."""
     n = len(belief.mean)
     require_shape("belief.cov", belief.cov, (n, n))
-    w = weights(n, scaling)
+    w = pair_weights(n, scaling)
     offsets, _ = cholesky(belief.cov, scale=math.sqrt(w.spread))
-    return SigmaPoints(np.vstack([belief.mean, belief.mean + offsets.T, belief.mean - offsets.T]), offsets, w)
+    return SigmaPairs(np.vstack([belief.mean, belief.mean + offsets.T, belief.mean - offsets.T]), offsets, w)
 
 
-def transform(function: Function, sigma: SigmaPoints) -> Image:
-    """The image of the sigma points under a function from (n,) to (m,)."""
-    return image([function(point) for point in sigma.points], sigma)
+def propagate(function: Function, sigma: SigmaPairs) -> PropagatedPairs:
+    """The sigma points after a function from (n,) to (m,)."""
+    return in_pairs([function(point) for point in sigma.points], sigma)
 
 
-def image(images: Sequence[np.ndarray], sigma: SigmaPoints) -> Image:
-    """Mean, differences and sums of what a function has made of each sigma point, 2 n + 1 times (m,)."""
-    Y, (points, offsets, w) = np.array(images), sigma
+def in_pairs(images: Sequence[np.ndarray], sigma: SigmaPairs) -> PropagatedPairs:
+    """Mean, differences and sums of the images of the sigma points, 2 n + 1 times (m,)."""
+    points, offsets, w = sigma
     n = len(offsets)
-    sums, differences = Y[1 : n + 1] + Y[n + 1 :], Y[1 : n + 1] - Y[n + 1 :]
-    mean = w.mean_0 * Y[0] + w.side * sums.sum(axis=0)
-    even = np.column_stack([(sums - 2 * mean).T, math.sqrt(w.cov_0 / w.pair) * (Y[0] - mean)])
-    repeats = tuple(_repeated_state(column, points) for column in Y.T)
-    return Image(
-        _replaced(mean, points[0], repeats),
-        _replaced(differences.T, offsets, repeats),
-        _replaced(even, np.zeros((n, n + 1)), repeats),
-        np.array([1.0 if state is None else 2.0 for state in repeats]),
-        w,
-        repeats,
+    Y = np.array(images)
+    plus, minus = Y[1 : n + 1], Y[n + 1 :]
+    mean = w.central_mean * Y[0] + w.side * (plus + minus).sum(axis=0)
+    sums = np.column_stack([(plus + minus - 2 * mean).T, math.sqrt(w.central_cov / w.pair) * (Y[0] - mean)])
+    repeated = tuple(_repeated_state(column, points) for column in Y.T)
+    return PropagatedPairs(
+        mean=_exact_where(repeated, points[0], mean),
+        differences=_exact_where(repeated, offsets, (plus - minus).T),
+        difference_unit=np.array([1.0 if state is None else 2.0 for state in repeated]),
+        sums=_exact_where(repeated, np.zeros((n, n + 1)), sums),
+        repeated_state=repeated,
+        weights=w,
     )
 
 
-def identity(sigma: SigmaPoints) -> Image:
-    """The image under x -> x."""
+def unchanged(sigma: SigmaPairs) -> PropagatedPairs:
+    """The sigma points after x -> x."""
     n = len(sigma.offsets)
-    return Image(sigma.points[0], sigma.offsets, np.zeros((n, n + 1)), np.full(n, 2.0), sigma.weights, tuple(range(n)))
+    states = tuple(range(n))
+    return PropagatedPairs(sigma.points[0], sigma.offsets, np.full(n, 2.0), np.zeros((n, n + 1)), states, sigma.weights)
 
 
 def _repeated_state(column: np.ndarray, points: np.ndarray) -> int | None:
@@ -269,19 +331,18 @@ def _repeated_state(column: np.ndarray, points: np.ndarray) -> int | None:
     return next(matches, None)
 
 
-def _replaced(summed: np.ndarray, exact: np.ndarray, repeats: tuple[int | None, ...]) -> np.ndarray:
+def _exact_where(repeated: tuple[int | None, ...], exact: np.ndarray, summed: np.ndarray) -> np.ndarray:
     """`summed` with the rows that repeat a state replaced by that state's row of `exact`."""
-    return np.array([row if state is None else exact[state] for row, state in zip(summed, repeats, strict=True)])
+    return np.array([row if state is None else exact[state] for row, state in zip(summed, repeated, strict=True)])
 
 
 def _same(a: object, b: object) -> bool:
-    """The same traced scalar, or equal numbers; comparing traced scalars by value would be a branch on data."""
+    """True for the same traced scalar or equal numbers; to compare traced scalars by value would branch on data."""
     return a is b or (isinstance(a, float) and isinstance(b, float) and a == b)
 
 
-def _output(output: Image, y: np.ndarray, R: np.ndarray) -> Image:
-    """`output`, once it is sure that y and R fit it."""
+def _require_output(output: PropagatedPairs, y: np.ndarray, R: np.ndarray) -> None:
+    """Raise `InputError` unless y and R fit the output."""
     m = len(output.mean)
     require_shape("y", y, (m,))
     require_shape("R", R, (m, m))
-    return output
