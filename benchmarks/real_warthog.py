@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_least, at_most
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
-from ohmward.traction.score import BAND_95
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import SlipEstimator

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import DATA, Figure, at_least, at_most, data_file
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_read import read_drive
 from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import (
@@ -195,7 +196,7 @@ def _unseen(
         judged = judge(estimator, of)
         data, method = f"Robotino, {data}", f"UKF on learnt floors, {SENSORS}"
         yield at_least(data, method, "runs in the 95 % band", _covered(judged), 0.85, form=".1%")
-        yield at_most(data, method, "half width of the band", 1.96 * float(np.mean([j.std for j in judged])))
+        yield at_most(data, method, "half width of the band", BAND_95 * float(np.mean([j.std for j in judged])))
         yield at_most(data, method, "mean slip of a run, mean absolute error", float(np.abs(_errors(judged)).mean()))
 
 
@@ -288,7 +289,7 @@ def _errors(judged: Sequence[Judged]) -> np.ndarray:
 
 
 def _covered(judged: Sequence[Judged]) -> float:
-    return _share(abs(j.found - j.true) <= 1.96 * j.std for j in judged)
+    return _share(abs(j.found - j.true) <= BAND_95 * j.std for j in judged)
 
 
 def _rms(judged: Sequence[Judged]) -> float:

@@ -16,6 +16,7 @@ from ohmward.report.axis import XAxis, linear_ticks, log_ticks, shared_x, tick_l
 from ohmward.report.decimate import DOT_PX, envelope, samples
 from ohmward.report.figure import Figure, Side
 from ohmward.report.palette import MEANING, SHADES, SURFACES, Theme, colours
+from ohmward.runs import runs
 
 MARGIN: Final = 70.0
 """Left of the plot, and right of it where there is a right axis [px]."""
@@ -157,7 +158,7 @@ def _spans(figure: Figure, x: Scale, height: float) -> Iterable[str]:
 def _bands(figure: Figure, x: Scale, y: Scale) -> Iterable[str]:
     for band in figure.bands:
         xs, low, high = envelope(band.x, band.low, band.high, int(x.end))
-        for i, j in _runs(low + high):
+        for i, j in runs(np.isfinite(low + high)):
             there, back = (np.stack([x.px(xs[i:j]), y.px(edge[i:j])], axis=1) for edge in (high, low))
             outline = np.concatenate([there, back[::-1]])
             yield f'<path class="area {MEANING[band.role]}" d="{_polyline(outline)}z"/>'
@@ -168,7 +169,7 @@ def _series(figure: Figure, x: Scale, y: dict[Side, Scale]) -> Iterable[str]:
         kept = samples(series, figure.log_y, int(x.end), figure.height_px)
         points = np.stack([x.px(series.x[kept]), y[series.axis].px(series.y[kept])], axis=1)
         draw = {"points": _dots, "step": _stairs}.get(series.style, _polyline)
-        path = "".join(draw(points[i:j]) for i, j in _runs(points[:, 1]))
+        path = "".join(draw(points[i:j]) for i, j in runs(np.isfinite(points[:, 1])))
         yield f'<path class="{_kind(series.style)} {colour}" d="{path}"/>'
 
 
@@ -181,13 +182,6 @@ def _markers(figure: Figure, x: Scale, area: Area) -> Iterable[str]:
         if px >= free:
             yield _text(f"label fill {colour}", px + 5, 13, marker.label)
             free = px + 5 + CHARACTER * len(marker.label)
-
-
-def _runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """Half-open index ranges of the stretches without NaN."""
-    finite = np.concatenate([[False], np.isfinite(values), [False]])
-    ends = np.flatnonzero(np.diff(finite.astype(int)))
-    return list(zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True))
 
 
 def _polyline(points: np.ndarray) -> str:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from ohmward import Battery, Log, SocEstimate, SocEstimator, identify, make_estimator, make_robot_day
-from ohmward.battery.soc.score import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.simulate.closed_loop import drive_log, run
@@ -23,6 +22,7 @@ from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+from ohmward.filters.consistency import BAND_95
 from svg import to_svg
 
 PICTURES = Path(__file__).parent / "pictures"

@@ -13,12 +13,13 @@ import ohmward
 SOURCE = Path(ohmward.__file__).parent
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "filters.flags", "toml_file"}
+GROUND = {"errors", "checks", "atomic", "filters.flags", "runs", "toml_file"}
 BELOW: dict[str, set[str]] = {
     "errors": set(),
     "checks": {"errors"},
     "atomic": {"errors"},
     "filters.flags": set(),
+    "runs": set(),
     "toml_file": {"errors", "atomic"},
     "trace": GROUND,
     "filters": {"trace"} | GROUND,
@@ -31,7 +32,8 @@ BELOW: dict[str, set[str]] = {
     "export": {"battery", "traction", "published", "trace", "filters"} | GROUND,
     "simulate": {"battery", "traction", "published", "energy", "trace", "filters", "logs"} | GROUND,
     "fleet": {"battery", "published", "trace", "filters", "logs"} | GROUND,
-    "cli": {"fleet", "battery", "traction", "published", "energy", "simulate", "export", "logs", "report"} | GROUND,
+    "cli": {"fleet", "battery", "traction", "published", "energy", "simulate", "export", "filters", "logs", "report"}
+    | GROUND,
 }
 
 #: Modules that stand at the edge of their room: nothing else of the room imports them.

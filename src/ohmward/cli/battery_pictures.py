@@ -10,10 +10,11 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.battery.soc.score import BAND_95
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Band, Figure, Series, Span
 from ohmward.report.palette import CYCLE, Meaning
+from ohmward.runs import runs
 
 if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails
@@ -125,8 +126,8 @@ def flag_spans(log: Log, flags: np.ndarray, wanted: SocFlag = SocFlag.REST | FAU
         label = str(flag.name).lower().replace("_", " ")
         role: Meaning = "quiet" if flag is SocFlag.REST else "alert"
         spans += [
-            Span(float(log.time_s[a]), float(log.time_s[b]), label, role)
-            for a, b in _runs(flags.astype(int) & flag != 0)
+            Span(float(log.time_s[a]), float(log.time_s[b - 1]), label, role)
+            for a, b in runs(flags.astype(int) & flag != 0)
         ]
     return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
 
@@ -278,9 +279,3 @@ def _usual(values: np.ndarray) -> float:
     size = values[np.isfinite(values)]
     np.abs(size, out=size)
     return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
-
-
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of every stretch of True."""
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.battery.soc.sample import SocEstimate
-from ohmward.battery.soc.score import BAND_95, Score, score
+from ohmward.battery.soc.score import Score, score
 from ohmward.logs.log import Log
 
 #: A start that was not known is found within the first hour or not at all.
 SETTLE_S = 3600.0
 _SUFFIX = "_after_1h"
-__all__ = ["BAND_95", "soc_scores", "voltage_score"]
 
 
 def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> dict[str, float | None]:

@@ -14,6 +14,9 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import solve_spd
 from ohmward.filters.shapes import require_shape
 
+#: Standard deviations to either side of the mean within which 95 % of a normal distribution lie.
+BAND_95 = 1.959964
+
 
 class Verdict(NamedTuple):
     """A mean chi-square statistic against its two-sided bounds; no units.

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.logs.log import counted
+from ohmward.runs import runs
 
 # Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
 CLEAR_T = 10.0
@@ -148,10 +149,10 @@ def _longest_steady(time_s: np.ndarray, current_A: np.ndarray) -> slice | None:
         return None
     usual = np.median(flowing)
     inside = np.abs(current_A - usual) <= _STEADY * abs(usual)
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    first, last = bounds[::2], bounds[1::2] - 1
-    longest = int(np.argmax(time_s[last] - time_s[first])) if first.size else None
-    return None if longest is None else slice(first[longest], last[longest] + 1)
+    stretches = runs(inside)
+    if not stretches:
+        return None
+    return slice(*max(stretches, key=lambda stretch: time_s[stretch[1] - 1] - time_s[stretch[0]]))
 
 
 def _part_means(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from ohmward.errors import InputError
 from ohmward.logs.clean import find_gaps
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.logs.sign import resolution, sign_evidence, spread
+from ohmward.runs import runs
 
 # A rest: less than this share of the largest current, for at least this long.
 _REST_SHARE = 0.05
@@ -153,7 +154,7 @@ def _sign(log: Log) -> Sign:
 
 def _activity(log: Log, resting: np.ndarray) -> Activity:
     return Activity(
-        rests=len(_runs(resting)),
+        rests=len(runs(resting)),
         pulses=_pulses(log.time_s, resting),
         rest_current_A=float(np.nanmedian(log.current_A[resting])) if resting.any() else None,
         charge_in_Ah=_charge_Ah(log, 1.0),
@@ -166,22 +167,16 @@ def _resting(log: Log) -> np.ndarray:
     size = np.abs(log.current_A)
     limit = _REST_SHARE * np.nanmax(size)
     quiet = size <= limit
-    for first, last in _runs(quiet):
-        if log.time_s[last] - log.time_s[first] < _REST_LEAST_S:
-            quiet[first : last + 1] = False
+    for first, stop in runs(quiet):
+        if log.time_s[stop - 1] - log.time_s[first] < _REST_LEAST_S:
+            quiet[first:stop] = False
     return quiet
 
 
 def _pulses(time_s: np.ndarray, resting: np.ndarray) -> int:
     """How many times the current flows for two minutes at most between two rests."""
-    inside = [(a, b) for a, b in _runs(~resting) if a > 0 and b < resting.size - 1]
-    return sum(bool(time_s[last + 1] - time_s[first - 1] <= _PULSE_MOST_S) for first, last in inside)
-
-
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of every stretch of True."""
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]
+    inside = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
+    return sum(bool(time_s[stop] - time_s[first - 1] <= _PULSE_MOST_S) for first, stop in inside)
 
 
 def _charge_Ah(log: Log, sign: float) -> float:

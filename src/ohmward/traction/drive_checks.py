@@ -13,6 +13,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
+from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 
@@ -235,6 +236,5 @@ def _flip(count: int, k: int) -> np.ndarray:
 
 def _lasting(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
     """First and last sample of every stretch of True in `rows` (T,) that lasts."""
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    runs = [(int(a), int(b) - 1) for a, b in bounds.reshape(-1, 2)]
-    return [(a, b) for a, b in runs if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]
+    found = [(first, stop - 1) for first, stop in runs(rows)]
+    return [(a, b) for a, b in found if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: Standard deviations that a normal error exceeds in 5 % of the cases.
-BAND_95 = 1.959964
 
 #: Below this speed [m/s] of rim and travel a slip ratio is not compared: it would be noise over noise.
 SLIP_FLOOR_M_S = 0.05

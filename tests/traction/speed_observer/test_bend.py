@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ohmward.filters.consistency import BAND_95
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.observing import make_observer
 from ohmward.trace import Kernel
-
-BAND_95 = 1.96
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ from ohmward.battery.battery import Confidence
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
 from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
 from ohmward.battery.identification.circuit_solve import Solution
-from ohmward.battery.identification.edges import Z_95
 from ohmward.battery.identification.samples import TestSamples
+from ohmward.filters.consistency import BAND_95
+from ohmward.runs import runs
 
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 _COVERED_A_SHARE = 0.02
@@ -65,7 +66,7 @@ def _resistance(s: Solution, j: int, name: str, soc: float) -> Confidence:
     k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
     at = s.layout.block(j).start + k
     value, std = float(s.x[at]), float(np.sqrt(s.cov[at, at]))
-    return Confidence(f"{name} at soc {soc:g}", value, max(value - Z_95 * std, 0.0), value + Z_95 * std)
+    return Confidence(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
 
 
 def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> list[Confidence]:
@@ -75,7 +76,7 @@ def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> li
     if hysteresis:
         found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
     if activation:
-        half = Z_95 * 1000.0 * float(std[-1])
+        half = BAND_95 * 1000.0 * float(std[-1])
         found.append(
             Confidence("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
         )
@@ -88,7 +89,7 @@ def _tau_std(fit: CircuitFit, j: int) -> float:
 
 
 def _log_interval(name: str, value: float, std: float) -> Confidence:
-    spread = float(np.exp(min(Z_95 * std, 50.0)))
+    spread = float(np.exp(min(BAND_95 * std, 50.0)))
     return Confidence(name, value, value / spread, value * spread)
 
 
@@ -97,7 +98,7 @@ def _uncovered(s: Solution, samples: Sequence[TestSamples], capacity_Ah: float, 
     if not missing.any():
         return []
     source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
-    where = ", ".join(_range(a, b) for a, b in _runs(missing))
+    where = ", ".join(_range(a, b) for a, b in runs(missing))
     return [f"resistances at SoC {where}: no current flowed there; taken from {source}, +-{_share(s, missing):.0%}"]
 
 
@@ -127,9 +128,3 @@ def _directions(samples: Sequence[TestSamples], capacity_Ah: float) -> list[str]
         for word, there in words.items()
         if np.count_nonzero(there) < 3
     ]
-
-
-def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """First and stop of each run of True."""
-    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

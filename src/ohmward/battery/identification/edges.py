@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.record import Record
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
 SLOWEST_S = 2.0
-Z_95 = 1.96
 _SMALLEST_RATE = 1 / 10
 _FEWEST = 3
 
@@ -75,7 +75,7 @@ def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
     """R_0 of each direction as its edges show it, to compare with the fit."""
     found = {word: ohmic_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
     return tuple(
-        Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} +- {1e3 * Z_95 * r.std_ohm:.2g} mohm in {word}")
+        Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} +- {1e3 * BAND_95 * r.std_ohm:.2g} mohm in {word}")
         for word, r in found.items()
         if r
     )

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 
 #: Standard deviations that a normal error exceeds in 5 % of the cases.
-BAND_95 = 1.959964
 
 
 class Score(NamedTuple):

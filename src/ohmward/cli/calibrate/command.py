@@ -13,6 +13,7 @@ from ohmward.cli.parser import add_command, add_output_options
 from ohmward.cli.progress import progress
 from ohmward.cli.reading import split_selection
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 
 if TYPE_CHECKING:
     from ohmward.logs import DriveLog
@@ -296,7 +297,7 @@ def parameter_rows(result: Result) -> list[list[str]]:
         [
             p.name,
             f"{p.value:.4g}",
-            f"{p.value - 1.96 * p.std:.4g} to {p.value + 1.96 * p.std:.4g}" if p.identified else "-",
+            f"{p.value - BAND_95 * p.std:.4g} to {p.value + BAND_95 * p.std:.4g}" if p.identified else "-",
             "" if p.identified else "kept",
         ]
         for p in result.parameters
@@ -307,8 +308,8 @@ def floor_fields(floor: Floor) -> dict[str, str]:
     """What was learnt of a floor, with its sigmas."""
     return {
         "floor": floor.name,
-        "stiffness": f"{floor.stiffness:.3g} ± {wording.percent(1.96 * floor.stiffness_std, 0)} (95 %)",
-        "friction": f"{floor.friction:.3g} ± {wording.percent(1.96 * floor.friction_std, 0)} (95 %)",
+        "stiffness": f"{floor.stiffness:.3g} ± {wording.percent(BAND_95 * floor.stiffness_std, 0)} (95 %)",
+        "friction": f"{floor.friction:.3g} ± {wording.percent(BAND_95 * floor.friction_std, 0)} (95 %)",
         "slip left unexplained": f"{floor.slip_std:.3f} of each wheel from drive to drive",
         "rolling, rollers": f"{floor.rolling:.3f}, {floor.roller:.3f} of the load",
     }

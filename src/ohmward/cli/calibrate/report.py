@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.cli.calibrate.command import PARAMETERS, Result, floor_fields, parameter_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
+from ohmward.filters.consistency import BAND_95
 from ohmward.report import Band, Figure, Page, Series
 from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.stretches import cut, travel_speed
@@ -62,5 +63,5 @@ def _law(result: Result, floor: Floor) -> Figure:
             ),
             Series(force, mean, "learnt", role="estimate"),
         ],
-        bands=[Band(force, mean - 1.96 * std, mean + 1.96 * std, "95 %")],
+        bands=[Band(force, mean - BAND_95 * std, mean + BAND_95 * std, "95 %")],
     )

@@ -9,11 +9,11 @@ import numpy as np
 from ohmward.cli.report_parts import FOOTER
 from ohmward.cli.simulate.command import ENERGY, result, summary
 from ohmward.cli.wording import duration
+from ohmward.filters.consistency import BAND_95
 from ohmward.report import TIME, Band, Figure, Page, Series
 from ohmward.simulate.closed_loop import ClosedLoopRun
 from ohmward.simulate.closed_loop.figures import true_slip
 
-BAND_95 = 1.96
 #: Seconds over which the power split is averaged.
 _POWER_S = 0.25
 

@@ -20,6 +20,7 @@ from ohmward.cli.driving import (
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import add_command, add_output_options
 from ohmward.cli.progress import progress
+from ohmward.filters.consistency import BAND_95
 
 if TYPE_CHECKING:
     import numpy as np
@@ -235,8 +236,6 @@ def describe(task: SlipTask, figures: dict[str, Any]) -> str:
 
 def result(figures: dict[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
-    from ohmward.traction.score import BAND_95
-
     flags = ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in figures["flags"].items())
     band_m_s = BAND_95 * figures["speed_std_final_m_s"]
     rows = {
@@ -259,8 +258,6 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
 
 def _ratio_text(figures: dict[str, Any], name: str) -> str:
     """A ratio to the value believed, with its 95 % band; empty where it was not estimated."""
-    from ohmward.traction.score import BAND_95
-
     ratio, std = figures[f"{name}_ratio"], figures[f"{name}_std"]
     if ratio is None:
         return ""
@@ -271,8 +268,6 @@ def _ratio_text(figures: dict[str, Any], name: str) -> str:
 
 def _grade_text(figures: dict[str, Any]) -> str:
     from math import degrees
-
-    from ohmward.traction.score import BAND_95
 
     if figures["grade_rad"] is None:
         return ""

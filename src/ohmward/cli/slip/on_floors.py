@@ -6,6 +6,8 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ohmward.filters.consistency import BAND_95
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -85,7 +87,7 @@ def described(f: Mapping[str, Any]) -> dict[str, str]:
     """The same for people, by name."""
     from ohmward.cli import wording
 
-    band = 1.96 * f["travel_slip_std"] if f["travel_slip_std"] is not None else None
+    band = BAND_95 * f["travel_slip_std"] if f["travel_slip_std"] is not None else None
     floors = ", ".join(f"{name} {wording.percent(share, 0)}" for name, share in f["floor_share"].items())
     times = ", ".join(f"{c['time_s']:.1f} s" for c in f["floor_crossings"])
     return {

@@ -8,9 +8,11 @@ from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.slip.command import SlipAnswer, SlipTask, driven_wheels, errors, result, summary
 from ohmward.cli.slip.on_floors_report import floor_figures
 from ohmward.cli.wording import duration, percent, quantity
+from ohmward.filters.consistency import BAND_95
 from ohmward.report import TIME, Band, Figure, Page, Series, Span
 from ohmward.report.palette import Meaning
-from ohmward.traction.score import BAND_95, true_slip
+from ohmward.runs import runs
+from ohmward.traction.score import true_slip
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
@@ -140,8 +142,7 @@ def _flag_spans(time_s: np.ndarray, flags: np.ndarray) -> list[Span]:
 
 def _spans(time_s: np.ndarray, mask: np.ndarray, label: str, role: Meaning) -> list[Span]:
     """A span for every stretch of True in `mask` (T,), the longest where there are many."""
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    spans = [Span(float(time_s[a]), float(time_s[b - 1]), label, role) for a, b in bounds.reshape(-1, 2)]
+    spans = [Span(float(time_s[a]), float(time_s[b - 1]), label, role) for a, b in runs(mask)]
     return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
 
 

@@ -11,6 +11,7 @@ from ohmward.cli.estimating import SocTask, add_task_options, estimate, make_tas
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import add_command, add_output_options
 from ohmward.cli.progress import Report, counting, progress
+from ohmward.filters.consistency import BAND_95
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,8 +105,6 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
 
 def result(figures: dict[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
-    from ohmward.cli.scoring import BAND_95
-
     flags = ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in figures["flags"].items())
     band = wording.percent(BAND_95 * figures["soc_std_final"], 1)
     rows = {

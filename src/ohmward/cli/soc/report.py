@@ -10,6 +10,7 @@ from ohmward.cli.estimating import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.soc.command import result
 from ohmward.cli.wording import duration, percent, quantity
+from ohmward.filters.consistency import BAND_95
 from ohmward.report import Figure, Page
 
 
@@ -26,7 +27,7 @@ def make_page(task: SocTask, name: str, answer: SocRun, figures: dict[str, Any])
 
 
 def _numbers(figures: dict) -> dict[str, str]:
-    half_band = pictures.BAND_95 * figures["soc_std_final"]
+    half_band = BAND_95 * figures["soc_std_final"]
     numbers = {
         "SoC at the end": f"{100 * figures['soc_final']:.1f} ± {percent(half_band, 1)}",
         "RMSE": percent(figures["soc_rmse"]),
