@@ -38,8 +38,9 @@ def run(name, columns):
     """Estimates (T,) of the estimator of this name over columns (T,)."""
     estimator = ESTIMATORS[name]
     state = estimator.init(row(columns, 0), 0.9)
-    kernel = KERNELS.setdefault(name, Kernel(estimator.step, state, row(columns, 0)))
-    return kernel.scan(state, columns)
+    if name not in KERNELS:
+        KERNELS[name] = Kernel(estimator.step, state, row(columns, 0), lowering="machine")
+    return KERNELS[name].scan(state, columns)
 
 
 def broken(where, **changes):
