@@ -126,7 +126,7 @@ def reached(
     steps = max(map(len, power_W))
     P = np.array([np.pad(p, (0, steps - len(p)), constant_values=p[-1]) for p in power_W])
     grid = np.linspace(0.0, 1.0, 1001)
-    ocv = model.ocv.mean_V(grid, 25.0) - model.ocv.hysteresis_at_V(grid)
+    ocv = model.ocv.mean_V(grid, 25.0) - model.ocv.hysteresis_at(grid)
     r0, pairs = model.r0_discharge_ohm[0] * resistance_ratio, [row[0] * resistance_ratio for row in model.r_ohm]
     decays = [np.exp(-DT_S / tau) for tau in model.tau_s]
     z, volts, lasted = soc.copy(), np.full(soc.size, ocv[-1]), np.full(soc.size, steps)

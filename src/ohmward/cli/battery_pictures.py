@@ -140,7 +140,7 @@ def ocv_figure(
 ) -> Figure:
     """Open-circuit voltage: mean curve and branches, the tests and rests behind it, the fit's 95 % interval."""
     soc = np.linspace(0.0, 1.0, 401)
-    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.hysteresis_at_V(soc))
+    mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.hysteresis_at(soc))
     series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "quiet") for b in branches]
     series.append(Series(100 * soc, mean, "mean", role="estimate"))
     if half.any():

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from os import PathLike
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between
 from ohmward.energy.leg import Leg
 from ohmward.errors import InputError
@@ -51,7 +52,7 @@ class Plan:
     leg: tuple[Leg, ...]
     reserve_soc: float | None = None
     cutoff_V: float = 0.0
-    temperature_degC: float = 25.0
+    temperature_degC: float = ROOM_DEGC
     payload_kg: float = 0.0
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import thevenin
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
@@ -50,7 +51,7 @@ class BatteryState:
     capacity_std: float = 0.0
     resistance_ratio: float = 1.0
     resistance_std: float = 0.0
-    temperature_degC: float = 25.0
+    temperature_degC: float = ROOM_DEGC
     reserve_soc: float = 0.0
     cutoff_V: float = 0.0
 
@@ -128,7 +129,7 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
 def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float) -> tuple[np.ndarray, np.ndarray]:
     """Open-circuit voltage [V] of the discharge branch and settled resistance [ohm] at each state of charge (K,)."""
     model: Any = battery.thevenin or battery.rc
-    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at_V(soc)
+    ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
     if isinstance(model, RcModel):
         return ocv_V, np.full(soc.shape, rc_resistance(model))
     u = thevenin.CircuitInput(-1.0, temperature_degC)

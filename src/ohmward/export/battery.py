@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from ohmward.battery.models.ocv_on_lines import on_lines
-from ohmward.battery.soc.clean_sample import ROOM_DEGC
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, require_thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_positive
@@ -120,8 +120,8 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
     """The battery with its curve on lines, and how far they are from it; of a filter that looks at the curve alone."""
     if filter_name not in WITH_LINES:
         raise InputError(
-            f"{filter_name} needs the hysteresis and the arrhenius_factor of the curve too; a curve error is for "
-            f"{', '.join(WITH_LINES)}"
+            f"{filter_name} needs the hysteresis and the temperature coefficient of the curve too; a curve "
+            f"error is for {', '.join(WITH_LINES)}"
         )
     model = require_thevenin(battery)
     ocv, found_V, _ = on_lines(model.ocv, error_V)

@@ -59,7 +59,7 @@ class Hybrid:
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
         rc, second = self.rc.step(state.rc, sample)
         model, noise = self.thevenin.model, self.thevenin.noise
-        quiet = abs(thevenin.current_A) < noise.quiet_A(model.capacity_Ah, self.rest_share)
+        quiet = abs(thevenin.current_A) < noise.rest_threshold_A(model.capacity_Ah, self.rest_share)
         dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
         rest, due = rested(state.rest, quiet, dt_s, self.settle_s)
 

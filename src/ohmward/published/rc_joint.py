@@ -25,7 +25,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, CleanSocSample, is_voltage, sanitize
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.clean_sample import CleanSocSample, is_voltage, sanitize
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.simulate.cells import SimulatedBattery
 from ohmward.simulate.profile import EDGE_S, Profile, steps
 
 _HOUR_S = 3600.0
 
 
-def pulse_test(battery: SimulatedBattery, ambient_degC: float = 25.0, rest_s: float = _HOUR_S) -> Profile:
+def pulse_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rest_s: float = _HOUR_S) -> Profile:
     """From full to empty in steps of 10 %, of 5 % at both ends, with pulses before each; [P] 2.2 and 2.3, HPPC manuals.
 
     A discharge pulse of 1 C and a charge pulse of 0.75 C, 10 s each, 60 s apart; then C/3 for the step and a rest. No
@@ -24,7 +25,7 @@ def pulse_test(battery: SimulatedBattery, ambient_degC: float = 25.0, rest_s: fl
     return steps(full + small + inner, ambient_degC)
 
 
-def low_rate_test(battery: SimulatedBattery, ambient_degC: float = 25.0, rate: float = 1 / 20) -> Profile:
+def low_rate_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
     """Full to empty and back at `rate` (1 is 1 C), with an hour of rest before, between and after."""
     sweep_s, current_A = _HOUR_S / rate, rate * battery.circuit.capacity_Ah
     rest = (_HOUR_S, 0.0)

@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import (
-    KELVIN,
     CircuitInput,
-    arrhenius_factor,
     next_state,
     ohmic_resistance,
     pair_resistances,
@@ -77,7 +76,7 @@ class Simulation(NamedTuple):
 
 
 def resting_state(
-    battery: SimulatedBattery, soc: float, temperature_degC: float = 25.0, hysteresis: float = 0.0
+    battery: SimulatedBattery, soc: float, temperature_degC: float = ROOM_DEGC, hysteresis: float = 0.0
 ) -> PlantState:
     """The battery after a long rest at this SoC; hysteresis is 1 after a charge, -1 after a discharge."""
     if not 0.0 <= soc <= 1.0:
@@ -136,7 +135,9 @@ def terminal_voltage(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) 
 
 def transfer_overpotential(u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Butler-Volmer with symmetry 1/2 [V]: linear at small currents, logarithmic at large ones."""
-    return battery.transfer_V * np.arcsinh(u.current_A * arrhenius_factor(u, battery.circuit) / battery.exchange_A)
+    return battery.transfer_V * np.arcsinh(
+        u.current_A * battery.circuit.arrhenius_factor(u.temperature_degC) / battery.exchange_A
+    )
 
 
 def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery: SimulatedBattery) -> Any:
@@ -157,7 +158,7 @@ def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: Simulat
     Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
     """
     r0_ohm = ohmic_resistance(soc, u, battery.circuit)
-    exchange_A = battery.exchange_A / arrhenius_factor(u, battery.circuit)
+    exchange_A = battery.exchange_A / battery.circuit.arrhenius_factor(u.temperature_degC)
     i = overpotential_V / (r0_ohm + battery.transfer_V / exchange_A)
     for _ in range(_NEWTON_STEPS):
         excess = r0_ohm * i + battery.transfer_V * np.arcsinh(i / exchange_A) - overpotential_V
@@ -187,7 +188,7 @@ def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     ohmic = (ohmic_resistance(soc, u, p) * i + transfer_overpotential(u, battery)) * i
     side_reactions = p.ocv.mean_V(soc, u.temperature_degC) * (i - stored_A)
     reversible = stored_A * (u.temperature_degC + KELVIN) * _entropy_V_per_K(soc, battery)
-    return p.ocv.hysteresis_at_V(soc) * h * i + diffusion + ohmic + side_reactions + reversible
+    return p.ocv.hysteresis_at(soc) * h * i + diffusion + ohmic + side_reactions + reversible
 
 
 def next_temperature(temperature_degC: Any, heat_W: Any, demand: Demand, battery: SimulatedBattery) -> Any:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 
 #: How long a switched current takes to change [s].
@@ -21,7 +22,7 @@ class Profile(NamedTuple):
     ambient_degC: np.ndarray
 
 
-def steps(phases: Sequence[tuple[float, float]], ambient_degC: float = 25.0) -> Profile:
+def steps(phases: Sequence[tuple[float, float]], ambient_degC: float = ROOM_DEGC) -> Profile:
     """Constant currents one after the other, with edges of EDGE_S between them.
 
     phases: (duration_s, current_A) of each; longer than an edge.

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, finite_or, sanitize
+from ohmward.battery.soc.clean_sample import finite_or, sanitize
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between

@@ -22,7 +22,7 @@ def test_both_branches_give_mean_and_half_gap():
     ocv = ocv_from_branches(branches_of(*low_rate_logs(p)), 25.0)
     assert ocv.mean_V(SOC, 25.0) == pytest.approx(np.asarray(LFP_OCV.mean_V(SOC, 25.0)), abs=1e-3)
     overpotential_V = 0.065 * 2.0 / 30
-    assert ocv.hysteresis_at_V(SOC) == pytest.approx(0.015 + overpotential_V, abs=1e-3)
+    assert ocv.hysteresis_at(SOC) == pytest.approx(0.015 + overpotential_V, abs=1e-3)
 
 
 def test_one_direction_is_the_curve_without_hysteresis():

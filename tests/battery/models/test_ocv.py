@@ -13,7 +13,7 @@ CURVE = OcvCurve((3.0, 3.3, 3.5, 4.0), (0.01, 0.02, 0.02, 0.0), (1e-3, 0.0, 0.0,
 
 def test_passes_through_its_points():
     assert CURVE.mean_V(np.linspace(0, 1, 4), 20.0) == pytest.approx(CURVE.voltage_V, abs=1e-15)
-    assert CURVE.hysteresis_at_V(np.linspace(0, 1, 4)) == pytest.approx(CURVE.hysteresis_V, abs=1e-15)
+    assert CURVE.hysteresis_at(np.linspace(0, 1, 4)) == pytest.approx(CURVE.hysteresis_V, abs=1e-15)
 
 
 def test_warmth_adds_its_share():
@@ -41,9 +41,9 @@ def test_never_falls_where_its_points_do_not(steps):
 @pytest.mark.parametrize("ocv", [NMC.ocv, LFP.ocv], ids=["nmc", "lfp"])
 def test_the_inverse_inverts(ocv, branch):
     for soc in (0.02, 0.3, 0.5, 0.77, 0.97):
-        voltage_V = ocv.mean_V(soc, 25.0) + branch * ocv.hysteresis_at_V(soc)
+        voltage_V = ocv.mean_V(soc, 25.0) + branch * ocv.hysteresis_at(soc)
         found = ocv.soc_at(voltage_V, 25.0, branch)
-        assert ocv.mean_V(found, 25.0) + branch * ocv.hysteresis_at_V(found) == pytest.approx(voltage_V, abs=2e-6)
+        assert ocv.mean_V(found, 25.0) + branch * ocv.hysteresis_at(found) == pytest.approx(voltage_V, abs=2e-6)
         if branch < 1.0:  # near full this charge branch of LFP falls a little and passes its voltages twice
             assert found == pytest.approx(soc, abs=2e-4)
 
@@ -57,7 +57,7 @@ def test_a_pack_has_the_voltages_of_its_cells():
     pack = CURVE.scaled(4)
     soc = np.linspace(0.0, 1.0, 50)
     assert pack.mean_V(soc, 31.0) == pytest.approx(4 * CURVE.mean_V(soc, 31.0), rel=1e-12)
-    assert pack.hysteresis_at_V(soc) == pytest.approx(4 * CURVE.hysteresis_at_V(soc), rel=1e-12)
+    assert pack.hysteresis_at(soc) == pytest.approx(4 * CURVE.hysteresis_at(soc), rel=1e-12)
     assert pack.reference_degC == 20.0
 
 

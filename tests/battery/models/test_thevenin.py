@@ -11,9 +11,8 @@ from battery.examples import NMC, STRAIGHT
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import (
     CircuitInput,
-    Health,
+    StateOfHealth,
     Thevenin,
-    arrhenius_factor,
     next_hysteresis,
     next_state,
     ohmic_resistance,
@@ -46,7 +45,7 @@ def test_charging_stores_its_share_and_discharging_takes_all():
 
 
 def test_a_smaller_capacity_moves_faster():
-    moved = next_state(X, CircuitInput(-2.0, 25.0), STRAIGHT, 360.0, Health(soh_capacity=0.8))[0] - X[0]
+    moved = next_state(X, CircuitInput(-2.0, 25.0), STRAIGHT, 360.0, StateOfHealth(soh_capacity=0.8))[0] - X[0]
     assert moved == pytest.approx(-0.125, abs=1e-15)
 
 
@@ -83,7 +82,7 @@ def test_long_current_brings_the_pairs_to_ohms_law():
 
 
 def test_resistance_share_scales_what_the_current_adds():
-    u, worn = CircuitInput(-2.0, 25.0), Health(resistance_ratio=1.5)
+    u, worn = CircuitInput(-2.0, 25.0), StateOfHealth(resistance_ratio=1.5)
     x = next_state(np.array([0.5, 0.0, 0.0, 0.0]), u, STRAIGHT, 1e5, worn)
     added_V = voltage(x, u, STRAIGHT, worn)[0] - open_circuit(x, u, STRAIGHT)
     assert added_V == pytest.approx(1.5 * -2.0 * 0.05, rel=1e-12)
@@ -110,9 +109,9 @@ def test_hysteresis_is_developed_after_its_charge():
 
 
 def test_cold_resists_after_arrhenius():
-    cold = arrhenius_factor(CircuitInput(0.0, 0.0), NMC)
+    cold = NMC.arrhenius_factor(0.0)
     assert cold == pytest.approx(np.exp(2500.0 * (1 / 273.15 - 1 / 298.15)), rel=1e-12)
-    assert arrhenius_factor(CircuitInput(0.0, 25.0), NMC) == 1.0
+    assert NMC.arrhenius_factor(25.0) == 1.0
     assert ohmic_resistance(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx(0.05 * cold, rel=1e-12)
     assert pair_resistances(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx([0.01 * cold, 0.02 * cold], rel=1e-12)
 

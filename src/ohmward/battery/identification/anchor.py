@@ -183,7 +183,7 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
 def _by_voltage(voltage_V: float, ocv: OcvCurve, degC: float, sample: int) -> Anchor:
     """SoC at a rest voltage; the hysteresis and 1.5 mV per volt are not known."""
     soc = ocv.soc_at(voltage_V, degC)
-    doubt_V = float(ocv.hysteresis_at_V(soc)) + _VOLTAGE_STD_SHARE * voltage_V
+    doubt_V = float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
     low, high = (ocv.soc_at(voltage_V + s * doubt_V, degC) for s in (-1, 1))
     return Anchor(sample, soc, max(_FIRST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 

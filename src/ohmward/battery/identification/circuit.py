@@ -42,7 +42,7 @@ def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
     correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[layout.correction])
     scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
     mean_V = np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
-    gap_V = scale * np.asarray(first.hysteresis_at_V(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
+    gap_V = scale * np.asarray(first.hysteresis_at(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
     slope = np.interp(OCV_GRID, np.linspace(0, 1, len(first.temperature_V_per_K)), first.temperature_V_per_K)
     return OcvCurve(
         tuple(monotone(mean_V).tolist()),
@@ -66,7 +66,7 @@ def slow_shape(ocv: OcvCurve, samples: Sequence[TestSamples], capacity_Ah: float
     The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.
     Its ends hold more than that and are replaced. Flat without a gap.
     """
-    gap_V = smooth(np.asarray(ocv.hysteresis_at_V(OCV_GRID)) * np.ones(OCV_GRID.size), _SHAPE_SMOOTHING)
+    gap_V = smooth(np.asarray(ocv.hysteresis_at(OCV_GRID)) * np.ones(OCV_GRID.size), _SHAPE_SMOOTHING)
     shape = np.interp(RESISTANCE_GRID, OCV_GRID, gap_V)
     shape[0], shape[-1] = shape[1], shape[-2]
     where = covered(samples, capacity_Ah)

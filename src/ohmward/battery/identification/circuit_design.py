@@ -18,7 +18,7 @@ import numpy as np
 from ohmward.battery.identification.along import hysteresis_decay, scan
 from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import KELVIN
+from ohmward.battery.models.temperature import arrhenius_factor
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 OCV_KNOTS = np.concatenate(
@@ -96,9 +96,9 @@ def design(
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
     A = np.zeros((samples.soc.size, layout.size))
-    warm = arrhenius_factor(samples, rates.activation_K, reference_degC)
-    here = hat(samples.soc, RESISTANCE_GRID) * (warm * samples.current_A)[:, None]
-    driven = hat(samples.soc_before, RESISTANCE_GRID) * (warm * samples.mean_current_A)[:, None]
+    factor = arrhenius_factor(samples.temperature_degC, rates.activation_K, reference_degC)
+    here = hat(samples.soc, RESISTANCE_GRID) * (factor * samples.current_A)[:, None]
+    driven = hat(samples.soc_before, RESISTANCE_GRID) * (factor * samples.mean_current_A)[:, None]
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
     A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     initial = layout.initial(record).start
@@ -108,17 +108,12 @@ def design(
         A[:, initial + j] = np.cumprod(decay)
     A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
     if layout.hysteresis:
-        gap_V = ocv.hysteresis_at_V(samples.soc)
+        gap_V = ocv.hysteresis_at(samples.soc)
         decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
         h = scan(decay, (1 - decay) * np.sign(samples.mean_current_A))
         A[:, layout.scale] = (gap_V * h)[:, None]
         A[:, initial + layout.pairs] = gap_V * np.cumprod(decay)
     return A
-
-
-def arrhenius_factor(samples: TestSamples, activation_K: float, reference_degC: float) -> np.ndarray:
-    """(N,) factor of the resistances at the temperature of each sample (Arrhenius)."""
-    return np.exp(activation_K * (1 / (samples.temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
 
 
 def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:

@@ -124,7 +124,7 @@ def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.nd
 def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation, wider where steep."""
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
-    gap = np.asarray(ocv.hysteresis_at_V(OCV_KNOTS))
+    gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
     std = np.sqrt((volts * prior.ocv_V) ** 2 + (prior.ocv_soc * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
     correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / prior.ocv_length)
     return np.linalg.inv(std[:, None] * correlation * std)

@@ -23,6 +23,7 @@ from ohmward.battery.identification.circuit_prior import (
 )
 from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.temperature import ROOM_DEGC
 
 VOLTAGE_STD_V = 0.003
 CORRELATION_S = 60.0
@@ -146,9 +147,9 @@ def _weights(problem: Problem, samples: TestSamples) -> np.ndarray:
     after a charge if the prior says that this is another reaction.
     """
     share = np.sqrt(np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S)
-    slope_V = (problem.ocv.mean_V(samples.soc + _DSOC, 25.0) - problem.ocv.mean_V(samples.soc - _DSOC, 25.0)) / (
-        2 * _DSOC
-    )
+    above_V = problem.ocv.mean_V(samples.soc + _DSOC, ROOM_DEGC)
+    below_V = problem.ocv.mean_V(samples.soc - _DSOC, ROOM_DEGC)
+    slope_V = (above_V - below_V) / (2 * _DSOC)
     terms_V = [
         np.full(samples.soc.size, VOLTAGE_STD_V * problem.volts),
         _OVERPOTENTIAL_SHARE * _target(problem, samples),

@@ -33,6 +33,7 @@ from ohmward.battery.identification.segments import Phase, find_pulses
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
@@ -40,7 +41,6 @@ from ohmward.logs.log import Log, Note
 
 MODELS = ("thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
 DEFAULT_MODEL = "thevenin-2rc"
-ROOM_DEGC = 25.0
 _OTHER_TEMPERATURE_K = 5.0
 
 Progress = Callable[[str, float], None]
@@ -201,7 +201,7 @@ def _thevenin(
 ) -> Identified:
     """Stages 5 to 9 for the Thevenin circuit."""
     Q = settings.capacity_Ah
-    parts = [thin(r, a.soc, ROOM_DEGC) for r, a in zip(stage.records, stage.axes, strict=True)]
+    parts = [thin(r, a.soc) for r, a in zip(stage.records, stage.axes, strict=True)]
     samples = tuple(part for record_parts in parts for part in record_parts)
     problem = Problem(
         samples,

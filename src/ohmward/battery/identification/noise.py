@@ -110,7 +110,7 @@ def posterior_std_V(solution: Solution, samples: Sequence[TestSamples], p: Theve
             rows[:, layout.block(j)] = -typical_A * at_grid
     rows[:, layout.correction] = hat(RESISTANCE_GRID, OCV_KNOTS)
     variance = np.einsum("ij,jk,ik->i", rows, solution.cov, rows)
-    hysteresis_V = _HYSTERESIS_STD * np.asarray(p.ocv.hysteresis_at_V(RESISTANCE_GRID)) * np.ones(RESISTANCE_GRID.size)
+    hysteresis_V = _HYSTERESIS_STD * np.asarray(p.ocv.hysteresis_at(RESISTANCE_GRID)) * np.ones(RESISTANCE_GRID.size)
     return np.sqrt(np.maximum(variance, 0.0) + hysteresis_V**2)
 
 

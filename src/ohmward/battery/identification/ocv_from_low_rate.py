@@ -71,10 +71,10 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
     groups = _by_temperature(branches, reference_degC)
     curves = {degC: _mean_and_half_gap(group) for degC, group in groups.items()}
     nearest = min(curves, key=lambda degC: abs(degC - reference_degC))
-    mean_V, hysteresis_at_V = curves[nearest]
+    mean_V, hysteresis_V = curves[nearest]
     return OcvCurve(
         voltage_V=tuple(mean_V),
-        hysteresis_V=tuple(hysteresis_at_V),
+        hysteresis_V=tuple(hysteresis_V),
         temperature_V_per_K=tuple(_temperature_slope({degC: mean for degC, (mean, _) in curves.items()})),
         reference_degC=nearest,
     )
@@ -157,11 +157,11 @@ def _mean_and_half_gap(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.nd
     if np.isnan(discharge).all() or np.isnan(charge).all():
         mean_V = discharge if np.isnan(charge).all() else charge
         return monotone(_held(mean_V)), np.zeros_like(OCV_GRID)
-    hysteresis_at_V = np.maximum(_closing(0.5 * (charge - discharge)), 0.0)
-    mean_V = np.where(np.isnan(charge), discharge + hysteresis_at_V, charge - hysteresis_at_V)
+    hysteresis_V = np.maximum(_closing(0.5 * (charge - discharge)), 0.0)
+    mean_V = np.where(np.isnan(charge), discharge + hysteresis_V, charge - hysteresis_V)
     both = ~np.isnan(charge) & ~np.isnan(discharge)
     mean_V[both] = 0.5 * (charge + discharge)[both]
-    return monotone(_held(mean_V)), hysteresis_at_V
+    return monotone(_held(mean_V)), hysteresis_V
 
 
 def _on_grid(branches: Sequence[OcvBranch]) -> np.ndarray:
@@ -177,10 +177,10 @@ def _interpolated(branch: OcvBranch) -> np.ndarray:
     return np.interp(OCV_GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
 
 
-def _closing(hysteresis_at_V: np.ndarray) -> np.ndarray:
+def _closing(hysteresis_V: np.ndarray) -> np.ndarray:
     """(201,) the half gap, closing to 0 at an end of SoC that one of the branches did not reach."""
-    known = np.flatnonzero(~np.isnan(hysteresis_at_V))
-    return np.interp(OCV_GRID, [-1e-9, *OCV_GRID[known], 1 + 1e-9], [0.0, *hysteresis_at_V[known], 0.0])
+    known = np.flatnonzero(~np.isnan(hysteresis_V))
+    return np.interp(OCV_GRID, [-1e-9, *OCV_GRID[known], 1 + 1e-9], [0.0, *hysteresis_V[known], 0.0])
 
 
 def _held(values: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.battery.identification.charge import find_gaps
 from ohmward.battery.identification.record import Record
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import SECONDS_PER_HOUR
 
 FINEST_S = 1.0
@@ -40,7 +41,7 @@ class TestSamples(NamedTuple):
     sample: np.ndarray
 
 
-def thin(record: Record, soc: np.ndarray, otherwise_degC: float = 25.0) -> tuple[TestSamples, ...]:
+def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[TestSamples, ...]:
     """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
 
     A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up,

@@ -1,4 +1,4 @@
-"""How wrong the sensors and the model may be: what an estimator must assume to be right about its sigma."""
+"""Noise of the sensors and of the battery model, as an estimator must assume it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class BatteryNoise:
         voltage_std_V: white noise of the voltage sensor and of what the model leaves unexplained from sample to sample.
         model_std_V: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is
             large where the identification had no data.
-        model_soc_length: change of SoC over which that error is replaced by a new one.
-        overpotential_share: error of the overpotential as a share of itself.
+        model_soc_length: correlation length of that error, as a change of SoC.
+        overpotential_share: relative error of the overpotential.
         soc_axis_std: error of the SoC axis of the OCV curve.
-        correlation_s: time over which the errors that depend on current hold on; less frequent samples are independent.
+        correlation_s: correlation time of the errors that depend on current; samples further apart are independent.
         current_std_A: white noise of the current sensor, of samples 1 s apart.
         current_offset_std_A: offset of the current sensor when nothing is known of it.
-        current_offset_walk_A: change of the offset in one hour.
-        capacity_std: error of the capacity and of the current sensor's gain, as a share.
-        capacity_walk: change of that share in 1000 hours.
-        resistance_std: error of all resistances together, as a share.
-        resistance_walk: change of the resistances in 100 hours, as a share.
+        current_offset_walk_A: random walk of the offset in one hour.
+        capacity_std: relative error of the capacity and of the current sensor's gain.
+        capacity_walk: random walk of that error in 1000 hours.
+        resistance_std: relative error of all resistances together.
+        resistance_walk: random walk of that error in 100 hours.
     """
 
     voltage_std_V: float = 0.005
@@ -42,8 +42,8 @@ class BatteryNoise:
     resistance_std: float = 0.05
     resistance_walk: float = 0.05
 
-    def quiet_A(self, capacity_Ah: float, share: float) -> float:
-        """Largest current [A] of a rest as a noisy sensor shows it: `share` of 1 C and three sigma."""
+    def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
+        """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the sensor."""
         return share * capacity_Ah + 3.0 * self.current_std_A
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_finite, require_length
 from ohmward.errors import InputError
 from ohmward.trace import table
@@ -29,7 +30,7 @@ class OcvCurve:
     voltage_V: tuple[float, ...]
     hysteresis_V: tuple[float, ...] = ()
     temperature_V_per_K: tuple[float, ...] = ()
-    reference_degC: float = 25.0
+    reference_degC: float = ROOM_DEGC
     interpolation: Literal["hermite", "linear"] | None = None
 
     def __post_init__(self) -> None:
@@ -48,21 +49,21 @@ class OcvCurve:
         require_between("ocv.hysteresis_V", self.hysteresis_V, 0.0, np.inf)
 
     def mean_V(self, soc: Any, temperature_degC: Any) -> Any:
-        """Mean of both branches [V] at soc, float or traced."""
+        """Mean of both branches [V] at soc, float, array or traced."""
         warmer_K = temperature_degC - self.reference_degC
         return self._at(self.voltage_V, soc) + warmer_K * self._at(self.temperature_V_per_K, soc)
 
-    def hysteresis_at_V(self, soc: Any) -> Any:
-        """Half the distance of the two branches [V] at soc, float or traced."""
+    def hysteresis_at(self, soc: Any) -> Any:
+        """Half the distance of the two branches [V] at soc (M in the literature), float, array or traced."""
         return self._at(self.hysteresis_V, soc)
 
-    def soc_at(self, voltage_V: float, temperature_degC: float = 25.0, branch: float = 0.0) -> float:
+    def soc_at(self, voltage_V: float, temperature_degC: float = ROOM_DEGC, branch: float = 0.0) -> float:
         """State of charge at which the curve passes `voltage_V`, in [0, 1]: the inverse of the curve, offline.
 
         branch: -1 discharge, 0 mean, 1 charge. A voltage above (below) the curve gives 1 (0).
         """
         soc = np.linspace(0.0, 1.0, 4001)
-        curve = self.mean_V(soc, temperature_degC) + branch * self.hysteresis_at_V(soc)
+        curve = self.mean_V(soc, temperature_degC) + branch * self.hysteresis_at(soc)
         return float(np.interp(voltage_V, np.maximum.accumulate(curve) + 1e-12 * np.arange(len(soc)), soc))
 
     def scaled(self, factor: float) -> OcvCurve:

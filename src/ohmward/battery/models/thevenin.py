@@ -1,4 +1,4 @@
-"""Equivalent circuit with n RC pairs and one-state hysteresis ([P] eqs. (9)-(12), [T] 3.4).
+"""Thevenin model: equivalent circuit with n RC pairs ([P] (11)-(14)) and Plett's one-state hysteresis.
 
 d soc/dt = eta i / Q            eta = 1 in discharge
 d v_j/dt = -v_j / tau_j + R_j i / tau_j
@@ -14,33 +14,33 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
 from ohmward.checks import require_between, require_length, require_positive
 from ohmward.errors import InputError
-from ohmward.trace import sign, table, where
-
-KELVIN = 273.15
+from ohmward.trace import exp, sign, table, where
+from ohmward.trace.expression import Scalar
 
 
 class CircuitInput(NamedTuple):
-    """What acts on the battery: current [A] (> 0 charges) and its temperature [degC]."""
+    """Inputs of the circuit: current [A] (> 0 charges) and temperature [degC]; scalars, or arrays along a log."""
 
     current_A: Any
     temperature_degC: Any
 
 
-class Health(NamedTuple):
-    """How far the battery has moved from its file: what its capacity and its resistances are multiplied by."""
+class StateOfHealth(NamedTuple):
+    """Capacity and resistances over those of the battery file; 1 for a battery as it was identified."""
 
-    soh_capacity: Any = 1.0
-    resistance_ratio: Any = 1.0
+    soh_capacity: Scalar = 1.0
+    resistance_ratio: Scalar = 1.0
 
 
-NEW = Health()
+AS_IDENTIFIED = StateOfHealth()
 
 
 @dataclass(frozen=True)
 class Thevenin:
-    """Parameters of the circuit. Resistances stand on a uniform grid of SoC from 0 to 1, ends included.
+    """Parameters of the Thevenin model. Resistances stand on a uniform grid of SoC from 0 to 1, ends included.
 
     Attributes:
         capacity_Ah: charge between full and empty, > 0.
@@ -63,7 +63,7 @@ class Thevenin:
     hysteresis_rate: float = 20.0
     coulombic_efficiency: float = 1.0
     activation_K: float = 0.0
-    reference_degC: float = 25.0
+    reference_degC: float = ROOM_DEGC
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -98,6 +98,10 @@ class Thevenin:
         """Capacity in ampere seconds."""
         return 3600.0 * self.capacity_Ah
 
+    def arrhenius_factor(self, temperature_degC: Any) -> Any:
+        """Factor of all resistances at a temperature, 1 at the reference."""
+        return arrhenius_factor(temperature_degC, self.activation_K, self.reference_degC)
+
     def in_series(self, cells: int) -> Thevenin:
         """The pack of `cells` equal cells in series: the same capacity, `cells` times each voltage and resistance."""
         if cells < 1:
@@ -120,7 +124,9 @@ class Thevenin:
         )
 
 
-def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: Health = NEW) -> np.ndarray:
+def next_state(
+    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Scalar, health: StateOfHealth = AS_IDENTIFIED
+) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
     x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
@@ -136,38 +142,38 @@ def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: H
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -> np.ndarray:
+def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
     return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
 
 def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
-    """Voltage [V] that would remain after a very long rest, hysteresis included."""
-    soc, h = x[0], x[-1]
-    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.hysteresis_at_V(soc) * h
+    """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc) h [V]."""
+    soc, *_, h = x
+    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.hysteresis_at(soc) * h
 
 
-def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = NEW) -> list[Any]:
-    """What the current of the past and of this instant adds [V]: v_1 ... v_n, then the ohmic drop."""
+def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> list[Any]:
+    """Overpotentials [V]: v_1 ... v_n of the RC pairs, then the ohmic drop."""
     soc, *v, _ = x
     return [*v, ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)]
 
 
-def pair_decays(p: Thevenin, dt_s: Any) -> list[Any]:
-    """What is left of each RC pair's voltage after `dt_s` without current."""
-    return [np.exp(dt_s * (-1.0 / tau)) for tau in p.tau_s]
+def pair_decays(p: Thevenin, dt_s: Scalar) -> list[Any]:
+    """Decay factors e^(-dt / tau_j) of the RC pairs."""
+    return [exp(dt_s * (-1.0 / tau)) for tau in p.tau_s]
 
 
-def charge(current_A: Any, dt_s: Any, p: Thevenin) -> Any:
-    """Charge stored [A s] by `dt_s` of current; charging loses a share to side reactions."""
+def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
+    """Charge stored [A s] by `dt_s` of current; charging loses 1 - eta to side reactions."""
     if p.coulombic_efficiency == 1.0:
         return current_A * dt_s
     return where(current_A > 0, p.coulombic_efficiency * current_A, current_A) * dt_s
 
 
-def next_hysteresis(h: Any, current_A: Any, dt_s: Any, p: Thevenin) -> Any:
+def next_hysteresis(h: Scalar, current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
     """Hysteresis state after `dt_s` of current: it moves with the charge that flows, not with time."""
-    decay = np.exp(-abs(current_A) * (dt_s * p.hysteresis_rate / p.capacity_As))
+    decay = exp(-abs(current_A) * (dt_s * p.hysteresis_rate / p.capacity_As))
     return decay * h + (1 - decay) * sign(current_A)
 
 
@@ -175,20 +181,13 @@ def ohmic_resistance(soc: Any, u: CircuitInput, p: Thevenin) -> Any:
     """R_0 [ohm] at this SoC, direction of current and temperature."""
     charging = _on_grid(p.r0_charge_ohm, soc)
     if p.r0_charge_ohm == p.r0_discharge_ohm:
-        return arrhenius_factor(u, p) * charging
-    return arrhenius_factor(u, p) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
+        return p.arrhenius_factor(u.temperature_degC) * charging
+    return p.arrhenius_factor(u.temperature_degC) * where(u.current_A > 0, charging, _on_grid(p.r0_discharge_ohm, soc))
 
 
 def pair_resistances(soc: Any, u: CircuitInput, p: Thevenin) -> list[Any]:
     """R_1 ... R_n [ohm] at this SoC and temperature."""
-    return [arrhenius_factor(u, p) * _on_grid(row, soc) for row in p.r_ohm]
-
-
-def arrhenius_factor(u: CircuitInput, p: Thevenin) -> Any:
-    """Factor of all resistances at this temperature (Arrhenius), 1 at the reference."""
-    if p.activation_K == 0.0:
-        return 1.0
-    return np.exp(p.activation_K * (1 / (u.temperature_degC + KELVIN) - 1 / (p.reference_degC + KELVIN)))
+    return [p.arrhenius_factor(u.temperature_degC) * _on_grid(row, soc) for row in p.r_ohm]
 
 
 def _on_grid(values: tuple[float, ...], soc: Any) -> Any:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.trace import exp, maximum, where
-
-#: Room temperature stands in as long as no thermometer has spoken.
-ROOM_DEGC = 25.0
 
 #: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
 COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0

@@ -94,5 +94,5 @@ def first_voltage_std(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: Batt
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)
-    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, 0.7 * p.ocv.hysteresis_at_V(soc), 0.5 * past)
+    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, 0.7 * p.ocv.hysteresis_at(soc), 0.5 * past)
     return np.sqrt(sum(np.square(t) for t in terms))

@@ -18,9 +18,10 @@ import numpy as np
 
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc import rc_linear
-from ohmward.battery.soc.clean_sample import ROOM_DEGC, CleanSocSample, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CleanSocSample, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.rc_linear import BULK, OFFSET, RESISTANCE, Gate, LinearState, VoltageUpdate, on_soc_grid
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample

@@ -58,7 +58,7 @@ class RestOcv:
     def step(self, state: RestOcvState, sample: SocSample) -> tuple[RestOcvState, SocEstimate]:
         """The state after a sample, and what is known then."""
         counting, counted = self.counting.step(state.counting, sample)
-        quiet = is_current(sample.current_A, self.noise.quiet_A(self.model.capacity_Ah, self.rest_share))
+        quiet = is_current(sample.current_A, self.noise.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
         dt_s = counting.elapsed_s - state.counting.elapsed_s
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         rest, due = rested(state.rest, quiet, dt_s, self.settle_s, measured)
@@ -74,7 +74,7 @@ class RestOcv:
         """Coulomb counting started anew from this rest's voltage (a scalar Kalman update), OCV and its std [V]."""
         noise, T = self.noise, state.temperature_degC
         ocv, slope = linearize(lambda s: np.array([self.model.ocv.mean_V(s[0], T)]), np.array([state.soc]))
-        gap = self.model.ocv.hysteresis_at_V(state.soc)
+        gap = self.model.ocv.hysteresis_at(state.soc)
         left = sum(pair_resistances(state.soc, CircuitInput(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
         R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * slope[0, 0]) ** 2
         R = R + (0.7 * gap) ** 2 + left**2

@@ -30,7 +30,7 @@ import numpy as np
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import (
     CircuitInput,
-    Health,
+    StateOfHealth,
     Thevenin,
     next_state,
     ohmic_resistance,
@@ -224,9 +224,9 @@ class TheveninFilter:
         u = CircuitInput(reading.now.current_A - offset, reading.now.temperature_degC)
         return voltage(circuit, u, self.model, health) + error.lasting_V * deviations
 
-    def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, Health, Any]:
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, Any, StateOfHealth, Any]:
         """Circuit state, current offset, health (resistance only: the gain acts on the charge) and model error."""
-        return x[:-4], x[-4], Health(resistance_ratio=x[-2]), x[-1]
+        return x[:-4], x[-4], StateOfHealth(resistance_ratio=x[-2]), x[-1]
 
     def error_decay(self, current_A: Any, reading: CleanSocSample) -> Any:
         """Share of the model error that is still there after the charge of this step."""

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.thevenin import CircuitInput, arrhenius_factor, next_state, ohmic_resistance, voltage
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import CircuitInput, next_state, ohmic_resistance, voltage
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
@@ -45,7 +46,7 @@ class Pack:
 
     kind: str = "lfp"
     start_soc: float = 0.8
-    temperature_degC: float = 25.0
+    temperature_degC: float = ROOM_DEGC
 
     def __post_init__(self) -> None:
         if self.kind not in CHEMISTRIES:
@@ -126,7 +127,7 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
     """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
     u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
     U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[0], u, battery.circuit)
-    exchange_A = battery.exchange_A / arrhenius_factor(u, battery.circuit)
+    exchange_A = battery.exchange_A / battery.circuit.arrhenius_factor(u.temperature_degC)
     i = -power_W / U
     for _ in range(_NEWTON_STEPS):
         V = U + R * i + battery.transfer_V * np.arcsinh(i / exchange_A)

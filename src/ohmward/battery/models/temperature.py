@@ -1,0 +1,23 @@
+"""Temperatures and the Arrhenius law of resistances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ohmward.trace import exp
+
+#: 0 degC in kelvin.
+KELVIN = 273.15
+
+#: Room temperature [degC]: where tests are made, and what is assumed where nothing measures it.
+ROOM_DEGC = 25.0
+
+
+def arrhenius_factor(temperature_degC: Any, activation_K: float, reference_degC: float) -> Any:
+    """exp(A (1/T - 1/T_0)), the factor of resistances that hold at a reference temperature; 1 for A = 0.
+
+    temperature_degC: T, float, array or traced; activation_K: A, activation energy over the gas constant [K].
+    """
+    if activation_K == 0.0:
+        return 1.0
+    return exp(activation_K * (1 / (temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
