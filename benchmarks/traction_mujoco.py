@@ -18,7 +18,6 @@ from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, hard_terrain, scene, step
-from ohmward.traction.dynamics.power import losses
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -141,9 +140,8 @@ def energy_balance() -> Iterator[Figure]:
     time_s = 0.005 * np.arange(2000)
     current = 25.0 * np.sin(time_s)[:, None] * np.array([1.0, 0.7])
     _, energy = Kernel(one, np.zeros(4), np.zeros(2)).scan(np.zeros(4), current)
-    spent = losses(energy.flows) + energy.flows.climb + energy.flows.drawbar + energy.kinetic + energy.numerical
-    throughput = np.sum(abs(energy.flows.electrical) + losses(energy.flows) + abs(energy.kinetic))
-    defect = float(np.sum(abs(energy.flows.electrical - spent)) / throughput)
+    throughput = np.sum(abs(energy.electrical) + energy.losses + abs(energy.kinetic))
+    defect = float(np.sum(abs(energy.residual)) / throughput)
     yield at_most("own plant, 10 s", "ALEXANDER", "defect of the energy balance over the throughput", defect, 1e-9)
 
 

@@ -114,7 +114,7 @@ def test_an_interrupt_leaves_nothing_half_written(folder, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ohmward.simulate.closed_loop.loop.Drive.step", interrupted)
+    monkeypatch.setattr("ohmward.simulate.closed_loop.loop.ClosedLoopDrive.step", interrupted)
     assert main(["simulate", "speed.toml", "-o", "drive.csv", "--report", "drive.html"]) == 130
     assert sorted(p.name for p in folder.iterdir()) == ["slip.toml", "speed.toml"]
 

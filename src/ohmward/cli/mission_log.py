@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ohmward.battery.battery import Battery
     from ohmward.battery.soc.sample import SocEstimate
-    from ohmward.energy.balance import DriveEnergy, PowerSplit
+    from ohmward.energy.balance import DriveEnergy, EnergyBalance
     from ohmward.energy.recorded import Driven
     from ohmward.logs import DriveLog, Log
     from ohmward.traction import Robot
@@ -31,7 +31,7 @@ class Split(NamedTuple):
     """Where the power went: over time, and added up."""
 
     time_s: np.ndarray
-    power: PowerSplit
+    power: EnergyBalance
     energy: DriveEnergy
 
 
@@ -188,15 +188,15 @@ def _split(
     """Where the power went; None without motor currents."""
     import numpy as np
 
-    from ohmward.energy import add_up, drive_split
+    from ohmward.energy import drive_balance, integrate_drive
 
     if not np.isfinite(drive.motor_current_A).any():
         return None
     track, scene = motion.track, motion.scene
     known = np.isfinite(battery_W)
     at_drive_W = np.interp(drive.time_s, time_s[known], battery_W[known])
-    power = drive_split(drive, track.estimates, scene, at_drive_W, idle_W(driven))
-    return Split(drive.time_s, power, add_up(drive, power, track.estimates, scene.robot))
+    power = drive_balance(drive, track.estimates, scene, at_drive_W, idle_W(driven))
+    return Split(drive.time_s, power, integrate_drive(drive, power, track.estimates, scene.robot))
 
 
 def _ground_notes(ground: np.ndarray | str) -> list[str]:
@@ -206,9 +206,11 @@ def _ground_notes(ground: np.ndarray | str) -> list[str]:
 
 
 def _idle_notes(split: Split | None) -> list[str]:
-    if split is None or split.energy.parts.idle > 0:
+    if split is None or split.energy.balance.idle > 0:
         return []
-    return ["warning: the idle power is not known (robot.idle_W is 0, and the robot never stood): 'unexplained' has it"]
+    return [
+        "warning: the idle power is not known (robot.idle_W is 0, and the robot never stood): it is part of 'residual'"
+    ]
 
 
 def idle_W(driven: list[Driven]) -> float | None:

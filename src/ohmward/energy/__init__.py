@@ -1,6 +1,6 @@
-"""Where the energy goes, what is left, and how far it reaches; see docs/energy.md."""
+"""Energy balance, consumption, usable energy, range and mission forecast; see docs/energy.md."""
 
-from ohmward.energy.balance import PowerSplit, add_up, drive_split, model_split
+from ohmward.energy.balance import DriveEnergy, EnergyBalance, drive_balance, integrate_drive
 from ohmward.energy.consumption import Consumption, EnergyDemand, begin_drive, learn, need, start, with_terrain
 from ohmward.energy.consumption_file import load_consumption, save_consumption
 from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass, prior_from_robot
@@ -17,24 +17,24 @@ __all__ = [
     "Consumption",
     "ConsumptionPrior",
     "Cut",
+    "DriveEnergy",
     "Driven",
+    "EnergyBalance",
     "EnergyDemand",
     "Leg",
     "Milestone",
     "MissionForecast",
-    "PowerSplit",
     "Quantiles",
     "Range",
     "SpeedAdvice",
     "Stretch",
-    "add_up",
     "begin_drive",
     "cut_drive",
-    "drive_split",
+    "drive_balance",
     "get_home",
+    "integrate_drive",
     "learn",
     "load_consumption",
-    "model_split",
     "need",
     "prior_from_mass",
     "prior_from_robot",

@@ -1,8 +1,8 @@
 """Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
 
+from ohmward.traction.dynamics.energy_balance import EnergyBalance, power
 from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, rates, scene
 from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, Step, next_state, step
-from ohmward.traction.dynamics.power import Power, power
 from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_speed
 from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
@@ -18,10 +18,10 @@ __all__ = [
     "ROBOTINO",
     "CompactionResistance",
     "Differential",
+    "EnergyBalance",
     "Forces",
     "Motor",
     "Omni",
-    "Power",
     "Robot",
     "RobotInput",
     "RollingResistance",

@@ -30,19 +30,19 @@ def drive():
 
 
 def test_the_energy_of_the_battery_is_accounted_for(drive):
-    account = drive.history.account
-    assert np.abs(account.residual_J).max() <= 1e-9 * account.battery[-1]
-    assert account.idle[-1] == pytest.approx(10.0 * 2.0)
-    assert np.abs(account.numerical).max() < 1e-3 * account.battery[-1]
-    assert np.abs(account.resistor).max() < 1e-9 * account.battery[-1]
-    for loss in (account.copper, account.slip, account.rolling):
+    energy = drive.history.energy_J
+    assert np.abs(energy.residual).max() <= 1e-9 * energy.battery[-1]
+    assert energy.idle[-1] == pytest.approx(10.0 * 2.0)
+    assert np.abs(energy.numerical).max() < 1e-3 * energy.battery[-1]
+    assert np.abs(energy.resistor).max() < 1e-9 * energy.battery[-1]
+    for loss in (energy.copper, energy.slip, energy.rolling):
         assert np.diff(loss).min() >= -1e-12
 
 
 def test_the_charge_is_that_of_the_energy(drive):
     """What left the terminals, over a voltage between the lowest and the highest."""
     charge_As = (0.8 - drive.history.soc[-1]) * 12 * 3600
-    mean_V = drive.history.account.battery[-1] / charge_As
+    mean_V = drive.history.energy_J.battery[-1] / charge_As
     assert drive.history.voltage_V.min() < mean_V < drive.history.voltage_V.max()
 
 
@@ -75,7 +75,7 @@ def test_reverse_is_the_mirror_of_forward():
     forward, reverse = closed_loop.run(level).history, closed_loop.run(mirrored).history
     assert reverse.truth.speed_m_s == pytest.approx(-forward.truth.speed_m_s, rel=1e-9)
     assert true_slip(reverse, robot) == pytest.approx(true_slip(forward, robot), rel=1e-9, nan_ok=True)
-    assert reverse.account.battery == pytest.approx(forward.account.battery, rel=1e-9)
+    assert reverse.energy_J.battery == pytest.approx(forward.energy_J.battery, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -87,7 +87,7 @@ def test_our_plant_agrees_with_mujoco():
     assert ours.history.truth.speed_m_s == pytest.approx(theirs.history.truth.speed_m_s, abs=2e-3)
     assert ours.history.truth.position_m[-1, 0] == pytest.approx(theirs.history.truth.position_m[-1, 0], rel=2e-3)
     assert ours.history.truth.normal_N == pytest.approx(theirs.history.truth.normal_N, abs=2.0)
-    mine, other = (run.history.account for run in (ours, theirs))
+    mine, other = (run.history.energy_J for run in (ours, theirs))
     assert mine.battery[-1] == pytest.approx(other.battery[-1], rel=3e-3)
     assert mine.slip[-1] == pytest.approx(other.slip[-1], rel=0.06)
     assert abs(other.numerical[-1]) < 1e-3 * other.battery[-1]
@@ -156,9 +156,9 @@ def test_a_full_battery_leaves_the_braking_to_the_resistor():
         controller=Control("torque"),
     )
     run = closed_loop.run(full)
-    assert np.diff(run.history.account.resistor).min() > -1e-9
-    assert run.history.account.resistor[-1] > 1.0
-    assert np.abs(run.history.account.residual_J).max() < 1e-9 * run.history.account.battery.max()
+    assert np.diff(run.history.energy_J.resistor).min() > -1e-9
+    assert run.history.energy_J.resistor[-1] > 1.0
+    assert np.abs(run.history.energy_J.residual).max() < 1e-9 * run.history.energy_J.battery.max()
 
 
 def test_an_empty_battery_ends_the_drive():

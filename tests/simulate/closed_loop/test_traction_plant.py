@@ -1,4 +1,4 @@
-"""Our plant: the implicit step inside is tested in traction; here the account, the ground, the way and the truth."""
+"""Our plant: energy balance, ground, way and truth; the implicit step inside is tested in traction."""
 
 import math
 from dataclasses import replace
@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant, tilt
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.robot.robot import GRAVITY
 
 FLAT = replace(RLMA, height_m=0.0)
@@ -21,22 +21,22 @@ ROBOTS = [RLMA_HIGH, *(pytest.param(robot, marks=pytest.mark.slow) for robot in 
 
 
 def drive(plant, torque_Nm, duration_s, dt_s=1e-3):
-    """The last truth, and the work of the whole drive."""
-    total = np.zeros(len(Work._fields))
+    """The last truth, and the energy balance of the whole drive."""
+    total = EnergyBalance()
     for _ in range(round(duration_s / dt_s)):
         truth = plant.step(torque_Nm, dt_s)
-        total += plant.work
-    return truth, Work(*total)
+        total = total.accumulate(plant.energy)
+    return truth, total
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda r: f"{r.name} {type(r.chassis).__name__}")
 def test_the_energy_balance_closes(robot):
     plant = TractionPlant(robot, [CREEP, Patch(friction=0.15, from_m=0.05, to_m=0.2)], Grade((0.0, 0.3), (0.0, 0.06)))
     torque = np.linspace(2.0, 3.0, robot.driven) if robot is not ROBOTINO else np.array([0.4, 0.0, -0.5])
-    _, work = drive(plant, torque, 0.6)
-    assert work.electrical == pytest.approx(sum(work[1:]), rel=1e-9)
-    assert min(work.copper, work.slip) > 0.0
-    assert abs(work.numerical) < 1e-3 * work.electrical
+    _, energy = drive(plant, torque, 0.6)
+    assert abs(energy.residual) <= 1e-9 * energy.electrical
+    assert min(energy.copper, energy.slip) > 0.0
+    assert abs(energy.numerical) < 1e-3 * energy.electrical
 
 
 def test_newton_without_slip_or_rolling():
@@ -143,9 +143,9 @@ def test_a_robot_across_the_slope_leans_to_its_side():
 def test_a_long_step_is_many_short_ones():
     one, many = TractionPlant(RLMA_HIGH, [CREEP]), TractionPlant(RLMA_HIGH, [CREEP])
     long = one.step(2.0, 0.01)
-    short, work = drive(many, 2.0, 0.01)
+    short, energy = drive(many, 2.0, 0.01)
     assert long.speed_m_s == pytest.approx(short.speed_m_s, rel=1e-12)
-    assert one.work == pytest.approx(work, rel=1e-12)
+    assert one.energy == pytest.approx(energy, rel=1e-12)
 
 
 def test_a_reset_starts_the_same_run_again():

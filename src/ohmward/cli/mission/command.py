@@ -320,7 +320,7 @@ def summary(task: MissionTask, answer: MissionAnswer) -> dict[str, Any]:
 
 def _drive(task: MissionTask) -> dict[str, Any]:
     """What the log says by itself."""
-    from ohmward.energy.balance import PARTS
+    from ohmward.energy.balance import DRIVE_TERMS
 
     recording = task.recording
     assert recording is not None
@@ -336,7 +336,7 @@ def _drive(task: MissionTask) -> dict[str, Any]:
         "energy_J_per_m": energy_J / distance_m if distance_m else None,
         "cost_of_transport": cost_of_transport(task.consumption, energy_J, distance_m),
         "regenerated_J": split.energy.regenerated_J if split else None,
-        "split_J": {name: getattr(split.energy.parts, name) for name in ("battery", *PARTS)} if split else None,
+        "split_J": {name: getattr(split.energy.balance, name) for name in ("battery", *DRIVE_TERMS)} if split else None,
         "split_std_J": split.energy.std_J if split else None,
     }
 

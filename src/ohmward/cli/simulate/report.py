@@ -92,13 +92,13 @@ def _friction(run: ClosedLoopRun) -> Figure:
 
 def _power(run: ClosedLoopRun) -> Figure:
     """Mean power of each part over short stretches."""
-    truth, account = run.history.truth, run.history.account
+    truth, energy_J = run.history.truth, run.history.energy_J
     every = max(1, round(_POWER_S / float(np.median(np.diff(truth.time_s))))) if truth.time_s.size > 1 else 1
     time_s = truth.time_s[::every]
-    largest = {name: float(np.abs(getattr(account, name)[-1])) for name in ENERGY}
+    largest = {name: float(np.abs(getattr(energy_J, name)[-1])) for name in ENERGY}
     names = [name for name in ENERGY if largest[name] > 1e-3 * max(largest.values())]
-    series = [_mean_power(time_s, account.battery[::every], "battery")]
-    series += [_mean_power(time_s, getattr(account, name)[::every], ENERGY[name]) for name in names]
+    series = [_mean_power(time_s, energy_J.battery[::every], "battery")]
+    series += [_mean_power(time_s, getattr(energy_J, name)[::every], ENERGY[name]) for name in names]
     return Figure("Where the power goes", TIME, "Power [W]", series)
 
 

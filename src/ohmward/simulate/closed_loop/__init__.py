@@ -1,6 +1,5 @@
 """Observer, controller, robot and battery in closed loop on terrains; see docs/simulate.md."""
 
-from ohmward.simulate.closed_loop.account import Account, Work
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, Patch
 from ohmward.simulate.closed_loop.loop import ClosedLoopDrive, run
@@ -20,7 +19,6 @@ from ohmward.simulate.closed_loop.supply import Pack
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 
 __all__ = [
-    "Account",
     "ClosedLoopDrive",
     "ClosedLoopRun",
     "Command",
@@ -34,7 +32,6 @@ __all__ = [
     "Scenario",
     "Sensing",
     "TractionPlant",
-    "Work",
     "columns",
     "drive_log",
     "find_scenario",

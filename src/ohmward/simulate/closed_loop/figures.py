@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.observing import free_sideways
 from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
@@ -44,7 +44,7 @@ class Figures(NamedTuple):
     duration_s, distance_m: time, and way of the robot's centre whichever direction it went.
     slip: each command of slip.
     slip_settle_s, slip_rms_error: of the first command of slip, and the root mean square over all of them.
-    energy_J: where the battery's energy went.
+    energy_J: balance of the drive.
     energy_J_per_m: out of the battery, idle power included.
     score: of the observer, against the truth; None without one.
     """
@@ -54,7 +54,7 @@ class Figures(NamedTuple):
     slip: tuple[Held, ...]
     slip_settle_s: float
     slip_rms_error: float
-    energy_J: Account
+    energy_J: EnergyBalance
     energy_J_per_m: float
     score: DriveScore | None
 
@@ -63,7 +63,7 @@ def figures(run: ClosedLoopRun) -> Figures:
     """The figures of a drive."""
     history = run.history
     distance_m = distance(history)
-    account = Account(*(float(values[-1]) for values in history.account))
+    energy = EnergyBalance(*(float(term[-1]) for term in history.energy_J))
     held = tuple(held_slips(run))
     return Figures(
         duration_s=float(history.truth.time_s[-1]),
@@ -71,8 +71,8 @@ def figures(run: ClosedLoopRun) -> Figures:
         slip=held,
         slip_settle_s=held[0].settle_s if held else math.nan,
         slip_rms_error=_rms(np.array([h.rms_error for h in held])),
-        energy_J=account,
-        energy_J_per_m=account.battery / distance_m if distance_m > _SHORTEST_M else math.nan,
+        energy_J=energy,
+        energy_J_per_m=energy.battery / distance_m if distance_m > _SHORTEST_M else math.nan,
         score=score(run),
     )
 

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.account import Account, booked
 from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observation, make_observer
@@ -32,6 +31,7 @@ from ohmward.simulate.closed_loop.watch import Watch
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement, Report
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 #: Instants of the history, at most, and the shortest time between them.
@@ -97,7 +97,7 @@ class ClosedLoopDrive:
         self.observation = Observation(_observer(scenario), self.robot)
         self.pack = PackSensors(self.supply.now, pack_rng)
         self.watch = Watch(scenario)
-        self.account = Account()
+        self.energy = EnergyBalance()
         self._wanted = [wanted(command, self.robot) for command in scenario.commands]
         self._command = -1
         self._state, self._control = _controller(scenario, self._wanted[0])
@@ -132,12 +132,18 @@ class ClosedLoopDrive:
         self._state, asked, report = self._control(self._state, self._now(), measurement, dt_s)
         torque = available_torque(asked, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
         self.truth = self.plant.step(torque, dt_s)
-        work = self.plant.work
-        supplied = self.supply.draw(work.electrical / dt_s + self.robot.idle_W, dt_s)
-        self.account = booked(self.account, work, self.robot.idle_W * dt_s, supplied.power_W * dt_s)
+        supplied = self.supply.draw(self.plant.energy.electrical / dt_s + self.robot.idle_W, dt_s)
+        self.energy = self.energy.accumulate(self._energy_step(supplied, dt_s))
         self.pack.feel(supplied)
         self.watch.see(report, asked, torque, dt_s)
         self._keep(report, supplied)
+
+    def _energy_step(self, supplied: Supplied, dt_s: float) -> EnergyBalance:
+        """Balance [J] of the step with battery and electronics; a resistor burns what the battery does not take."""
+        motors = self.plant.energy
+        idle_J = self.robot.idle_W * dt_s
+        battery_J = supplied.power_W * dt_s
+        return motors._replace(battery=battery_J, idle=idle_J, resistor=battery_J - motors.electrical - idle_J)
 
     def _now(self) -> Wanted:
         """The command that holds now, for the wheels."""
@@ -149,7 +155,7 @@ class ClosedLoopDrive:
     def _keep(self, report: Report, supplied: Supplied) -> None:
         if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9 or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
-            self.history.add(Instant(self.truth, report, *battery, self.account))
+            self.history.add(Instant(self.truth, report, *battery, self.energy))
 
 
 def _controller(scenario: Scenario, first: Wanted) -> tuple[Any, Kernel]:

@@ -1,4 +1,4 @@
-"""A robot of four wheels on patches of ground in MuJoCo, with an account of its energy."""
+"""A robot of four wheels on patches of ground in MuJoCo, with its energy balance."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.account import Work, work_between
+from ohmward.simulate.closed_loop.energy_step import energy_step
 from ohmward.simulate.closed_loop.ground import Grade, GroundSurface, Patch, adhesion, surface
 from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
@@ -42,13 +43,13 @@ class MujocoRobot:
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
         """Put the robot back to the origin; the truth there."""
         self._before = self._plant.reset(speed_m_s, heading_rad)
-        self.work = Work(*np.zeros(len(Work._fields)))
+        self.energy = EnergyBalance()
         return self._before
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
-        """Hold the torque for `dt_s`; the truth at the end. `work` is the step's."""
+        """Hold the torque for `dt_s`; the truth at the end. `energy` is the balance [J] of this step."""
         after = self._plant.step(torque_N_m, dt_s)
-        self.work = work_between(self._before, after, self.robot, self._rolling)
+        self.energy = energy_step(self._before, after, self.robot, self._rolling)
         self._before = after
         return after
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.simulate.closed_loop.account import Account
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import Report
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
 
 #: Decimals of a time [s] in a log: nanoseconds.
@@ -24,7 +24,7 @@ class Instant(NamedTuple):
     truth: of the robot.
     report: of the controller.
     current_A, voltage_V, soc, temperature_degC: of the battery, current > 0 charges.
-    account: of the energy since the start.
+    energy_J: balance since the start.
     """
 
     truth: RobotTruth
@@ -33,7 +33,7 @@ class Instant(NamedTuple):
     voltage_V: Any
     soc: Any
     temperature_degC: Any
-    account: Account
+    energy_J: EnergyBalance
 
 
 class RunRow(NamedTuple):

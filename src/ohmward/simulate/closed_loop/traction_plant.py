@@ -14,11 +14,11 @@ import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.account import Work
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.simulate.closed_loop.terrain_mixture import terrain_mixture
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel, cos, sin
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, momentum_rates, scene
 from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
@@ -101,11 +101,13 @@ class TractionPlant:
         self._x = np.concatenate([motion, rolling])
         self._time_s, self._position_m, self._heading_rad = 0.0, np.zeros(3), heading_rad
         self._angle_rad = np.zeros(len(robot.places))
-        self.work = Work(*np.zeros(len(Work._fields)))
+        self.energy = EnergyBalance()
         return self._advance(np.zeros(robot.driven), 0.0)
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
-        """Hold the torque for `dt_s`; the truth at the end, its forces still under this torque. `work` is the step's.
+        """Hold the torque for `dt_s`; the truth at the end, its forces still under this torque.
+
+        `energy` is the balance [J] of this step.
 
         torque_N_m: of each driven wheel, a number or (driven,).
 
@@ -115,7 +117,7 @@ class TractionPlant:
         require_positive("dt_s", dt_s)
         torque = self._torques(torque_N_m)
         parts = math.ceil(dt_s / self._longest_step_s - 1e-9)
-        self.work = Work(*np.zeros(len(Work._fields)))
+        self.energy = EnergyBalance()
         for _ in range(parts):
             truth = self._advance(torque, dt_s / parts)
         return truth
@@ -138,7 +140,7 @@ class TractionPlant:
         result, f, seen = self._kernel(before, push)
         self._x = result.state
         self._move(before, seen, dt_s)
-        self.work = Work(*(a + b for a, b in zip(self.work, _work(result), strict=True)))
+        self.energy = self.energy.accumulate(result.energy)
         return self._truth(torque_Nm, f, seen, self._adhesion[under], slope)
 
     def _under(self) -> list[int]:
@@ -222,17 +224,3 @@ def tilt(slope_rad: float, heading_rad: float) -> tuple[float, float]:
     rise = math.sin(slope_rad)
     grade = math.asin(rise * math.cos(heading_rad))
     return grade, -math.asin(rise * math.sin(heading_rad) / math.cos(grade))
-
-
-def _work(result: Step) -> Work:
-    flows, energy = result.energy.flows, result.energy
-    return Work(
-        flows.electrical,
-        flows.copper,
-        flows.drive,
-        flows.slip,
-        flows.rolling,
-        flows.climb,
-        energy.kinetic,
-        energy.numerical,
-    )

@@ -20,12 +20,14 @@ solution, and none is better. Then the step must be shorter (for a peak at 0.1 m
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.trace import linearize, maximum
+from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy, power
 from ohmward.traction.dynamics.forces import (
     LOAD_PASSES,
     RobotInput,
@@ -36,7 +38,6 @@ from ohmward.traction.dynamics.forces import (
     momentum_rates,
     normal_loads,
 )
-from ohmward.traction.dynamics.power import Power, kinetic_energy, power
 from ohmward.traction.robot.robot import Robot
 
 CHORD_STEPS = 4
@@ -59,30 +60,18 @@ EULER = Method(1, ((1.0,),))
 ALEXANDER = Method(2, ((_GAMMA,), (1 - _GAMMA, _GAMMA)))
 
 
-class Energy(NamedTuple):
-    """Joules of one step: electrical = the losses + climb + drawbar + kinetic + numerical.
-
-    flows:     `Power` added up over the stages, so that no loss is negative.
-    kinetic:   gained by body and wheels.
-    numerical: lost by the method itself; of the order of the step to the power of the order of the method.
-    """
-
-    flows: Power
-    kinetic: Any
-    numerical: Any
-
-
 class Step(NamedTuple):
-    """Where a step ends.
+    """End of a step.
 
     state:      (n,) as `Robot.state_names`.
-    energy:     where the energy went.
+    energy:     balance [J] of the step. Losses are integrated over the stages, so that none is negative; `numerical`,
+        the loss of the method itself, is of the order of the step to the power of the order of the method.
     defect_m_s: largest error that Newton left in a stage, as a speed at the rim; large only if the ground's law falls
         so steeply that the step must be shorter.
     """
 
     state: np.ndarray
-    energy: Energy
+    energy: EnergyBalance
     defect_m_s: Any
 
 
@@ -96,12 +85,12 @@ def next_state(x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method
 def step(
     x: np.ndarray, u: RobotInput, p: Scene, dt_s: Any, method: Method = ALEXANDER, newton_steps: int = NEWTON_STEPS
 ) -> Step:
-    """State after `dt_s` of constant input, and where the energy went.
+    """State after `dt_s` of constant input, with the energy balance of the step.
 
     x: (n,) as `Robot.state_names`.  dt_s: >= 0.
     """
     gains: list[np.ndarray] = []
-    flows: list[Power] = []
+    powers: list[EnergyBalance] = []
     defect: Any = 0.0
     for row in method.rows:
         base = x + sum(a / r[-1] * gain for a, r, gain in zip(row, method.rows, gains, strict=False))
@@ -109,13 +98,20 @@ def step(
         f = forces_at(stage, u, p, load_N)
         excess = stage - base - row[-1] * dt_s * momentum_rates(stage, u, p, f) / p.robot.inertia
         gains.append(stage - base)
-        flows.append(power(stage, u, p, f))
+        powers.append(power(stage, u, p, f))
         defect = maximum(defect, _largest(excess, p.robot))
-    total = Power(
-        *(sum(b * dt_s * w for b, w in zip(method.rows[-1], ws, strict=True)) for ws in zip(*flows, strict=True))
+    energy = integrate(powers, method, dt_s)._replace(
+        kinetic=kinetic_energy(stage, p.robot.inertia) - kinetic_energy(x, p.robot.inertia),
+        numerical=numerical_loss(gains, method, p.robot),
     )
-    kinetic = kinetic_energy(stage, p.robot) - kinetic_energy(x, p.robot)
-    return Step(stage, Energy(total, kinetic, numerical_loss(gains, method, p.robot)), defect)
+    return Step(stage, energy, defect)
+
+
+def integrate(powers: Sequence[EnergyBalance], method: Method, dt_s: Any) -> EnergyBalance:
+    """Energies [J] of a step from the powers [W] at its stages: sum of b_i dt P_i."""
+    weights_s = [b * dt_s for b in method.rows[-1]]
+    terms = zip(*powers, strict=True)
+    return EnergyBalance(*(sum(w * P for w, P in zip(weights_s, term, strict=True)) for term in terms))
 
 
 def solve_stage(

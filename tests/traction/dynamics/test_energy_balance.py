@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.traction import RobotInput, forces, scene
+from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy, power
 from ohmward.traction.dynamics.forces import momentum_rates
-from ohmward.traction.dynamics.power import kinetic_energy, losses, power
 from traction.examples import HARD, ROBOTS, TERRAINS
 
 
@@ -21,8 +21,12 @@ def test_in_every_state_losses_are_losses_and_the_balance_closes(name, ground, s
     w = power(x, u, p, f)
     assert min(w.copper, w.drive, w.slip, w.rolling) >= 0.0
     kinetic = momentum_rates(x, u, p, f) @ x
-    spent = losses(w) + w.climb + w.drawbar + kinetic
-    assert w.electrical == pytest.approx(spent, rel=1e-12, abs=1e-12 * (abs(kinetic) + losses(w) + abs(w.climb)))
+    spent = w.losses + w.climb + w.drawbar + kinetic
+    rounding = 1e-12 * (abs(kinetic) + w.losses + abs(w.climb))
+    assert w.electrical == pytest.approx(spent, rel=1e-12, abs=rounding)
+    assert w.kinetic == kinetic
+    assert w.battery == w.electrical + robot.idle_W
+    assert w.residual == pytest.approx(0.0, abs=rounding + 1e-12 * abs(w.battery))
 
 
 def test_climbing_lifts_the_weight():
@@ -53,4 +57,11 @@ def test_kinetic_energy_by_hand():
     robot = ROBOTS["all driven"]
     x = np.array([0.5, 0.2, 1.0, 2.0, 3.0, 4.0])
     by_hand = 0.5 * 42.0 * 0.25 + 0.5 * robot.yaw_inertia_kg_m2 * 0.04 + 0.5 * 0.0108 * (1 + 4 + 9 + 16)
-    assert kinetic_energy(x, robot) == pytest.approx(by_hand)
+    assert kinetic_energy(x, robot.inertia) == pytest.approx(by_hand)
+
+
+def test_steps_accumulate_term_by_term():
+    step = EnergyBalance(battery=5.0, electrical=4.0, idle=1.0, copper=3.0, kinetic=0.5)
+    total = EnergyBalance().accumulate(step).accumulate(step)
+    assert total == EnergyBalance(battery=10.0, electrical=8.0, idle=2.0, copper=6.0, kinetic=1.0)
+    assert (total.losses, total.residual) == (6.0, 1.0)
