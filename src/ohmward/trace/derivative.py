@@ -41,7 +41,7 @@ def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
 
 def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> list[list[Scalar]]:
     """The derivative of every output by every input; a literal 0.0 where there is none."""
-    nodes = schedule(outputs)
+    nodes = schedule(outputs, first=min(x.serial for x in inputs)) if inputs else ()
     columns = [_tangents(nodes, x) for x in inputs]
     return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
 
@@ -50,7 +50,7 @@ def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
     """Derivative by x of every node that depends on x, by serial."""
     tangents: dict[int, Scalar] = {x.serial: 1.0}
     for node in nodes:
-        below = tuple(tangents.get(a.serial, 0.0) if isinstance(a, Expression) else 0.0 for a in node.args)
+        below = tuple([tangents.get(a.serial, 0.0) if isinstance(a, Expression) else 0.0 for a in node.args])
         if any(isinstance(d, Expression) or d != 0.0 for d in below):
             tangents[node.serial] = node.operation.derivative(node, node.args, below)
     return tangents
@@ -59,8 +59,8 @@ def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
 def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[Scalar]:
     """The entries with other scalars in place of inputs (by serial); computed where only numbers are left."""
     new: dict[int, Scalar] = dict(values)
-    for node in schedule(entries):
-        args = tuple(new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args)
+    for node in schedule(entries, first=min(values)) if values else ():
+        args = tuple([new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args])
         if any(p is not q for p, q in zip(args, node.args, strict=True)):
             new[node.serial] = apply(node.operation.name, *args)
     return [new.get(e.serial, e) if isinstance(e, Expression) else e for e in entries]

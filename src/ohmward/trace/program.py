@@ -84,8 +84,11 @@ def symbols(structure: Structure) -> tuple[Expression, ...]:
     return tuple(symbol(name, boolean) for name, boolean in zip(scalar_names(structure), kinds, strict=True))
 
 
-def schedule(outputs: Iterable[Any]) -> tuple[Expression, ...]:
-    """The operations that `outputs` need, each after its arguments, depth first."""
+def schedule(outputs: Iterable[Any], first: int = 0) -> tuple[Expression, ...]:
+    """The operations that `outputs` need, each after its arguments, depth first.
+
+    first: serial below which nodes are left out, and with them all that they need, which is older still.
+    """
     done: set[int] = set()
     order: list[Expression] = []
     stack = [(node, False) for node in reversed(list(outputs)) if isinstance(node, Expression)]
@@ -93,7 +96,7 @@ def schedule(outputs: Iterable[Any]) -> tuple[Expression, ...]:
         node, ready = stack.pop()
         if ready:
             order.append(node)
-        elif node.serial not in done and node.operation is not INPUT:
+        elif node.serial not in done and node.serial >= first and node.operation is not INPUT:
             done.add(node.serial)
             stack.append((node, True))
             stack.extend((arg, False) for arg in reversed(node.args) if isinstance(arg, Expression))
