@@ -28,9 +28,9 @@ from ohmward.energy import (
     Leg,
     begin_drive,
     cut_drive,
+    energy_demand,
     get_home,
     learn,
-    need,
     prior_from_robot,
     range_left,
     start,
@@ -122,7 +122,7 @@ def predicted_bands(c: Consumption, seen: Record) -> Iterator[bool]:
     found = [d for d in stretches(seen) if d.stretch.terrain in c.terrains]
     for name in sorted({d.stretch.terrain for d in found}):
         there = [d for d in found if d.stretch.terrain == name]
-        band = quantiles(needed_J(need(c, [d.stretch for d in there]), normal_points(DIMENSIONS)))
+        band = quantiles(needed_J(energy_demand(c, [d.stretch for d in there]), normal_points(DIMENSIONS)))
         yield band.p10 <= sum(d.energy_J for d in there) <= band.p90
 
 

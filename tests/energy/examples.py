@@ -28,10 +28,10 @@ def battery(ocv_V=(24.0, 24.0), r_ohm=0.0, capacity_Ah=10.0):
     return Battery("test", capacity_Ah, thevenin=model)
 
 
-def certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=0.0, climb=1.0, regain=0.0) -> Consumption:
+def certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=0.0, climb=1.0, regeneration=0.0) -> Consumption:
     """A consumption without any doubt, on grass."""
     c = with_terrain(start(PRIOR), "grass")
-    mean = np.array([idle_W, speed_N_s_per_m, climb, regain, 0.0, 0.0, force_N, 0.0])
+    mean = np.array([idle_W, speed_N_s_per_m, climb, regeneration, 0.0, 0.0, force_N, 0.0])
     nothing = Variance(1e12, 1e-12)
     return replace(
         c, prior=replace(PRIOR, model_std=0.0), mean=mean, cov=np.zeros((8, 8)), scatter=nothing, day=nothing

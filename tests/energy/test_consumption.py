@@ -9,10 +9,10 @@ from ohmward.energy.consumption import (
     Consumption,
     Variance,
     begin_drive,
-    features,
+    design_row,
+    energy_demand,
     learn,
-    lumps,
-    need,
+    scatter_weight,
     start,
     with_terrain,
 )
@@ -21,6 +21,7 @@ from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.errors import InputError
 
 SURE = 1e15
+ICE = stretch_of(Leg(1.0, "ice", 1.0))
 
 
 def known_variances(c: Consumption, scatter_m: float, day_std: float) -> Consumption:
@@ -42,8 +43,8 @@ def test_one_drive_against_the_joint_gaussian():
     y = np.random.default_rng(2).normal(2000.0, 300.0, 9)
     first, rows, noise = c, [], []
     for s, energy_J in zip(stretches, y, strict=True):
-        rows.append(features(c, s))
-        noise.append(0.5 * lumps(c, s))
+        rows.append(design_row(c, s))
+        noise.append(0.5 * scatter_weight(c, s))
         c = learn(c, s, energy_J)
     X, R, found, c = np.array(rows), np.diag(noise), c, first
     gain = c.cov @ X.T @ np.linalg.inv(X @ c.cov @ X.T + R)
@@ -64,14 +65,14 @@ def test_several_drives_against_regression_with_an_effect_of_each_drive():
         c = replace(c, reference_N=(20.0,))
         for s in some_stretches(drive, 4):
             s = s._replace(terrain="grass")
-            x, energy_J = features(c, s), rng.normal(2000.0, 200.0)
+            x, energy_J = design_row(c, s), rng.normal(2000.0, 200.0)
             rows.append(x[shared])
             effects.append(x[7] * np.eye(4)[drive])
-            noise.append(scatter_m * lumps(c, s))
+            noise.append(scatter_m * scatter_weight(c, s))
             y.append(energy_J)
             c = learn(c, s, energy_J)
     X, Z, first = np.array(rows), np.array(effects), with_terrain(start(PRIOR), "grass")
-    # load and own: together tau^2, new in each drive
+    # both day effects: together tau^2, new in each drive
     V = np.diag(noise) + day_std**2 * Z @ Z.T
     P0 = first.cov[np.ix_(shared, shared)]
     P = np.linalg.inv(np.linalg.inv(P0) + X.T @ np.linalg.inv(V) @ X)
@@ -93,7 +94,7 @@ def test_a_terrain_may_be_added_at_any_time():
 
 def test_with_known_coefficients_the_scatter_is_learned_by_the_conjugate_rule():
     c = replace(certain(idle_W=10.0, force_N=20.0), scatter=Variance(4.0, 4.0))
-    s = stretch_of(Leg(50.0, "grass", 0.5))  # 2000 J; lumps: 10^2 * 100 / 30 + 20^2 * 50 = 61000 / 3
+    s = stretch_of(Leg(50.0, "grass", 0.5))  # 2000 J; weight of the scatter: 10^2 * 100 / 30 + 20^2 * 50 = 61000 / 3
     for error_J in (50.0, -30.0, 80.0):
         c = learn(c, s, 2000.0 + error_J)
     assert c.scatter == pytest.approx((7.0, 4.0 + (2500.0 + 900.0 + 6400.0) * 3 / 61000.0))
@@ -119,8 +120,8 @@ def test_gaining_speed_is_work_like_gaining_height():
     s = stretch_of(Leg(100.0, "grass", 0.5))
     faster = s._replace(kinetic_m2_s2=0.5 * (0.8**2 - 0.2**2))
     higher = s._replace(climb_m=0.5 * (0.8**2 - 0.2**2) / 9.80665)
-    assert need(c, [faster]).mean_J == pytest.approx(need(c, [higher]).mean_J)
-    assert need(c, [faster]).mean_J == pytest.approx(2000.0 + 1.5 * 40.0 * 0.3)
+    assert energy_demand(c, [faster]).mean_J == pytest.approx(energy_demand(c, [higher]).mean_J)
+    assert energy_demand(c, [faster]).mean_J == pytest.approx(2000.0 + 1.5 * 40.0 * 0.3)
 
 
 def test_windings_heat_with_the_square_of_the_pull():
@@ -130,18 +131,18 @@ def test_windings_heat_with_the_square_of_the_pull():
     c = replace(c, mean=mean)
     s = stretch_of(Leg(100.0, "grass", 0.5, 0.05, stop_s=500.0))
     pull_N = 20.0 + 40.0 * 9.80665 * np.sin(0.05)
-    assert need(c, [s]).mean_J == pytest.approx(pull_N * 100.0 + 0.01 * pull_N**2 * 200.0)
+    assert energy_demand(c, [s]).mean_J == pytest.approx(pull_N * 100.0 + 0.01 * pull_N**2 * 200.0)
 
 
 def test_the_variances_are_found():
     rng, c = np.random.default_rng(6), start(replace(PRIOR, scatter_m=1.0))
     for _ in range(150):
         c = begin_drive(c)
-        load = rng.normal(0.0, 0.2 / np.sqrt(2))
-        own = {name: rng.normal(0.0, 0.2 / np.sqrt(2)) for name in ("grass", "gravel")}
+        common = rng.normal(0.0, 0.2 / np.sqrt(2))
+        single = {name: rng.normal(0.0, 0.2 / np.sqrt(2)) for name in ("grass", "gravel")}
         for s in some_stretches(rng.integers(1 << 30), 8):
-            force_N = {"grass": 30.0, "gravel": 15.0}[s.terrain] * (1 + load + own[s.terrain])
-            x = features(with_terrain(c, s.terrain), s)
+            force_N = {"grass": 30.0, "gravel": 15.0}[s.terrain] * (1 + common + single[s.terrain])
+            x = design_row(with_terrain(c, s.terrain), s)
             expected = 12.0 * x[0] + 4.0 * x[1] + 1.4 * x[2] + 0.5 * x[3] + force_N * s.distance_m * 45.0 / 40.0
             c = learn(c, s, expected + rng.normal(0.0, np.sqrt(2.0) * force_N * np.sqrt(s.distance_m)))
     assert c.scatter.value == pytest.approx(2.0 * (45.0 / 40.0) ** -2, rel=0.12)
@@ -151,18 +152,18 @@ def test_the_variances_are_found():
 
 
 def test_what_is_predicted_of_a_day():
-    c = certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=4.0, climb=1.5, regain=0.5)
+    c = certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=4.0, climb=1.5, regeneration=0.5)
     level_J = 10.0 * 220.0 + 1.1 * (20.0 * 100.0 + 4.0 * 0.5 * 100.0)
     lift_J = 44.0 * 9.80665 * 100.0 * np.sin(0.02)
     for sign in (1.0, -1.0):
-        found = need(c, [stretch_of(Leg(100.0, "grass", 0.5, sign * 0.02, stop_s=20.0, payload_kg=4.0))])
+        found = energy_demand(c, [stretch_of(Leg(100.0, "grass", 0.5, sign * 0.02, stop_s=20.0, payload_kg=4.0))])
         assert found.mean_J == pytest.approx(level_J + sign * 1.5 * lift_J)
 
 
 def test_a_steep_slope_gives_back_only_a_share_of_the_braking():
     # down 0.2: the drive does nothing, resistance of 20 N at the battery is 10 N at the wheels
-    c = certain(idle_W=10.0, force_N=20.0, climb=2.0, regain=0.3)
-    found = need(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.2))])
+    c = certain(idle_W=10.0, force_N=20.0, climb=2.0, regeneration=0.3)
+    found = energy_demand(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.2))])
     braking_J = (40.0 * 9.80665 * np.sin(0.2) - 10.0) * 100.0
     assert found.mean_J == pytest.approx(10.0 * 200.0 - 0.3 * braking_J)
 
@@ -170,10 +171,10 @@ def test_a_steep_slope_gives_back_only_a_share_of_the_braking():
 def test_this_drive_is_known_better_than_the_next():
     c = learned()
     leg = [stretch_of(Leg(1000.0, "grass", 0.5))]
-    before = need(c, leg)
+    before = energy_demand(c, leg)
     for _ in range(10):
         c = learn(c, stretch_of(Leg(40.0, "grass", 0.5)), 40.0 * 60.0)
-    now, tomorrow = need(c, leg), need(begin_drive(c), leg)
+    now, tomorrow = energy_demand(c, leg), energy_demand(begin_drive(c), leg)
     assert now.std_J < 0.6 * before.std_J
     assert tomorrow.std_J > 1.5 * now.std_J
 
@@ -181,11 +182,11 @@ def test_this_drive_is_known_better_than_the_next():
 def test_a_heavy_day_shows_on_the_other_terrain_too():
     c = learned(8)
     gravel = [stretch_of(Leg(1000.0, "gravel", 0.5))]
-    light = need(c, gravel).mean_J
+    light = energy_demand(c, gravel).mean_J
     for _ in range(10):
         s = stretch_of(Leg(40.0, "grass", 0.5))
-        c = learn(c, s, 1.4 * need(c, [s]).mean_J)
-    assert need(c, gravel).mean_J > 1.02 * light
+        c = learn(c, s, 1.4 * energy_demand(c, [s]).mean_J)
+    assert energy_demand(c, gravel).mean_J > 1.02 * light
 
 
 def test_months_make_unsure():
@@ -200,7 +201,7 @@ def test_a_smooth_floor_teaches_nothing_of_other_terrains():
     c = start(PRIOR)
     for _ in range(50):
         s = stretch_of(Leg(40.0, "floor", 0.5))
-        c = learn(c, s, need(with_terrain(c, "floor"), [s]).mean_J)
+        c = learn(c, s, energy_demand(with_terrain(c, "floor"), [s]).mean_J)
     new = with_terrain(c, "mud")
     k = new.force_index("mud")
     assert new.cov[k, k] == PRIOR.force_std_N**2
@@ -209,7 +210,10 @@ def test_a_smooth_floor_teaches_nothing_of_other_terrains():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: need(learned(), [stretch_of(Leg(1.0, "ice", 1.0))]), "terrain 'ice' is not .* knows: grass, gravel"),
+        (
+            lambda: energy_demand(learned(), [stretch_of(Leg(1.0, "ice", 1.0))]),
+            "terrain 'ice' is not .* knows: grass, gravel",
+        ),
         (lambda: learn(learned(), Stretch("grass", 1.0, -2.0), 1.0), "stretch.distance_m must be >= 0, got -2"),
         (lambda: learn(learned(), Stretch("grass", 1.0, 2.0), np.nan), "energy_J must be finite"),
         (lambda: ConsumptionPrior(0.0, 1.0, 1.0, 1.0, 1.0), "prior.mass_kg must be > 0"),

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.energy.consumption import need, start, with_terrain
+from ohmward.energy.consumption import energy_demand, start, with_terrain
 from ohmward.energy.consumption_prior import heat_W_per_N2, prior_from_mass, prior_from_robot
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
@@ -28,7 +28,7 @@ def test_windings_heat_as_the_model_of_the_robot_says():
 def test_a_metre_on_asphalt_is_of_the_right_order():
     prior = prior_from_robot(ROBOT)
     c = with_terrain(start(prior), "asphalt")
-    found = need(c, [stretch_of(Leg(1.0, "asphalt", 0.5))])
+    found = energy_demand(c, [stretch_of(Leg(1.0, "asphalt", 0.5))])
     resistance_N = 0.02 * 42 * 9.80665
     heat_W = heat_W_per_N2(ROBOT) * resistance_N**2
     drag_J = 0.02 * 42 * 9.80665 * 0.5 / 0.9

@@ -3,7 +3,15 @@
 import numpy as np
 
 from energy.examples import PRIOR
-from ohmward.energy.consumption import begin_drive, features, learn, lumps, need, start, with_terrain
+from ohmward.energy.consumption import (
+    begin_drive,
+    design_row,
+    energy_demand,
+    learn,
+    scatter_weight,
+    start,
+    with_terrain,
+)
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.energy.points import normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
@@ -19,19 +27,19 @@ def a_prediction(seed):
     sigma, tau = (np.sqrt(v.scale / rng.chisquare(v.dof)) for v in (c.scatter, c.day))
 
     def spent(stretch):
-        scatter = sigma * np.sqrt(lumps(c, stretch))
-        return float(features(c, stretch) @ truth + scatter * rng.standard_normal())
+        scatter = sigma * np.sqrt(scatter_weight(c, stretch))
+        return float(design_row(c, stretch) @ truth + scatter * rng.standard_normal())
 
     for _ in range(2):
         c = begin_drive(c)
-        truth[[-3, -1]] = tau / np.sqrt(2) * rng.standard_normal(2)  # load and own share; the force stands between
+        truth[[-3, -1]] = tau / np.sqrt(2) * rng.standard_normal(2)  # day effects; the force stands between
         for _ in range(10):
             s = stretch_of(Leg(rng.uniform(20, 80), "grass", rng.uniform(0.2, 1.0), rng.normal(0, 0.01)))
             c = learn(c, s, spent(s))
     c = begin_drive(c)
     truth[[-3, -1]] = tau / np.sqrt(2) * rng.standard_normal(2)
     ahead = stretch_of(Leg(500.0, "grass", 0.5))
-    band = quantiles(needed_J(need(c, [ahead]), normal_points(DIMENSIONS)))
+    band = quantiles(needed_J(energy_demand(c, [ahead]), normal_points(DIMENSIONS)))
     return band.p10 <= spent(ahead) <= band.p90
 
 

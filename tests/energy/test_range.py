@@ -34,7 +34,7 @@ def test_the_root_of_distance(per_m, scatter, usable):
 
 
 def test_ground_that_gives_energy_has_no_end():
-    c = certain(idle_W=0.1, force_N=1.0, climb=1.0, regain=1.0)
+    c = certain(idle_W=0.1, force_N=1.0, climb=1.0, regeneration=1.0)
     found = range_left(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.1))], battery(), BatteryState(0.5))
     assert found.distance_m == (np.inf,) * 3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from energy.examples import certain, learned
-from ohmward.energy.consumption import HEAT, need
+from ohmward.energy.consumption import HEAT, energy_demand
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.energy.speed_advice import speed_advice
 from ohmward.errors import InputError
@@ -13,7 +13,7 @@ WIDE = (0.05, 5.0)
 
 
 def per_metre(c, speed_m_s):
-    return need(c, [stretch_of(Leg(1.0, "grass", speed_m_s))]).mean_J
+    return energy_demand(c, [stretch_of(Leg(1.0, "grass", speed_m_s))]).mean_J
 
 
 def test_the_best_speed_is_the_least_of_a_fine_grid():

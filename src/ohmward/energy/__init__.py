@@ -1,7 +1,7 @@
 """Energy balance, consumption, usable energy, range and mission forecast; see docs/energy.md."""
 
 from ohmward.energy.balance import DriveEnergy, EnergyBalance, drive_balance, integrate_drive
-from ohmward.energy.consumption import Consumption, EnergyDemand, begin_drive, learn, need, start, with_terrain
+from ohmward.energy.consumption import Consumption, EnergyDemand, begin_drive, energy_demand, learn, start, with_terrain
 from ohmward.energy.consumption_file import load_consumption, save_consumption
 from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass, prior_from_robot
 from ohmward.energy.get_home import Milestone, MissionForecast, get_home
@@ -31,11 +31,11 @@ __all__ = [
     "begin_drive",
     "cut_drive",
     "drive_balance",
+    "energy_demand",
     "get_home",
     "integrate_drive",
     "learn",
     "load_consumption",
-    "need",
     "prior_from_mass",
     "prior_from_robot",
     "range_left",

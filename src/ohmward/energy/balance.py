@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward.energy.integral import trapezoid_weights, weighted_sum
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy
@@ -100,13 +101,13 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: ObservedMotio
 
     power: (T,) [W] as `drive_balance` gives it.
     """
-    weight_s = _weights(log.time_s, np.isfinite(power.residual))
+    weight_s = trapezoid_weights(log.time_s, np.isfinite(power.residual))
     slip_std_W = (np.abs(observed.traction_N) * observed.slip_speed_std_m_s).sum(axis=1)
     climb_std_W = robot.mass_kg * GRAVITY * np.abs(observed.speed_m_s) * observed.grade_std_rad
     return DriveEnergy(
-        EnergyBalance(*(_sum(weight_s, term) for term in power)),
-        {"slip": _sum(weight_s, slip_std_W), "climb": _sum(weight_s, climb_std_W)},
-        _sum(weight_s, np.maximum(-power.battery, 0.0)),
+        EnergyBalance(*(weighted_sum(weight_s, term) for term in power)),
+        {"slip": weighted_sum(weight_s, slip_std_W), "climb": weighted_sum(weight_s, climb_std_W)},
+        weighted_sum(weight_s, np.maximum(-power.battery, 0.0)),
     )
 
 
@@ -133,16 +134,6 @@ def _motion(observed: ObservedMotion, robot: Robot) -> np.ndarray:
     motion[:, 0] = observed.speed_m_s
     motion[:, -1] = observed.yaw_rate_rad_s
     return motion
-
-
-def _weights(time_s: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(T,) weights [s] of trapezoids between neighbouring samples that are both known."""
-    half_s = 0.5 * np.diff(time_s) * (known[1:] & known[:-1])
-    return np.concatenate([half_s, [0.0]]) + np.concatenate([[0.0], half_s])
-
-
-def _sum(weight_s: np.ndarray, values: np.ndarray) -> float:
-    return float(np.sum(weight_s * np.where(weight_s > 0, values, 0.0)))
 
 
 def _check(log: DriveLog, observed: ObservedMotion, battery_W: np.ndarray | None, robot: Robot) -> None:

@@ -1,20 +1,20 @@
-"""Energy that a robot takes, by terrain, speed, slope and load: a linear model learned with its uncertainty.
+"""Energy that a robot takes, by terrain, speed, slope and load: a linear regression with its uncertainty.
 
-A stretch of time t, distance d, mean speed v, potential and kinetic energy won L, and load share q = m / m_0 takes
+A stretch of time t, distance d, mean speed v, potential and kinetic energy gained L, and mass ratio q = m / m_0 takes
 
-E = idle t + q d [ f_k (1 + load + own_k) + c v ] + a (L + B) - b B + r (W / d)^2 d / v + e
+E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 d / v + e
 W = q d f_k / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
 
 f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, and its force heats
-the windings by r. What is lost in height is saved as far as the resistance takes it; beyond that the robot brakes, and
-b of the energy B comes back. `load` and `own_k` are what is different on this drive: payload, tyre pressure, wet grass;
-each drive draws them anew from N(0, tau^2 / 2). So what was learned on many drives is told apart from what this one
-shows, a mission under way sees its own day, and the next day is as uncertain as days are. Scatter comes in lumps of
-ground: sigma^2 [m] is their length times the square of their relative deviation, and long stretches average them;
-standing teaches the idle power only.
+the windings by r. Height that is lost is saved as far as the resistance takes it; beyond that the robot brakes, and the
+share b of the braking energy B comes back (regeneration efficiency). delta and delta_k are the day effects, of all
+terrains and of one: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So drives that
+differ are told apart from a robot that is not yet known, a mission under way sees its own day, and the next day is as
+uncertain as days are. The scatter is that of uneven ground: sigma^2 [m] is the length over which it is correlated times
+the square of its relative deviation, and long stretches average it; standing teaches the idle power only.
 
-Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that what is predicted follows Student's t. For known
-variances this is exact Bayesian regression. The variances are learned from the part of each surprise that the update
+Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
+variances this is exact Bayesian regression. The variances are learned from the part of each innovation that the update
 leaves to them (MacKay's count of well-determined parameters): with known coefficients that is the conjugate
 normal-inverse-gamma rule. The fully conjugate prior is not used, because there a smooth floor would make the robot
 sure of terrains that it has never seen.
@@ -32,23 +32,30 @@ from ohmward.checks import require_between, require_finite
 from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief
 from ohmward.traction.robot.robot import GRAVITY
 
-#: What every terrain shares, in the order of the vector; then `force` and `own` of each terrain.
-SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regain", "heat_W_per_N2", "load")
-CLIMB, HEAT, LOAD = (SHARED.index(name) for name in ("climb", "heat_W_per_N2", "load"))
+#: Coefficients that all terrains share, in their order; `force_N` and `day_effect` of each terrain follow.
+SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regeneration", "heat_W_per_N2", "day_effect")
+IDLE, SPEED, CLIMB, REGENERATION, HEAT, DAY_EFFECT = range(len(SHARED))
 _DAYS_PER_MONTH = 30.0
 #: Idle power is steadier than ground: it scatters as a resistance would at this speed.
 _IDLE_SPEED_M_S = 30.0
+#: Resistance below which no square is made of it, over the one that was expected.
 _LEAST_FORCE = 0.1
-#: A shorter stretch is a start or a stop: it says nothing of the ground.
+#: A shorter stretch is a start or a stop: it teaches nothing of the ground.
 _SHORTEST_M = 3.0
-#: A drive tells of its own day only where it has narrowed it by this share.
+#: A drive teaches the variance of day effects only where it has narrowed its own by this share.
 _LEAST_INFORMATION = 0.02
 
 
 class Variance(NamedTuple):
-    """A variance with an inverse-gamma distribution: scale / dof its usual value, dof how surely it is known."""
+    """A variance with an inverse-gamma distribution.
+
+    dof: degrees of freedom with which it is known.
+    scale: dof times its usual value.
+    """
 
     dof: float
     scale: float
@@ -58,13 +65,13 @@ class Variance(NamedTuple):
         """The variance to compute with."""
         return self.scale / self.dof
 
-    def learned(self, square: float, share: float) -> Variance:
-        """After an observation whose surprise leaves `share` of a degree of freedom to it, and this square."""
-        return Variance(float(self.dof + share), float(self.scale + square))
+    def updated(self, square: float, dof: float) -> Variance:
+        """The variance after a squared deviation that counts as `dof` degrees of freedom."""
+        return Variance(float(self.dof + dof), float(self.scale + square))
 
 
 class Visits(NamedTuple):
-    """How much was driven on a terrain."""
+    """Sums over all that was driven on a terrain."""
 
     drives: int = 0
     distance_m: float = 0.0
@@ -74,14 +81,14 @@ class Visits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Consumption:
-    """What is known of a robot's consumption. Immutable: `learn` and `begin_drive` return a new one.
+    """Belief about a robot's consumption. Immutable: `learn` and `begin_drive` return a new one.
 
     Attributes:
-        prior: what was believed at the start.
+        prior: belief before the first drive.
         terrains: (K,) names, in the order in which they were met.
-        mean: (6 + 2 K,) coefficients: `SHARED`, then force [N] and own share of each terrain.
+        mean: (6 + 2 K,) coefficients: `SHARED`, then force [N] and day effect of each terrain.
         cov: their covariance.
-        reference_N: (K,) forces to which the shares of this drive belong.
+        reference_N: (K,) forces that the day effects of this drive are relative to.
         scatter: sigma^2 [m].
         day: tau^2.
         visits: (K,) what was driven there.
@@ -111,21 +118,40 @@ class Consumption:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the coefficients."""
-        return SHARED + tuple(f"{kind}:{name}" for name in self.terrains for kind in ("force_N", "own"))
+        return SHARED + tuple(f"{kind}:{name}" for name in self.terrains for kind in ("force_N", "day_effect"))
+
+    @property
+    def day_effects(self) -> list[int]:
+        """Indices of all day effects."""
+        return [DAY_EFFECT, *(self.day_effect_index(name) for name in self.terrains)]
 
     def force_index(self, terrain: str) -> int:
-        """Where the force of a terrain stands; its own share of this drive follows."""
+        """Index of the force of a terrain.
+
+        Raises:
+            InputError: a terrain that is not known; `with_terrain` adds one with the prior's uncertainty.
+        """
+        if terrain not in self.terrains:
+            known = ", ".join(self.terrains) or "none yet"
+            raise InputError(
+                f"terrain {terrain!r} is not in the consumption table, which knows: {known}; name one of these, or "
+                "drive there once and learn it"
+            )
         return len(SHARED) + 2 * self.terrains.index(terrain)
+
+    def day_effect_index(self, terrain: str) -> int:
+        """Index of the day effect of a terrain."""
+        return self.force_index(terrain) + 1
 
 
 class EnergyDemand(NamedTuple):
-    """Energy that stretches will take: mean, and variances by what is not known.
+    """Energy that stretches will take: mean, and variances by their cause.
 
     mean_J: expected.
     learned_J2: coefficients and model.
-    day_J2: what differs from drive to drive.
-    scatter_J2: what differs from place to place.
-    day_dof, scatter_dof: how well the last two are known.
+    day_J2: day effects, which differ from drive to drive.
+    scatter_J2: uneven ground, which differs from place to place.
+    day_dof, scatter_dof: degrees of freedom of the last two.
     """
 
     mean_J: float
@@ -142,77 +168,80 @@ class EnergyDemand(NamedTuple):
 
 
 def start(prior: ConsumptionPrior) -> Consumption:
-    """What is known before the first drive."""
+    """Belief before the first drive."""
     p = prior
-    mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.regain, p.heat_W_per_N2, 0.0])
-    std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.regain_std, p.heat_std_W_per_N2, 0.0]
+    mean = np.array([p.idle_W, p.speed_N_s_per_m, p.climb, p.regeneration, p.heat_W_per_N2, 0.0])
+    std = [p.idle_std_W, p.speed_std_N_s_per_m, p.climb_std, p.regeneration_std, p.heat_std_W_per_N2, 0.0]
     day = Variance(prior.dof, prior.dof * prior.day_std**2)
     scatter = Variance(prior.dof, prior.dof * prior.scatter_m)
     return begin_drive(Consumption(prior, (), mean, np.diag(np.square(std)), (), scatter, day))
 
 
 def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
-    """A new drive after so many days: the last one teaches how much drives differ, and what it was is forgotten."""
+    """Belief at the start of a new drive after so many days.
+
+    The drive that ends updates the variance of the day effects, which are then drawn anew; coefficients drift.
+    """
     require_between("days", days, 0.0, np.inf)
     day = _learn_day(c)
-    shares = [LOAD, *(c.force_index(name) + 1 for name in c.terrains)]
+    effects = c.day_effects
     mean, cov = c.mean.copy(), c.cov.copy()
-    mean[shares] = 0.0
-    cov[shares, :] = cov[:, shares] = 0.0
-    cov[shares, shares] = day.value / 2
+    mean[effects] = 0.0
+    cov[effects, :] = 0.0
+    cov[:, effects] = 0.0
+    cov[effects, effects] = day.value / 2
     cov += np.diag(_drift_variance(c, days))
     reference = tuple(max(mean[c.force_index(name)], 0.0) for name in c.terrains)
     return replace(c, mean=mean, cov=cov, reference_N=reference, day=day, on_this_drive=())
 
 
 def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
-    """What is known after a stretch took this much from the battery; one of less than 3 m is counted only.
+    """Belief after a stretch took this energy from the battery; one of less than 3 m is counted only.
 
     Raises:
         InputError: a time, distance or height below zero, or an energy that is no number.
     """
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
-    x, scattered = features(c, stretch), lumps(c, stretch)
-    if scattered <= 0.0 or (stretch.terrain and stretch.distance_m < _SHORTEST_M):
+    x, weight = design_row(c, stretch), scatter_weight(c, stretch)
+    teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= _SHORTEST_M)
+    if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
-    noise_J2 = c.scatter.value * scattered
-    spread_J2 = x @ c.cov @ x + noise_J2
-    surprise_J = energy_J - x @ c.mean
-    gain = c.cov @ x / spread_J2
-    keep = np.eye(len(x)) - np.outer(gain, x)
-    cov = keep @ c.cov @ keep.T + noise_J2 * np.outer(gain, gain)
-    c = replace(c, mean=c.mean + gain * surprise_J, cov=cov)
+    R = c.scatter.value * weight
+    y, H = np.array([energy_J]), x[None, :]
+    belief, innovation = kalman.update(Belief(c.mean, c.cov), y, H, np.array([[R]]))
+    c = replace(c, mean=belief.mean, cov=belief.cov)
     if not stretch.terrain:
         return c
-    left_J = surprise_J * noise_J2 / spread_J2
-    scatter = c.scatter.learned(left_J**2 / scattered, noise_J2 / spread_J2)
+    noise_share = R / float(innovation.cov[0, 0])
+    scattered_J = float(innovation.value[0]) * noise_share
+    scatter = c.scatter.updated(scattered_J**2 / weight, noise_share)
     return _visited(replace(c, scatter=scatter), stretch, energy_J)
 
 
-def need(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
+def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     """Energy that stretches of the drive under way will take; for another day call `begin_drive` first.
 
     Raises:
         InputError: a terrain that is not known; `with_terrain` adds one with the prior's uncertainty.
     """
-    x = np.sum([features(c, s) for s in stretches], axis=0)
-    shares = np.zeros(len(x), dtype=bool)
-    shares[[LOAD, *(c.force_index(name) + 1 for name in c.terrains)]] = True
-    all_J2, day_J2 = x @ c.cov @ x, x[shares] @ c.cov[np.ix_(shares, shares)] @ x[shares]
-    scattered = sum(lumps(c, s) for s in stretches)
+    x = np.sum([design_row(c, s) for s in stretches], axis=0)
+    effects = c.day_effects
+    mean_J, all_J2 = x @ c.mean, x @ c.cov @ x
+    day_J2 = x[effects] @ c.cov[np.ix_(effects, effects)] @ x[effects]
+    weight = sum(scatter_weight(c, s) for s in stretches)
     return EnergyDemand(
-        float(x @ c.mean),
-        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * (x @ c.mean)) ** 2),
+        float(mean_J),
+        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * mean_J) ** 2),
         float(min(day_J2, all_J2)),
-        c.scatter.value * scattered,
+        c.scatter.value * weight,
         c.day.dof,
         c.scatter.dof,
     )
 
 
 def with_terrain(c: Consumption, name: str) -> Consumption:
-    """The same with a terrain that has not been met; unchanged where it has."""
+    """The belief with a terrain that has not been met; unchanged where it has."""
     if name in c.terrains:
         return c
     force_N = c.prior.force_of(name)
@@ -220,7 +249,8 @@ def with_terrain(c: Consumption, name: str) -> Consumption:
     n = len(c.mean)
     cov = np.zeros((n + 2, n + 2))
     cov[:n, :n] = c.cov
-    cov[n, n], cov[n + 1, n + 1] = std_N**2, c.day.value / 2
+    cov[n, n] = std_N**2
+    cov[n + 1, n + 1] = c.day.value / 2
     return replace(
         c,
         terrains=(*c.terrains, name),
@@ -231,102 +261,96 @@ def with_terrain(c: Consumption, name: str) -> Consumption:
     )
 
 
-def features(c: Consumption, stretch: Stretch) -> np.ndarray:
-    """What each coefficient is multiplied by (6 + 2 K,) on this stretch."""
+def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
+    """Row of the design matrix (6 + 2 K,): the factor of each coefficient on this stretch."""
     x = np.zeros(len(c.mean))
-    lift_J, braking_J = energy_won_J(c, stretch), max(-work_J(c, stretch), 0.0)
-    x[:2] = stretch.time_s, loaded(c, stretch) * stretch.speed_distance_m2_s
-    x[2:4] = lift_J + braking_J, -braking_J
+    q = mass_ratio(c, stretch)
+    braking_J = max(-wheel_work_J(c, stretch), 0.0)
+    x[IDLE] = stretch.time_s
+    x[SPEED] = q * stretch.speed_distance_m2_s
+    x[CLIMB] = energy_gained_J(c, stretch) + braking_J
+    x[REGENERATION] = -braking_J
     if stretch.terrain:
-        _require_known(c, stretch.terrain)
-        k, q_d = c.force_index(stretch.terrain), loaded(c, stretch) * stretch.distance_m
-        share_J = q_d * c.reference_N[c.terrains.index(stretch.terrain)]
-        x[[k, k + 1, LOAD]] = q_d, share_J, share_J
-        x[HEAT] = pull_N(c, stretch) ** 2 * moving_s(stretch)
+        k = c.force_index(stretch.terrain)
+        reference_N = c.reference_N[c.terrains.index(stretch.terrain)]
+        x[k] = q * stretch.distance_m
+        x[c.day_effect_index(stretch.terrain)] = x[DAY_EFFECT] = x[k] * reference_N
+        x[HEAT] = mean_pull_N(c, stretch) ** 2 * moving_time_s(stretch)
     return x
 
 
-def loaded(c: Consumption, stretch: Stretch) -> float:
+def scatter_weight(c: Consumption, stretch: Stretch) -> float:
+    """Factor of sigma^2 [N^2 m]: resistance squared times distance, and idle power as if at 30 m/s."""
+    idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
+    if not stretch.terrain:
+        return idle
+    resistance_N = mass_ratio(c, stretch) * force_N(c, stretch.terrain)
+    return idle + resistance_N**2 * stretch.distance_m
+
+
+def mass_ratio(c: Consumption, stretch: Stretch) -> float:
     """q: mass with payload over the mass that the forces belong to."""
     return (c.prior.mass_kg + stretch.payload_kg) / c.prior.mass_kg
 
 
 def force_N(c: Consumption, terrain: str) -> float:
-    """Resistance [N] as it is known now; never below a tenth of what was expected, where squares are made of it."""
+    """Resistance [N] as it is known now, at least a tenth of the expected one, where squares are made of it."""
     return max(float(c.mean[c.force_index(terrain)]), _LEAST_FORCE * c.prior.force_of(terrain))
 
 
-def energy_won_J(c: Consumption, stretch: Stretch) -> float:
-    """L: potential and kinetic energy won, < 0 where it is lost."""
+def energy_gained_J(c: Consumption, stretch: Stretch) -> float:
+    """L: potential and kinetic energy gained, < 0 where it is lost."""
     per_kg = GRAVITY * (stretch.climb_m - stretch.descent_m) + stretch.kinetic_m2_s2
     return (c.prior.mass_kg + stretch.payload_kg) * per_kg
 
 
-def work_J(c: Consumption, stretch: Stretch) -> float:
+def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
     """W: work of the wheels; < 0 where they brake."""
     if not stretch.terrain:
         return 0.0
-    _require_known(c, stretch.terrain)
-    resistance_N = loaded(c, stretch) * force_N(c, stretch.terrain) / max(float(c.mean[CLIMB]), 1.0)
-    return resistance_N * stretch.distance_m + energy_won_J(c, stretch)
+    resistance_N = mass_ratio(c, stretch) * force_N(c, stretch.terrain) / max(float(c.mean[CLIMB]), 1.0)
+    return resistance_N * stretch.distance_m + energy_gained_J(c, stretch)
 
 
-def pull_N(c: Consumption, stretch: Stretch) -> float:
+def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
     """W / d: mean force [N] of the wheels."""
-    return work_J(c, stretch) / stretch.distance_m if stretch.distance_m else 0.0
+    return wheel_work_J(c, stretch) / stretch.distance_m if stretch.distance_m else 0.0
 
 
-def moving_s(stretch: Stretch) -> float:
+def moving_time_s(stretch: Stretch) -> float:
     """Time [s] without the stops, at the mean speed."""
     return stretch.distance_m**2 / stretch.speed_distance_m2_s if stretch.speed_distance_m2_s else 0.0
 
 
-def lumps(c: Consumption, stretch: Stretch) -> float:
-    """What sigma^2 is multiplied by [N^2 m]: resistance squared times distance, and idle power as if at 30 m/s."""
-    idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
-    if not stretch.terrain:
-        return idle
-    _require_known(c, stretch.terrain)
-    resistance_N = loaded(c, stretch) * force_N(c, stretch.terrain)
-    return idle + resistance_N**2 * stretch.distance_m
-
-
 def _learn_day(c: Consumption) -> Variance:
-    """tau^2 after the drive that ends: each share has the variance tau^2 / 2, as far as the drive has shown it."""
+    """tau^2 after the drive that ends: each day effect has the variance tau^2 / 2, as far as the drive has shown it."""
+    if not c.on_this_drive:
+        return c.day
     day = c.day
-    shares = [c.force_index(name) + 1 for name in c.on_this_drive]
-    for k in [LOAD, *shares] if shares else []:
+    for k in [DAY_EFFECT, *(c.day_effect_index(name) for name in c.on_this_drive)]:
         information = 1.0 - c.cov[k, k] / (c.day.value / 2)
         if information > _LEAST_INFORMATION:
-            day = day.learned(2 * c.mean[k] ** 2, information)
+            day = day.updated(2 * c.mean[k] ** 2, information)
     return day
 
 
 def _drift_variance(c: Consumption, days: float) -> np.ndarray:
-    """What the coefficients have changed in so many days: a random walk."""
+    """Variance of the change of the coefficients in so many days: a random walk."""
     std = np.zeros(len(c.mean))
-    std[SHARED.index("idle_W")] = c.prior.drift_std * c.prior.idle_W
+    std[IDLE] = c.prior.drift_std * c.prior.idle_W
     for name in c.terrains:
         std[c.force_index(name)] = c.prior.drift_std * c.prior.force_of(name)
     return std**2 * days / _DAYS_PER_MONTH
 
 
 def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
-    """With the counts of its terrain after a stretch."""
-    k, first = c.terrains.index(stretch.terrain), stretch.terrain not in c.on_this_drive
+    """The belief with the sums of its terrain after a stretch."""
+    k = c.terrains.index(stretch.terrain)
+    first = stretch.terrain not in c.on_this_drive
     v = c.visits[k]
     now = Visits(v.drives + first, v.distance_m + stretch.distance_m, v.time_s + stretch.time_s, v.energy_J + energy_J)
     drive = (*c.on_this_drive, stretch.terrain) if first else c.on_this_drive
     return replace(c, visits=(*c.visits[:k], now, *c.visits[k + 1 :]), on_this_drive=drive)
-
-
-def _require_known(c: Consumption, terrain: str) -> None:
-    if terrain not in c.terrains:
-        known = ", ".join(c.terrains) or "none yet"
-        raise InputError(
-            f"terrain {terrain!r} is not in the consumption table, which knows: {known}; name one of these, or drive "
-            "there once and learn it"
-        )
 
 
 def _check(stretch: Stretch, energy_J: float) -> None:

@@ -1,4 +1,4 @@
-"""The consumption table: what a robot has learned about its energy, as TOML. It is the snapshot too."""
+"""The consumption table: the learned consumption of a robot as TOML. It is the snapshot too."""
 
 from __future__ import annotations
 

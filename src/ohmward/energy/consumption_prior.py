@@ -1,4 +1,4 @@
-"""What a robot's data say about its consumption before it has driven: broad, and right in its order of magnitude."""
+"""Prior of a robot's consumption from its data, before it has driven: broad, and right in its order of magnitude."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESISTANCE = {
 }
 #: Of a ground that nobody has named.
 ANY_RESISTANCE = 0.05
-#: How far such a number may be off, as a share of it.
+#: Standard deviation of such a number, relative to it.
 RESISTANCE_STD = 0.6
 #: Growth of the resistance with speed over load [s/m]: A3 of [T] 4.5.
 SPEED_RESISTANCE_S_PER_M = 0.02
@@ -37,22 +37,22 @@ ANY_IDLE_W = 10.0
 
 @dataclass(frozen=True)
 class ConsumptionPrior:
-    """What is believed of a robot before it has driven, and of a terrain before it was met.
+    """Belief about a robot before it has driven, and about a terrain before it was met.
 
     Attributes:
         mass_kg: to which `force_N` belongs, > 0.
         idle_W, idle_std_W: of everything but the drives.
         force_N, force_std_N: resistance of an unknown terrain, at the battery.
-        speed_N_s_per_m, speed_std_N_s_per_m: how it grows with speed.
-        climb, climb_std: energy from the battery over the potential energy won, about 1/efficiency.
-        regain, regain_std: energy that comes back over the energy of braking.
+        speed_N_s_per_m, speed_std_N_s_per_m: its growth with speed.
+        climb, climb_std: energy from the battery over the potential energy gained, about 1/efficiency.
+        regeneration, regeneration_std: regeneration efficiency, energy that comes back over the energy of braking.
         heat_W_per_N2, heat_std_W_per_N2: heat of the windings over the square of the force.
-        scatter_m: sigma^2, see above; 1 m is a fifth over 25 m.
-        day_std: tau, how much the resistance differs from drive to drive, as a share.
-        model_std: what no drive teaches, as a share of the whole: gains of the sensors, curves taken as lines.
+        scatter_m: sigma^2 of `consumption`; 1 m is a fifth over 25 m.
+        day_std: tau, standard deviation of the resistance from drive to drive, relative to it.
+        model_std: error that no drive teaches, relative to the energy: gains of the sensors, curves taken as lines.
         drift_std: change of forces and idle power in a month, as a share of the prior's.
-        dof: degrees of freedom that the last two variances are believed with, >= 3.
-        terrain_force_N: resistance of terrains of which something is known before, by name.
+        dof: degrees of freedom of sigma^2 and tau^2, >= 3.
+        terrain_force_N: resistance of terrains that handbooks know, by name.
     """
 
     mass_kg: float
@@ -64,8 +64,8 @@ class ConsumptionPrior:
     speed_std_N_s_per_m: float = 0.0
     climb: float = 1.3
     climb_std: float = 0.25
-    regain: float = 0.4
-    regain_std: float = 0.3
+    regeneration: float = 0.4
+    regeneration_std: float = 0.3
     heat_W_per_N2: float = 0.0
     heat_std_W_per_N2: float = 0.0
     scatter_m: float = 1.0
@@ -83,12 +83,12 @@ class ConsumptionPrior:
             "idle_std_W",
             "speed_std_N_s_per_m",
             "climb_std",
-            "regain_std",
+            "regeneration_std",
             "drift_std",
             "model_std",
         ):
             require_between(f"prior.{name}", getattr(self, name), 0.0, math.inf)
-        for name in ("regain", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
+        for name in ("regeneration", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
             require_between(f"prior.{name}", getattr(self, name), 0.0, math.inf)
         require_between("prior.dof", self.dof, 3.0, math.inf)
         for name, force_N in self.terrain_force_N.items():

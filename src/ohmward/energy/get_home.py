@@ -1,4 +1,4 @@
-"""Whether a plan can be driven with the reserve left, how the battery fares on the way, and where to turn round."""
+"""Mission forecast: probability of driving a plan with the reserve left, state on the way, point of return."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.checks import require_between
-from ohmward.energy.consumption import Consumption, need
+from ohmward.energy.consumption import Consumption, energy_demand
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J
@@ -22,12 +22,12 @@ _HALVINGS = 20
 
 
 class Milestone(NamedTuple):
-    """The end of a leg.
+    """Forecast for the end of a leg.
 
     distance_m, time_s: since the start of the plan.
-    energy_J: taken until here.
-    soc: state of charge here; the end of the battery where it does not reach.
-    probability: that the robot gets here with the reserve left.
+    energy_J: taken since the start.
+    soc: state of charge; that of the end of the discharge where the battery does not reach.
+    probability: of getting here with the reserve left.
     """
 
     distance_m: float
@@ -38,12 +38,12 @@ class Milestone(NamedTuple):
 
 
 class MissionForecast(NamedTuple):
-    """What becomes of a plan.
+    """Forecast for a plan.
 
     probability: of driving all of it with the reserve left.
     milestones: one for each leg.
     usable_J: energy above the reserve at the start.
-    power_W: mean of the plan.
+    power_W: mean power of the plan.
     point_of_return_m: farthest distance along the plan from which the way back, over the same ground, can still be
         driven with the confidence asked for; 0 where not even that is.
     """
@@ -56,9 +56,9 @@ class MissionForecast(NamedTuple):
 
 
 def get_home(
-    c: Consumption, plan: Sequence[Leg], battery: Battery, charge: BatteryState, confidence: float = 0.95
+    c: Consumption, plan: Sequence[Leg], battery: Battery, state: BatteryState, confidence: float = 0.95
 ) -> MissionForecast:
-    """The outlook of a plan, driven as the drive under way; call `begin_drive` first for a drive of its own.
+    """Forecast for a plan, driven as part of the drive under way; call `begin_drive` first for a drive of its own.
 
     Raises:
         InputError: an empty plan, a terrain that is not known, a confidence outside 0.5 to 0.999.
@@ -68,12 +68,12 @@ def get_home(
         raise InputError("the plan has no leg; add at least one [[leg]]")
     stretches = [stretch_of(leg) for leg in plan]
     z = normal_points(DIMENSIONS)
-    power_W = need(c, stretches).mean_J / total_time_s(stretches)
-    battery_points = discharge(battery, charge, power_W, z[BATTERY])
+    power_W = energy_demand(c, stretches).mean_J / total_time_s(stretches)
+    battery_points = discharge(battery, state, power_W, z[BATTERY])
     usable = usable_J(battery_points)
 
     def milestone(upto: list[Stretch]) -> Milestone:
-        energy = needed_J(need(c, upto), z)
+        energy = needed_J(energy_demand(c, upto), z)
         soc = soc_after(battery_points, np.maximum(energy, 0.0))
         return Milestone(
             total_distance_m(upto),
@@ -98,21 +98,25 @@ def point_of_return(c: Consumption, plan: Sequence[Stretch], usable: np.ndarray,
 
     def returns(distance_m: float) -> bool:
         out = beginning(plan, distance_m)
-        energy = needed_J(need(c, [*out, *map(way_back, out)]), z)
+        energy = needed_J(energy_demand(c, [*out, *map(way_back, out)]), z)
         return float(np.mean(energy <= usable)) >= confidence
 
     if returns(length_m):
         return length_m
-    near, far = 0.0, length_m
+    near_m, far_m = 0.0, length_m
     for _ in range(_HALVINGS):
-        middle = (near + far) / 2
-        near, far = (middle, far) if returns(middle) else (near, middle)
-    return near
+        middle_m = (near_m + far_m) / 2
+        if returns(middle_m):
+            near_m = middle_m
+        else:
+            far_m = middle_m
+    return near_m
 
 
 def beginning(plan: Sequence[Stretch], distance_m: float) -> list[Stretch]:
     """The first metres of a plan, never empty."""
-    taken, left_m = [], distance_m
+    taken = []
+    left_m = distance_m
     for s in plan:
         share = 1.0 if s.distance_m <= left_m else left_m / s.distance_m
         taken.append(part_of(s, share))

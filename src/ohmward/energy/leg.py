@@ -1,4 +1,4 @@
-"""A stretch of ground, driven or planned, as the consumption sees it."""
+"""Legs of a plan, and stretches of ground, driven or planned, that the consumption takes."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import NamedTuple
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 
-#: Steepest slope [rad] that a wheeled robot is believed to be planned on: 45 degrees.
+#: Steepest slope [rad] that a plan for a wheeled robot may have: 45 degrees.
 STEEPEST_RAD = math.pi / 4
 
 
 class Stretch(NamedTuple):
-    """What was or will be driven on one terrain.
+    """A stretch of one terrain, driven or planned.
 
     terrain: its name; "" where the robot only stands.
     time_s: with all stops.
     distance_m: along the ground, >= 0, forward or backward.
     speed_distance_m2_s: integral of speed over distance; speed times distance at constant speed.
-    climb_m, descent_m: height won and height lost, both >= 0.
+    climb_m, descent_m: height gained and height lost, both >= 0.
     payload_kg: on top of the robot's mass.
-    kinetic_m2_s2: kinetic energy won, per kg: half of the last speed squared less half of the first.
+    kinetic_m2_s2: kinetic energy gained, per kg: half of the last speed squared less half of the first.
     """
 
     terrain: str
@@ -36,7 +36,7 @@ class Stretch(NamedTuple):
     kinetic_m2_s2: float = 0.0
 
 
-#: What doubles when a stretch is twice as long.
+#: Fields that double when a stretch is twice as long.
 _MEASURES = tuple(name for name in Stretch._fields if name not in ("terrain", "payload_kg"))
 
 
@@ -70,7 +70,7 @@ class Leg:
 
 
 def stretch_of(leg: Leg) -> Stretch:
-    """What a planned leg amounts to."""
+    """The stretch of a planned leg."""
     rise_m = leg.distance_m * math.sin(leg.grade_rad)
     return Stretch(
         leg.terrain,

@@ -43,7 +43,7 @@ class Plan:
 
     Attributes:
         leg: in the order in which they are driven; at least one.
-        reserve_soc: state of charge that must be left, in [0, 1); None where the plan does not say.
+        reserve_soc: state of charge that must be left, in [0, 1); None where the plan does not give it.
         cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
         temperature_degC: of the battery.
         payload_kg: on every leg, on top of its own.

@@ -1,4 +1,4 @@
-"""Evenly spread points of independent standard normals: what a distribution is carried on, without a random seed.
+"""Evenly spread points of independent standard normals, which carry a distribution without a random seed.
 
 A lattice of Korobov's: point k has the coordinates (k a^j mod N + 1/2) / N, so that every dimension by itself is the
 grid of all N values. With N = 4096 and a = 265, P10 and P90 of a sum of six are met within 0.02 of its deviation, and
@@ -16,12 +16,12 @@ import numpy as np
 COUNT = 4096
 _GENERATOR = 265
 
-#: Degrees of freedom below which `student` refuses: the series would be off by more than 1 % at P10 and P90.
+#: Fewer degrees of freedom count as this many in `student`: the series would be off by more than 1 % at P10 and P90.
 LEAST_DOF = 3.0
 
 
 class Quantiles(NamedTuple):
-    """What is reached with 90, 50 and 10 % probability: the 10, 50 and 90 % points of a distribution."""
+    """The 10, 50 and 90 % points of a distribution, reached with 90, 50 and 10 % probability."""
 
     p10: float
     p50: float

@@ -1,4 +1,4 @@
-"""How far and how long what is left in the battery reaches, as P10, P50 and P90.
+"""Range: distance and time that the battery still reaches, as P10, P50 and P90.
 
 Over a distance D of ground like the stretches named, the robot takes  e D + s z sqrt(D)  with the energy per metre e,
 uncertain in itself, and a scatter that averages out; the battery gives E. Each of 4096 evenly spread points of
@@ -15,23 +15,25 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.energy.consumption import Consumption, EnergyDemand, need
+from ohmward.energy.consumption import Consumption, EnergyDemand, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
 from ohmward.energy.usable_energy import BatteryState, discharge, usable_J
 from ohmward.errors import InputError
 
-#: Dimensions of the points: state of charge, capacity, resistance; then knowledge, day and scatter of the consumption.
-BATTERY, DIMENSIONS = slice(0, 3), 6
+#: Dimensions of the points: state of charge, capacity and resistance of the battery; then, of the consumption,
+#: coefficients, day effects and scatter.
+DIMENSIONS = 6
+BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, 3), 3, 4, 5
 
 
 class Range(NamedTuple):
-    """What is left.
+    """Distance, time and energy that are left.
 
     distance_m, time_s: until the reserve; infinite where the ground gives more than it takes.
     usable_J: energy above the reserve.
-    energy_J_per_m: of the way ahead.
-    power_W: mean of the way ahead.
+    energy_J_per_m: consumption on the way ahead.
+    power_W: mean power on the way ahead.
     """
 
     distance_m: Quantiles
@@ -41,7 +43,7 @@ class Range(NamedTuple):
     power_W: float
 
 
-def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, charge: BatteryState) -> Range:
+def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state: BatteryState) -> Range:
     """Distance and time left over ground like `ahead`, which may be of any length above zero.
 
     Raises:
@@ -50,10 +52,10 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, charg
     length_m, time_s = total_distance_m(ahead), total_time_s(ahead)
     if not length_m > 0:
         raise InputError("the way ahead has no distance; give stretches that are driven, or ask for `time_left`")
-    whole = need(c, ahead)
+    whole = energy_demand(c, ahead)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
-    usable = usable_J(discharge(battery, charge, power_W, z[BATTERY]))
+    usable = usable_J(discharge(battery, state, power_W, z[BATTERY]))
     per_m = certain_part(whole, z) / length_m
     scatter = scattered_part(whole, z) / np.sqrt(length_m)
     distance = distances(per_m, scatter, usable)
@@ -77,23 +79,23 @@ def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.
     return np.where(costs, root**2, np.inf)
 
 
-def time_left(c: Consumption, battery: Battery, charge: BatteryState) -> Quantiles:
-    """Time [s] for which the robot can stand where it is."""
+def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantiles:
+    """Time [s] for which the robot can stand."""
     z = normal_points(DIMENSIONS)
-    standing = need(c, [Stretch("", 1.0)])
-    usable = usable_J(discharge(battery, charge, standing.mean_J, z[BATTERY]))
+    standing = energy_demand(c, [Stretch("", 1.0)])
+    usable = usable_J(discharge(battery, state, standing.mean_J, z[BATTERY]))
     power_W = certain_part(standing, z)
     return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
 
 
 def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] at the points, without what averages out on the way."""
-    return n.mean_J + np.sqrt(n.learned_J2) * z[3] + np.sqrt(n.day_J2) * student(z[4], n.day_dof)
+    """(N,) energy [J] at the points, without the scatter, which averages out on the way."""
+    return n.mean_J + np.sqrt(n.learned_J2) * z[COEFFICIENTS] + np.sqrt(n.day_J2) * student(z[DAY_EFFECTS], n.day_dof)
 
 
 def scattered_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) deviation [J] at the points of what averages out."""
-    return np.sqrt(n.scatter_J2) * student(z[5], n.scatter_dof)
+    """(N,) deviation [J] at the points by the scatter."""
+    return np.sqrt(n.scatter_J2) * student(z[SCATTER], n.scatter_dof)
 
 
 def needed_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A recorded drive, cut into stretches: what was driven, on what, and what the battery gave for it."""
+"""A recorded drive, cut into stretches: what was driven, on which terrain, and the energy that the battery gave."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
+from ohmward.energy.integral import running_integral
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
+from ohmward.runs import runs
 
-#: Label of the intervals in which the robot stands, and of those in which something was not measured.
-_STANDS, _UNKNOWN = -1, -2
+#: Label of the intervals in which the robot stands.
+_STANDS = -1
+#: Label of the intervals in which something was not measured.
+_UNKNOWN = -2
 
 
 class Driven(NamedTuple):
@@ -33,14 +37,14 @@ class Driven(NamedTuple):
 
 @dataclass(frozen=True)
 class Cut:
-    """Where a drive is cut.
+    """Rules by which a drive is cut.
 
     Attributes:
         longest_s: longest stretch.
-        standing_m_s: below this speed the robot stands, if it does so for
-        standing_s: at least.
+        standing_m_s: below this speed the robot stands, if it does so for at least `standing_s`.
+        standing_s: see there.
         gap_s: a longer step between two samples is not bridged.
-        height_s: heights are taken so far apart, or the noise of a pitch would count as climbing.
+        height_s: time between two heights; with less, the noise of a pitch would count as climbing.
     """
 
     longest_s: float = 180.0
@@ -65,11 +69,14 @@ def cut_drive(
     payload_kg: float = 0.0,
     cut: Cut | None = None,
 ) -> list[Driven]:
-    """The stretches of a drive, in order of time: on one terrain each, standing or moving, none longer than a minute.
+    """Stretches of a drive in order of time: on one terrain each, standing or moving, none longer than `cut.longest_s`.
 
-    time_s: (T,) increasing.  speed_m_s: (T,) forward.  battery_W: (T,) > 0 out of the battery; nan in either is bridged
-    where its neighbours are close.  terrain: the name under each sample (T,), or one for all.  grade_rad: (T,) > 0 with
-    the nose up.
+    time_s: (T,) increasing.
+    speed_m_s: (T,) forward.  battery_W: (T,) > 0 out of the battery; nan in either is bridged where its neighbours are
+        close.
+    terrain: the name under each sample (T,), or one for all.
+    grade_rad: (T,) > 0 with the nose up; level ground by default.
+    payload_kg: on top of the robot's mass.
 
     Raises:
         InputError: lengths differ, or nothing was measured long enough to be a stretch.
@@ -77,25 +84,46 @@ def cut_drive(
     cut = cut or Cut()
     names = np.full(len(time_s), terrain, dtype=object) if isinstance(terrain, str) else np.array(terrain, dtype=object)
     _check(time_s, speed_m_s, battery_W, names, grade_rad)
-    speed = bridged(time_s, speed_m_s, cut.gap_s)
-    power_W = bridged(time_s, battery_W, cut.gap_s)
-    climbing = np.zeros(len(time_s)) if grade_rad is None else np.sin(np.nan_to_num(bridged(time_s, grade_rad, np.inf)))
-    known = sorted(set(names))
-    labels = _labels(time_s, speed, power_W, np.array([known.index(n) for n in names]), cut)
-    height_m = _integral(time_s, np.nan_to_num(speed) * climbing)
-    driven = [
-        _driven(rows, time_s, speed, power_W, height_m, "" if labels[rows.start] == _STANDS else names[rows.start], cut)
-        for rows in _runs(time_s, labels, cut.longest_s)
-    ]
+    drive = _bridged_drive(time_s, speed_m_s, battery_W, grade_rad, cut.gap_s)
+    labels = _labels(drive, names, cut)
+    driven = []
+    for intervals in _pieces(time_s, labels, cut.longest_s):
+        label = labels[intervals.start]
+        name = "" if label == _STANDS else names[intervals.start]
+        samples = slice(intervals.start, intervals.stop + 1)
+        driven.append(_driven(drive.rows(samples), name, payload_kg, cut.height_s))
     if not driven:
         raise InputError(
             "the drive has no stretch in which speed and battery power were both measured; check the columns"
         )
-    return [d._replace(stretch=d.stretch._replace(payload_kg=payload_kg)) for d in driven]
+    return driven
+
+
+class _BridgedDrive(NamedTuple):
+    """Columns (T,) of a drive with short gaps bridged; height [m] since the start."""
+
+    time_s: np.ndarray
+    speed_m_s: np.ndarray
+    battery_W: np.ndarray
+    height_m: np.ndarray
+
+    def rows(self, rows: slice) -> _BridgedDrive:
+        """Part of the drive."""
+        return _BridgedDrive(*(column[rows] for column in self))
+
+
+def _bridged_drive(
+    time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None, gap_s: float
+) -> _BridgedDrive:
+    """The drive with short gaps bridged; an unknown slope is taken as the line between its known neighbours."""
+    speed = bridged(time_s, speed_m_s, gap_s)
+    grade = np.zeros(len(time_s)) if grade_rad is None else np.nan_to_num(bridged(time_s, grade_rad, np.inf))
+    height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
+    return _BridgedDrive(time_s, speed, bridged(time_s, battery_W, gap_s), height_m)
 
 
 def bridged(time_s: np.ndarray, values: np.ndarray, gap_s: float) -> np.ndarray:
-    """(T,) with a straight line over what is nan, except where the known samples are farther apart than `gap_s`."""
+    """(T,) values with a straight line over nan, except where the known samples are farther apart than `gap_s`."""
     known = np.flatnonzero(np.isfinite(values))
     if not known.size:
         return np.full(len(time_s), np.nan)
@@ -105,64 +133,50 @@ def bridged(time_s: np.ndarray, values: np.ndarray, gap_s: float) -> np.ndarray:
     return np.where(near | np.isfinite(values), np.interp(time_s, time_s[known], values[known]), np.nan)
 
 
-def _labels(time_s: np.ndarray, speed: np.ndarray, power_W: np.ndarray, terrain: np.ndarray, cut: Cut) -> np.ndarray:
-    """(T - 1,) what each interval belongs to: the number of a terrain, standing, or unknown."""
-    labels = terrain[:-1].copy()
-    slow = np.abs(speed) < cut.standing_m_s
+def _labels(drive: _BridgedDrive, names: np.ndarray, cut: Cut) -> np.ndarray:
+    """(T - 1,) label of each interval: the number of a terrain, standing, or unknown."""
+    time_s = drive.time_s
+    known = sorted(set(names))
+    labels = np.array([known.index(name) for name in names[:-1]])
+    slow = np.abs(drive.speed_m_s) < cut.standing_m_s
     still = slow[:-1] & slow[1:]
-    for rows in _equal(still):
-        if still[rows.start] and time_s[rows.stop] - time_s[rows.start] >= cut.standing_s:
-            labels[rows] = _STANDS
-    measured = np.isfinite(speed + power_W)
+    for first, stop in runs(still):
+        if time_s[stop] - time_s[first] >= cut.standing_s:
+            labels[first:stop] = _STANDS
+    measured = np.isfinite(drive.speed_m_s + drive.battery_W)
     labels[~(measured[:-1] & measured[1:]) | (np.diff(time_s) > cut.gap_s)] = _UNKNOWN
     return labels
 
 
-def _runs(time_s: np.ndarray, labels: np.ndarray, longest_s: float) -> Iterator[slice]:
-    """Intervals of one label, none longer than allowed."""
-    for rows in _equal(labels):
-        if labels[rows.start] == _UNKNOWN:
+def _pieces(time_s: np.ndarray, labels: np.ndarray, longest_s: float) -> Iterator[slice]:
+    """Runs of intervals of one known label, cut evenly where they are longer than allowed."""
+    changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    for first, stop in pairwise([0, *changes, len(labels)]):
+        if labels[first] == _UNKNOWN:
             continue
-        duration_s = time_s[rows.stop] - time_s[rows.start]
-        pieces = max(int(np.ceil(duration_s / longest_s)), 1)
-        edges_s = np.linspace(time_s[rows.start], time_s[rows.stop], pieces + 1)[1:-1]
-        edges = [rows.start, *(np.searchsorted(time_s, edges_s)), rows.stop]
+        start_s, stop_s = time_s[first], time_s[stop]
+        count = max(int(np.ceil((stop_s - start_s) / longest_s)), 1)
+        inner_s = np.linspace(start_s, stop_s, count + 1)[1:-1]
+        edges = [first, *np.searchsorted(time_s, inner_s), stop]
         yield from (slice(int(a), int(b)) for a, b in pairwise(edges) if b > a)
 
 
-def _equal(values: np.ndarray) -> Iterator[slice]:
-    """Runs of equal values."""
-    edges = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1), len(values)]
-    return (slice(int(a), int(b)) for a, b in pairwise(edges) if b > a)
-
-
-def _driven(
-    rows: slice,
-    time_s: np.ndarray,
-    speed: np.ndarray,
-    power_W: np.ndarray,
-    height_m: np.ndarray,
-    name: str,
-    cut: Cut,
-) -> Driven:
-    """One stretch; rows: its intervals, so its samples are one more."""
-    samples = slice(rows.start, rows.stop + 1)
-    t, v = time_s[samples], np.abs(speed[samples])
+def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, height_s: float) -> Driven:
+    """One stretch: all samples of `drive`, on one terrain, or standing where that is ""."""
+    t, v = drive.time_s, np.abs(drive.speed_m_s)
     duration_s = float(t[-1] - t[0])
-    energy_J = float(np.trapezoid(power_W[samples], t))
-    if not name:
-        return Driven(t[0], t[-1], Stretch("", duration_s), energy_J)
-    knots = np.linspace(t[0], t[-1], max(round(duration_s / cut.height_s), 1) + 1)
-    rise_m = np.diff(np.interp(knots, t, height_m[samples]))
-    measures = np.trapezoid(v, t), np.trapezoid(v * v, t), rise_m.clip(0).sum(), (-rise_m).clip(0).sum()
-    kinetic = 0.5 * (v[-1] ** 2 - v[0] ** 2)
-    stretch = Stretch(name, duration_s, *map(float, measures))._replace(kinetic_m2_s2=float(kinetic))
-    return Driven(t[0], t[-1], stretch, energy_J)
-
-
-def _integral(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(T,) running integral by trapezoids."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time_s) * (values[1:] + values[:-1]))])
+    stretch = Stretch(terrain, duration_s, payload_kg=payload_kg)
+    if terrain:
+        knots = np.linspace(t[0], t[-1], max(round(duration_s / height_s), 1) + 1)
+        rise_m = np.diff(np.interp(knots, t, drive.height_m))
+        stretch = stretch._replace(
+            distance_m=float(np.trapezoid(v, t)),
+            speed_distance_m2_s=float(np.trapezoid(v * v, t)),
+            climb_m=float(rise_m.clip(0).sum()),
+            descent_m=float((-rise_m).clip(0).sum()),
+            kinetic_m2_s2=float(0.5 * (v[-1] ** 2 - v[0] ** 2)),
+        )
+    return Driven(t[0], t[-1], stretch, float(np.trapezoid(drive.battery_W, t)))
 
 
 def _check(time_s: np.ndarray, *columns: np.ndarray | None) -> None:

@@ -1,10 +1,10 @@
-"""The speed of the least energy per metre.
+"""Speed of the least energy per metre.
 
 e(v) = (idle + r F^2) / v + f + c v,     so v* = sqrt((idle + r F^2) / c)
 
-Idle power and the heat of the windings, which the force sets and not the speed, ask for haste; resistance that grows
-with speed asks for patience. What one speed saves against another is linear in the coefficients, so its standard
-deviation is exact: s = (idle + r F^2) (1/v - 1/v*) + c (v - v*).
+Idle power and the heat of the windings, which the force sets and not the speed, cost less per metre at a higher speed;
+resistance that grows with speed costs more. The saving of one speed against another is linear in the coefficients, so
+its standard deviation is exact: s = (idle + r F^2) (1/v - 1/v*) + c (v - v*).
 """
 
 from __future__ import annotations
@@ -14,25 +14,23 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_positive
-from ohmward.energy.consumption import HEAT, SHARED, Consumption, features
+from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
-
-IDLE, SPEED = SHARED.index("idle_W"), SHARED.index("speed_N_s_per_m")
 
 #: Idle power dominates where it takes more than this share of the energy per metre.
 DOMINATES = 0.5
 
 
 class SpeedAdvice(NamedTuple):
-    """What to drive, and what it would save.
+    """The advised speed, and its saving.
 
     speed_m_s: of the least energy per metre within the limits.
-    at_limit: whether the best speed lies at a limit, so that a wider one would save more.
+    at_limit: True where the best speed lies at a limit, so that a wider one would save more.
     energy_J_per_m: at that speed.
     saving_J_per_m, saving_std_J_per_m: against the present speed.
     idle_share: of the energy per metre at the present speed.
-    idle_dominates: whether that is more than half.
+    idle_dominates: True where that is more than half.
     """
 
     speed_m_s: float
@@ -62,11 +60,11 @@ def speed_advice(
     _check(c, terrain, speed_m_s, limits_m_s)
 
     def per_metre(v: float) -> np.ndarray:
-        return features(c, Stretch(terrain, 1 / v, 1.0, v, payload_kg=payload_kg))
+        return design_row(c, Stretch(terrain, 1 / v, 1.0, v, payload_kg=payload_kg))
 
     level = per_metre(1.0)
-    haste_W = max(c.mean[IDLE], 0.0) + max(c.mean[HEAT], 0.0) * level[HEAT]
-    best = best_speed(haste_W, max(c.mean[SPEED], 0.0) * level[SPEED], limits_m_s)
+    standing_W = max(c.mean[IDLE], 0.0) + max(c.mean[HEAT], 0.0) * level[HEAT]
+    best = best_speed(standing_W, max(c.mean[SPEED], 0.0) * level[SPEED], limits_m_s)
     now, then = per_metre(speed_m_s), per_metre(best)
     saving = now - then
     idle_share = float(now[IDLE] * c.mean[IDLE] / (now @ c.mean))
@@ -81,12 +79,12 @@ def speed_advice(
     )
 
 
-def best_speed(haste_W: float, drag_N_s_per_m: float, limits_m_s: tuple[float, float]) -> float:
-    """v* [m/s] within the limits."""
+def best_speed(standing_W: float, drag_N_s_per_m: float, limits_m_s: tuple[float, float]) -> float:
+    """v* [m/s] within the limits, from the power [W] that does not depend on the speed and the drag c."""
     slowest, fastest = limits_m_s
     if drag_N_s_per_m <= 0.0:
         return fastest
-    return float(np.clip(np.sqrt(haste_W / drag_N_s_per_m), slowest, fastest))
+    return float(np.clip(np.sqrt(standing_W / drag_N_s_per_m), slowest, fastest))
 
 
 def _check(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float]) -> None:

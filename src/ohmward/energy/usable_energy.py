@@ -1,4 +1,4 @@
-"""The energy that a battery can still give above a reserve, at constant power, with its uncertainty.
+"""Usable energy: what a battery can still give above a reserve, at constant power, with its uncertainty.
 
 At power P the battery delivers the current I that solves (U(z) - R(z) I) I = P, so that its terminals show
 V(z) = [U + sqrt(U^2 - 4 R P)] / 2, and from state of charge z0 down to z1 it gives
@@ -22,6 +22,7 @@ from ohmward.battery.models import thevenin
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_positive
+from ohmward.energy.integral import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
 
@@ -34,12 +35,12 @@ _NO_POWER_V = -1e9
 
 @dataclass(frozen=True)
 class BatteryState:
-    """What is known of a battery at an instant.
+    """State of a battery at an instant, with its uncertainty, and the limits that the robot keeps.
 
     Attributes:
         soc, soc_std: state of charge in [0, 1] and its standard deviation.
-        soh_capacity, capacity_std: capacity over the battery file's.
-        resistance_ratio, resistance_std: resistance over the battery file's.
+        soh_capacity, capacity_std: capacity over that of the battery file, and its standard deviation.
+        resistance_ratio, resistance_std: resistance over that of the battery file, likewise.
         temperature_degC: of the battery.
         reserve_soc: state of charge that is to be left.
         cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
@@ -71,11 +72,11 @@ class BatteryState:
 
 
 class Discharge(NamedTuple):
-    """A battery emptied at constant power, for N batteries that might be this one.
+    """Discharge at constant power of N batteries, drawn from the distribution of this one.
 
     soc: (K,) grid from 0 to 1.
-    energy_J: (K, N) given between the end and each state of charge; 0 below the end.
-    start_soc: (N,) where each of them stands.
+    energy_J: (K, N) given between each state of charge and the end of the discharge; 0 below the end.
+    start_soc: (N,) state of charge now.
     """
 
     soc: np.ndarray
@@ -83,37 +84,38 @@ class Discharge(NamedTuple):
     start_soc: np.ndarray
 
 
-def usable_energy(battery: Battery, charge: BatteryState, power_W: float) -> Quantiles:
+def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quantiles:
     """Energy [J] above the reserve at this mean power [W], P10/P50/P90."""
-    return quantiles(usable_J(discharge(battery, charge, power_W, normal_points(3))))
+    return quantiles(usable_J(discharge(battery, state, power_W, normal_points(3))))
 
 
-def discharge(battery: Battery, charge: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
-    """The batteries that this one might be, emptied.
+def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
+    """Discharge at constant power [W] of batteries drawn from the distribution of this one.
 
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
+    z_soc, z_capacity, z_resistance = z
     soc = np.linspace(0.0, 1.0, _GRID)
-    ocv_V, r_ohm = discharge_curves(battery, soc, charge.temperature_degC)
-    capacity = np.maximum(charge.soh_capacity + charge.capacity_std * z[1], 0.0)
-    resistance = np.maximum(charge.resistance_ratio + charge.resistance_std * z[2], 0.0)
+    ocv_V, r_ohm = discharge_curves(battery, soc, state.temperature_degC)
+    start = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
+    capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, 0.0)
+    resistance = np.maximum(state.resistance_ratio + state.resistance_std * z_resistance, 0.0)
     voltage_V, holds = loaded_voltage(ocv_V[:, None], r_ohm[:, None] * resistance, power_W)
-    margin_V = np.where(holds, voltage_V - charge.cutoff_V, _NO_POWER_V)
-    start = np.clip(charge.soc + charge.soc_std * z[0], 0.0, 1.0)
-    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * capacity * _integral(voltage_V, 1.0 / (_GRID - 1))
-    at_reserve_J = _at(soc, whole_J, np.full(start.shape, charge.reserve_soc))
+    margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
+    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * capacity * running_integral(soc, voltage_V)
+    at_reserve_J = _at(soc, whole_J, np.full(start.shape, state.reserve_soc))
     end_J = np.maximum(at_reserve_J, _at_end(whole_J, margin_V, soc, start))
     return Discharge(soc, np.maximum(whole_J - end_J, 0.0), start)
 
 
 def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
-    """Terminal voltage [V] at this power, and whether the power can be had; a power below zero counts as zero."""
+    """Terminal voltage [V] at this power, and True where the power can be had; a power below zero counts as zero."""
     square = ocv_V**2 - 4 * r_ohm * max(power_W, 0.0)
     return 0.5 * (ocv_V + np.sqrt(np.maximum(square, 0.0))), square >= 0.0
 
 
 def usable_J(found: Discharge) -> np.ndarray:
-    """(N,) energy [J] that each of the batteries gives from where it stands."""
+    """(N,) energy [J] that each of the batteries gives from its state of charge now."""
     return _at(found.soc, found.energy_J, found.start_soc)
 
 
@@ -121,7 +123,7 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
     """(N,) state of charge of each battery once it has given this energy (N,); its end where it cannot."""
     left_J = usable_J(found) - energy_J
     above = np.clip(np.sum(found.energy_J <= left_J, axis=0), 1, len(found.soc) - 1)
-    low, high = (np.take_along_axis(found.energy_J, k[None], axis=0)[0] for k in (above - 1, above))
+    low, high = _rows(found.energy_J, above - 1), _rows(found.energy_J, above)
     share = np.clip((left_J - low) / np.where(high > low, high - low, np.inf), 0.0, 1.0)
     return found.soc[above - 1] + share * (found.soc[1] - found.soc[0])
 
@@ -146,27 +148,31 @@ def rc_resistance(p: RcModel) -> float:
     return p.r_terminal_ohm + p.r_bulk_ohm * (1 - surface_share)
 
 
-def _integral(values: np.ndarray, step: float) -> np.ndarray:
-    """Running integral (K, N) along the grid by trapezoids, 0 at its start."""
-    inner = 0.5 * step * (values[1:] + values[:-1])
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(inner, axis=0)])
-
-
 def _at_end(whole_J: np.ndarray, margin_V: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """(N,) running integral where a battery that comes down from its start has no margin (K, N) left."""
+    """(N,) running integral at the end of each discharge, where its margin becomes negative; 0 where it never does.
+
+    whole_J, margin_V: (K, N) running integral and margin of voltage along the grid `soc` (K,).
+    start: (N,) state of charge from which each battery comes down.
+    """
+    top = len(soc) - 1
     fails = (margin_V < 0) & (soc[:, None] <= start)
-    above = np.where(fails.any(axis=0), len(soc) - np.argmax(fails[::-1], axis=0), 0)
-    above, below = np.minimum(above, len(soc) - 1), np.maximum(above - 1, 0)
-    good, bad = (np.take_along_axis(margin_V, k[None], axis=0)[0] for k in (above, below))
-    crosses = (bad < 0) & (good > 0)
-    share = np.where(crosses, good / np.where(crosses, good - bad, 1.0), 0.0)
-    high, low = (np.take_along_axis(whole_J, k[None], axis=0)[0] for k in (above, below))
-    return high - share * (high - low)
+    below = top - np.argmax(fails[::-1], axis=0)
+    above = np.minimum(below + 1, top)
+    margin_below, margin_above = _rows(margin_V, below), _rows(margin_V, above)
+    crosses = (margin_below < 0) & (margin_above > 0)
+    share = np.where(crosses, margin_above / np.where(crosses, margin_above - margin_below, 1.0), 0.0)
+    low_J, high_J = _rows(whole_J, below), _rows(whole_J, above)
+    return np.where(fails.any(axis=0), high_J - share * (high_J - low_J), 0.0)
 
 
 def _at(grid: np.ndarray, columns: np.ndarray, x: np.ndarray) -> np.ndarray:
     """(N,) linear interpolation in each column (K, N) at its own x (N,)."""
     position = x * (len(grid) - 1)
     below = np.minimum(position.astype(int), len(grid) - 2)
-    low, high = (np.take_along_axis(columns, k[None], axis=0)[0] for k in (below, below + 1))
+    low, high = _rows(columns, below), _rows(columns, below + 1)
     return low + (position - below) * (high - low)
+
+
+def _rows(columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(N,) element of each column (K, N) in its own row (N,)."""
+    return np.take_along_axis(columns, rows[None], axis=0)[0]

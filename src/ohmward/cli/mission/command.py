@@ -372,11 +372,11 @@ def usual_speed_m_s(c: Consumption, name: str) -> float:
 
 def expected_J_per_m(c: Consumption, name: str, speed_m_s: float):
     """P10, P50 and P90 of the energy per metre [J/m] over 100 m of level ground on another day."""
-    from ohmward.energy import Leg, begin_drive, need, stretch_of
+    from ohmward.energy import Leg, begin_drive, energy_demand, stretch_of
     from ohmward.energy.points import Quantiles, normal_points, quantiles
     from ohmward.energy.range import DIMENSIONS, needed_J
 
-    found = need(begin_drive(c), [stretch_of(Leg(100.0, name, speed_m_s))])
+    found = energy_demand(begin_drive(c), [stretch_of(Leg(100.0, name, speed_m_s))])
     return Quantiles(*(value / 100.0 for value in quantiles(needed_J(found, normal_points(DIMENSIONS)))))
 
 
