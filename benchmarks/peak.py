@@ -7,8 +7,9 @@ import time
 import numpy as np
 
 from ohmward.trace.elementary import PRECISIONS
+from ohmward.trace.lower.llvm_instructions import Target
 from ohmward.trace.lower.llvm_machine_code import compile_scan, vector_bits
-from ohmward.trace.lower.llvm_source import Target, signature
+from ohmward.trace.lower.llvm_source import ARGUMENTS
 
 _CHAINS = 16
 _STEPS = 2_000_000
@@ -33,7 +34,7 @@ def _source(target: Target) -> str:
     kind, function = target.number, f"llvm.fma.{target.suffix}"
     chains = range(_CHAINS)
     lines = [
-        f"define void @ohmward_peak({signature()}) {{",
+        f"define void @ohmward_peak({ARGUMENTS}) {{",
         "entry:",
         "  br label %step",
         "step:",

@@ -127,7 +127,7 @@ def costs(case: Case) -> Iterator[Cost]:
         arguments = dict(zip(twin.arguments, export.arguments, strict=True))
         twin.start(type(case.samples)(*(np.asarray(c)[0] if np.ndim(c) else c for c in case.samples)), **arguments)
         found = twin.run(case.samples)
-    output = export.step.result_structure.children[1]  # type: ignore[union-attr]
+    output = export.step.step_structure.output
     exact = flatten(output, in_double_precision(export, case.samples, export.arguments))
     named = zip(twin.Output._fields, found, (x for x in exact if np.size(x)), strict=True)
     for member, single, double in named:

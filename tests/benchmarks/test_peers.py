@@ -25,7 +25,7 @@ def with_floats(case, steps):
     """Our step as it is written, without tracing."""
     state = case.start(case.problem.drive)
     for k in range(steps):
-        sample = workloads.Sample(*(float(column[k]) for column in case.problem.drive.samples))
+        sample = workloads.SocSample(*(float(column[k]) for column in case.problem.drive.samples))
         state, _ = case.estimator.step(state, sample)
     return workloads.Posterior(*unpack(state.belief))
 

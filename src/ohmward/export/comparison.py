@@ -1,4 +1,4 @@
-"""What single precision changes: a twin's answer to a log against the same program in double precision."""
+"""Effect of single precision: the outputs of a twin against those of the same program in double precision."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def compare(twin: Twin, export: Export, found: Any, samples: Any, arguments: tup
         InputError: the library in the twin's folder is another estimator's.
     """
     check_same(twin, export)
-    exact = flatten(_structures(export)[2], in_double_precision(export, samples, arguments))
+    exact = flatten(export.step.step_structure.output, in_double_precision(export, samples, arguments))
     named = zip(twin.Output._fields, found, (x for x in exact if np.size(x)), strict=True)
     return {member: _largest(np.asarray(single, float), np.asarray(double, float)) for member, single, double in named}
 
 
 def check_same(twin: Twin, export: Export) -> None:
-    """Refuse a library that another estimator was exported to."""
-    for word, structure in zip(("state", "sample", "output"), _structures(export), strict=True):
+    """Raise InputError for a library of another estimator."""
+    for word, structure in export.step.step_structure._asdict().items():
         wanted, has = [m.name for m in members(structure)], list(twin.dtype(word).names or ())
         if wanted != has:
             other = sorted(set(wanted) ^ set(has)) or ["another order"]
@@ -48,21 +48,16 @@ def check_same(twin: Twin, export: Export) -> None:
 
 def in_double_precision(export: Export, samples: Any, arguments: tuple[float, ...]) -> Any:
     """Outputs (T, ...) of the exported step over a log, in machine code where it is installed."""
-    structures = _structures(export)
-    columns, _ = scan.sample_columns(structures[1], samples)
-    first = scan.state_tree(structures[1], [float(column[0]) for column in columns])
+    step, structure = export.step, export.step.step_structure
+    columns, _ = scan.sample_columns(structure.sample, samples)
+    first = scan.state_tree(structure.sample, [float(column[0]) for column in columns])
     state = python_source.compile_call(export.start)(first, *arguments)
-    count = size(structures[0])
+    state_size = size(structure.state)
     try:
-        return run_log(MachineStep(export.step, count), structures, state, samples)[1]
+        _, outputs = run_log(MachineStep(step, state_size), state, samples)
     except NoMachineCodeError:
-        return scan.run(python_source.compile_scan(export.step, count), *structures, state, samples)[1]
-
-
-def _structures(export: Export) -> tuple[Any, Any, Any]:
-    """Of state, sample and output."""
-    (before, sample), result = export.step.argument_structure.children, export.step.result_structure
-    return before, sample, result.children[1]  # type: ignore[union-attr]
+        _, outputs = scan.run(python_source.compile_scan(step, state_size), structure, state, samples)
+    return outputs
 
 
 def _largest(single: np.ndarray, double: np.ndarray) -> float:

@@ -1,30 +1,32 @@
 """Simplifications of single operations. Exact, but for the sign of a zero and for zero times inf or nan.
 
-A literal 0.0 is a structural zero ("does not depend on"): whatever it is multiplied with, or divided by, it stays
-zero. That is what keeps Jacobians and block-diagonal covariances sparse.
+A literal 0.0 is a structural zero ("does not depend on"): multiplied or divided by anything, it stays zero. That
+keeps Jacobians and block-diagonal covariances sparse.
 
-Each rule takes `apply` and the arguments, of which one at least is an expression, and returns the simpler
-scalar, or None.
+Each rule takes `apply` and the arguments, at least one of them an expression, and returns the simpler scalar or None.
 """
 
 from collections.abc import Callable
 from typing import Any
+
+#: `expression.apply`, handed over because that module imports this one.
+Apply = Callable[..., Any]
 
 
 def _is(x: Any, value: float) -> bool:
     return type(x) is float and x == value
 
 
-def _does(x: Any, name: str) -> bool:
+def _is_result_of(name: str, x: Any) -> bool:
     return not isinstance(x, float | bool) and x.operation.name == name
 
 
 def _negated(x: Any) -> Any:
     """The argument if x is `-argument`, else None."""
-    return x.args[0] if _does(x, "negative") else None
+    return x.args[0] if _is_result_of("negative", x) else None
 
 
-def _add(apply: Callable, a: Any, b: Any) -> Any:
+def _add(apply: Apply, a: Any, b: Any) -> Any:
     if _is(a, 0.0):
         return b
     if _is(b, 0.0):
@@ -36,7 +38,7 @@ def _add(apply: Callable, a: Any, b: Any) -> Any:
     return None
 
 
-def _subtract(apply: Callable, a: Any, b: Any) -> Any:
+def _subtract(apply: Apply, a: Any, b: Any) -> Any:
     if _is(a, 0.0):
         return apply("negative", b)
     if _is(b, 0.0):
@@ -46,7 +48,7 @@ def _subtract(apply: Callable, a: Any, b: Any) -> Any:
     return None
 
 
-def _multiply(apply: Callable, a: Any, b: Any) -> Any:
+def _multiply(apply: Apply, a: Any, b: Any) -> Any:
     for x, y in ((a, b), (b, a)):
         if _is(x, 0.0):
             return 0.0
@@ -61,7 +63,7 @@ def _multiply(apply: Callable, a: Any, b: Any) -> Any:
     return None
 
 
-def _divide(apply: Callable, a: Any, b: Any) -> Any:
+def _divide(apply: Apply, a: Any, b: Any) -> Any:
     if _is(a, 0.0):
         return 0.0
     if _is(b, 1.0):
@@ -69,57 +71,61 @@ def _divide(apply: Callable, a: Any, b: Any) -> Any:
     return apply("negative", a) if _is(b, -1.0) else None
 
 
-def _negative(apply: Callable, a: Any) -> Any:
+def _negative(apply: Apply, a: Any) -> Any:
     if (c := _negated(a)) is not None:
         return c
-    return apply("subtract", a.args[1], a.args[0]) if _does(a, "subtract") else None
+    return apply("subtract", a.args[1], a.args[0]) if _is_result_of("subtract", a) else None
 
 
-def _absolute(apply: Callable, a: Any) -> Any:
+def _absolute(apply: Apply, a: Any) -> Any:
     if (c := _negated(a)) is not None:
         return apply("absolute", c)
-    return a if _does(a, "absolute") else None
+    return a if _is_result_of("absolute", a) else None
 
 
-def _same(apply: Callable, a: Any, b: Any) -> Any:
+def _equal_arguments(apply: Apply, a: Any, b: Any) -> Any:
     return a if a is b else None
 
 
-def _where(apply: Callable, c: Any, a: Any, b: Any) -> Any:
+def _where(apply: Apply, c: Any, a: Any, b: Any) -> Any:
     if type(c) is bool:
         return a if c else b
     return a if a is b or (type(a) is float and _is(b, a)) else None
 
 
-def _gather(apply: Callable, index: Any, values: tuple[float, ...]) -> Any:
+def _gather(apply: Apply, index: Any, values: tuple[float, ...]) -> Any:
     return values[0] if len({repr(v) for v in values}) == 1 else None
 
 
-def _and(apply: Callable, a: Any, b: Any) -> Any:
+def _and(apply: Apply, a: Any, b: Any) -> Any:
     if a is False or b is False:
         return False
-    return b if a is True or a is b else a if b is True else None
+    if a is True or a is b:
+        return b
+    return a if b is True else None
 
 
-def _or(apply: Callable, a: Any, b: Any) -> Any:
+def _or(apply: Apply, a: Any, b: Any) -> Any:
     if a is True or b is True:
         return True
-    return b if a is False or a is b else a if b is False else None
+    if a is False or a is b:
+        return b
+    return a if b is False else None
 
 
-def _not(apply: Callable, a: Any) -> Any:
-    return a.args[0] if _does(a, "logical_not") else None
+def _not(apply: Apply, a: Any) -> Any:
+    return a.args[0] if _is_result_of("logical_not", a) else None
 
 
-RULES: dict[str, Callable] = {
+RULES: dict[str, Apply] = {
     "add": _add,
     "subtract": _subtract,
     "multiply": _multiply,
     "divide": _divide,
     "negative": _negative,
     "absolute": _absolute,
-    "minimum": _same,
-    "maximum": _same,
+    "minimum": _equal_arguments,
+    "maximum": _equal_arguments,
     "where": _where,
     "gather": _gather,
     "logical_and": _and,

@@ -15,8 +15,8 @@ def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.nd
 
     f:  (n,) -> (m,), written for tracing; traced values that it closes over are constants here.
     x:  (n,) floats, or traced scalars, or both.
-    Returns: f(x) (m,) and df/dx (m, n), of floats if all values are, else object arrays. What does not depend on x_j
-             has the literal 0.0 in column j.
+    Returns: f(x) (m,) and df/dx (m, n), of floats if all values are, else object arrays. An output that does not depend
+             on x_j has the literal 0.0 in column j.
     Raises:  InputError when x or f(x) is not one row of numbers.
     """
     at = np.asarray(x)
@@ -30,8 +30,9 @@ def linearize(f: Callable[[np.ndarray], Any], x: Any) -> tuple[np.ndarray, np.nd
     entries = [*outputs, *(d for row in differentiate(outputs, inputs) for d in row)]
     values = substitute(entries, {s.serial: number(v) for s, v in zip(inputs, at.tolist(), strict=True)})
     dtype = object if any(isinstance(v, Expression) for v in values) else float
-    everything = np.array(values, dtype=dtype)
-    return everything[: rows.size], everything[rows.size :].reshape(rows.size, at.size)
+    value_and_jacobian = np.array(values, dtype=dtype)
+    value, J = value_and_jacobian[: rows.size], value_and_jacobian[rows.size :]
+    return value, J.reshape(rows.size, at.size)
 
 
 def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
@@ -40,7 +41,7 @@ def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
 
 
 def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> list[list[Scalar]]:
-    """The derivative of every output by every input; a literal 0.0 where there is none."""
+    """Derivative of every output by every input; the literal 0.0 where it does not depend on it."""
     nodes = schedule(outputs, first=min(x.serial for x in inputs)) if inputs else ()
     columns = [_tangents(nodes, x) for x in inputs]
     return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
@@ -57,7 +58,7 @@ def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
 
 
 def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[Scalar]:
-    """The entries with other scalars in place of inputs (by serial); computed where only numbers are left."""
+    """Entries with other scalars in place of inputs (by serial); constants where only numbers are left."""
     new: dict[int, Scalar] = dict(values)
     for node in schedule(entries, first=min(values)) if values else ():
         args = tuple([new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args])

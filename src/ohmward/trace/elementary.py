@@ -1,8 +1,8 @@
-"""exp, log and their like as polynomials of the other operations: the same bits on every machine, and SIMD everywhere.
+"""exp, log and other elementary functions as polynomials: the same bits on every machine, and SIMD everywhere.
 
-Machine code and C99 take these in place of a libm, whose results differ between platforms and which has no vectors.
-`expand` rewrites a program; the arithmetic is that of its precision. Errors in units in the last place (ulp) over the
-range in which result and argument are normal numbers, measured by `tests/trace/test_elementary.py`:
+Machine code and C99 use them instead of a libm, whose results differ between platforms and which has no vectors.
+`expand` rewrites a program; the arithmetic is that of its precision. Errors in units in the last place (ulp), where
+result and argument are normal numbers, measured by `tests/trace/test_elementary.py`:
 
     exp, log 1;  expm1, log1p, cosh 2;  sin, cos 3 and tan 4 up to |x| = 1e5 (single: 1e3);
     arctan, arctan2, sinh, tanh, arcsinh 3;  power 1 + |log2 of the result|.
@@ -15,24 +15,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ohmward.trace.expression import Expression, Scalar, apply
-from ohmward.trace.functions import maximum, minimum, sign, sqrt, where
+from ohmward.trace.expression import select as where
 from ohmward.trace.program import Program, schedule
 
 
 @dataclass(frozen=True)
 class Precision:
-    """What depends on the number of bits.
+    """Constants of the elementary functions in double or single precision.
 
     name:     "f64" or "f32".
     rounder:  adding it and taking it away rounds to a whole number.
     overflow, underflow: exp of more is inf, of less is 0.
     tiny, lift: the smallest normal number, and a power of two, with its exponent, that makes subnormals normal.
     ln2, half_pi: in parts of few bits, so that products with small whole numbers are exact.
-    exp, log, sin, cos, arctan: coefficients, the lowest first; see where they are used.
+    exp, log, sin, cos, arctan: coefficients of the polynomials, the lowest first.
     """
 
     name: str
@@ -103,47 +103,60 @@ PRECISIONS = {p.name: p for p in (F64, F32)}
 
 
 def expand(program: Program, precision: Precision) -> Program:
-    """The program without exp, log and their like."""
-    new: dict[int, Any] = {symbol.serial: symbol for symbol in program.inputs}
+    """The program with elementary functions replaced by their polynomials."""
+    new: dict[int, Scalar] = {symbol.serial: symbol for symbol in program.inputs}
 
-    def moved(x: Any) -> Any:
+    def expanded(x: Any) -> Any:
         return new[x.serial] if isinstance(x, Expression) else x
 
     for node in program.nodes:
-        arguments = [moved(a) for a in node.args]
+        arguments = [expanded(a) for a in node.args]
         formula = FORMULAS.get(node.operation.name)
         new[node.serial] = formula(precision, *arguments) if formula else apply(node.operation.name, *arguments)
-    outputs = tuple(moved(y) for y in program.outputs)
-    return Program(
-        program.inputs, schedule(outputs), outputs, program.argument_structure, program.result_structure, program.name
-    )
+    outputs = tuple(expanded(y) for y in program.outputs)
+    return replace(program, nodes=schedule(outputs), outputs=outputs)
 
 
-def _polynomial(x: Any, coefficients: Sequence[float]) -> Any:
+def minimum(a: Scalar, b: Scalar) -> Scalar:
+    """The smaller one; nan if either is nan."""
+    return apply("minimum", a, b)
+
+
+def maximum(a: Scalar, b: Scalar) -> Scalar:
+    """The larger one; nan if either is nan."""
+    return apply("maximum", a, b)
+
+
+def sign(x: Scalar) -> Scalar:
+    """-1, 0 or 1; nan stays nan."""
+    return apply("sign", x)
+
+
+def _polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
     """c0 + c1 x + c2 x^2 + ... by Horner's rule."""
-    result: Any = coefficients[-1]
+    result: Scalar = coefficients[-1]
     for c in reversed(coefficients[:-1]):
         result = c + x * result
     return result
 
 
-def _nearest(p: Precision, x: Any) -> Any:
+def _nearest(p: Precision, x: Scalar) -> Scalar:
     """The nearest whole number, of two the even one; |x| below half the rounder."""
     return (x + p.rounder) - p.rounder
 
 
-def _power_of_two(n: Any) -> Any:
+def _power_of_two(n: Scalar) -> Scalar:
     return apply("power_of_two", n)
 
 
-def _reduced(p: Precision, x: Any) -> tuple[Any, Any]:
+def _reduced(p: Precision, x: Scalar) -> tuple[Scalar, Scalar]:
     """Parts n and e^r - 1 of x = n ln 2 + r, |r| <= ln(2)/2; x within the range of exp."""
     n = _nearest(p, x * (1.0 / math.log(2.0)))
     r = (x - n * p.ln2[0]) - n * p.ln2[1]
     return n, r + (r * r) * _polynomial(r, p.exp)
 
 
-def _exp(p: Precision, x: Any) -> Scalar:
+def _exp(p: Precision, x: Scalar) -> Scalar:
     n, e = _reduced(p, minimum(maximum(x, p.underflow), p.overflow))
     half = _nearest(p, 0.5 * n)
     # in two factors: 2^n alone is no normal number at either end
@@ -151,7 +164,7 @@ def _exp(p: Precision, x: Any) -> Scalar:
     return where(x > p.overflow, math.inf, where(x != x, x, y))
 
 
-def _expm1(p: Precision, x: Any) -> Scalar:
+def _expm1(p: Precision, x: Scalar) -> Scalar:
     # beyond 60 the 1 is lost anyway, and below -60 it is all there is
     n, e = _reduced(p, minimum(maximum(x, -60.0), 60.0))
     scale = _power_of_two(n)
@@ -159,7 +172,7 @@ def _expm1(p: Precision, x: Any) -> Scalar:
     return where(x > 60.0, _exp(p, x), where(x != x, x, where(x == 0.0, x, y)))
 
 
-def _log(p: Precision, x: Any) -> Scalar:
+def _log(p: Precision, x: Scalar) -> Scalar:
     small = x < p.tiny
     lifted = where(small, x * p.lift[0], x)
     e = apply("exponent", lifted)
@@ -174,13 +187,13 @@ def _log(p: Precision, x: Any) -> Scalar:
     return where(x >= 0.0, ordinary, math.nan)
 
 
-def _log1p(p: Precision, x: Any) -> Scalar:
+def _log1p(p: Precision, x: Scalar) -> Scalar:
     u = 1.0 + x
-    lost = where(abs(x) < 1e6, (x - (u - 1.0)) / u, 0.0)  # what rounding took from u
-    return where(u == 1.0, x, where(u == 0.0, -math.inf, _log(p, u) + lost))
+    rounded = where(abs(x) < 1e6, (x - (u - 1.0)) / u, 0.0)  # log of what rounding took from u
+    return where(u == 1.0, x, where(u == 0.0, -math.inf, _log(p, u) + rounded))
 
 
-def _quadrant(p: Precision, x: Any) -> tuple[Any, Any, Any]:
+def _quadrant(p: Precision, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Sine and cosine of r, and q, of x = (4 k + q) pi/2 + r, |r| <= pi/4, q of -2 .. 2."""
     n = _nearest(p, x * (2.0 / math.pi))
     r = ((x - n * p.half_pi[0]) - n * p.half_pi[1]) - n * p.half_pi[2]
@@ -190,23 +203,23 @@ def _quadrant(p: Precision, x: Any) -> tuple[Any, Any, Any]:
     return sine, cosine, n - 4.0 * _nearest(p, 0.25 * n)
 
 
-def _sin(p: Precision, x: Any) -> Scalar:
+def _sin(p: Precision, x: Scalar) -> Scalar:
     sine, cosine, q = _quadrant(p, x)
     y = where(abs(q) == 1.0, cosine, sine)
     return where((q == -1.0) | (abs(q) == 2.0), -y, y)
 
 
-def _cos(p: Precision, x: Any) -> Scalar:
+def _cos(p: Precision, x: Scalar) -> Scalar:
     sine, cosine, q = _quadrant(p, x)
     y = where(abs(q) == 1.0, sine, cosine)
     return where((q == 1.0) | (abs(q) == 2.0), -y, y)
 
 
-def _tan(p: Precision, x: Any) -> Scalar:
+def _tan(p: Precision, x: Scalar) -> Scalar:
     return _sin(p, x) / _cos(p, x)
 
 
-def _arctan(p: Precision, x: Any) -> Scalar:
+def _arctan(p: Precision, x: Scalar) -> Scalar:
     a = abs(x)
     large = a > 1.0
     t = where(large, 1.0 / a, a)  # arctan a = pi/2 - arctan(1/a)
@@ -220,38 +233,38 @@ def _arctan(p: Precision, x: Any) -> Scalar:
     return where(x < 0.0, -y, y)
 
 
-def _arctan2(p: Precision, y: Any, x: Any) -> Scalar:
+def _arctan2(p: Precision, y: Scalar, x: Scalar) -> Scalar:
     both = abs(x) == abs(y)  # also both inf and both 0, whose quotient is no number
     angle = _arctan(p, where(both, sign(x) * sign(y), y / x))
     turned = where(x < 0.0, where(y < 0.0, angle - math.pi, angle + math.pi), angle)
     return where((x == 0.0) & (y == 0.0), 0.0, where((x != x) | (y != y), math.nan, turned))
 
 
-def _tanh(p: Precision, x: Any) -> Scalar:
+def _tanh(p: Precision, x: Scalar) -> Scalar:
     t = _expm1(p, minimum(2.0 * abs(x), 50.0))
     y = t / (t + 2.0)
     return where(x < 0.0, -y, y)
 
 
-def _sinh(p: Precision, x: Any) -> Scalar:
+def _sinh(p: Precision, x: Scalar) -> Scalar:
     t = _expm1(p, abs(x))
     y = where(t < math.inf, 0.5 * (t + t / (t + 1.0)), t)
     return where(x < 0.0, -y, y)
 
 
-def _cosh(p: Precision, x: Any) -> Scalar:
+def _cosh(p: Precision, x: Scalar) -> Scalar:
     e = _exp(p, abs(x))
     return 0.5 * e + 0.5 / e
 
 
-def _arcsinh(p: Precision, x: Any) -> Scalar:
+def _arcsinh(p: Precision, x: Scalar) -> Scalar:
     a = abs(x)
     square = where(a < 1e8, a * a, 0.0)
-    y = where(a < 1e8, _log1p(p, a + square / (1.0 + sqrt(1.0 + square))), _log(p, a) + math.log(2.0))
+    y = where(a < 1e8, _log1p(p, a + square / (1.0 + apply("sqrt", 1.0 + square))), _log(p, a) + math.log(2.0))
     return where(x < 0.0, -y, y)
 
 
-def _power(p: Precision, base: Any, exponent: Any) -> Scalar:
+def _power(p: Precision, base: Scalar, exponent: Scalar) -> Scalar:
     size = _exp(p, exponent * _log(p, abs(base)))
     whole = _floor(exponent) == exponent
     odd = 2.0 * _floor(0.5 * exponent) != exponent
@@ -259,7 +272,7 @@ def _power(p: Precision, base: Any, exponent: Any) -> Scalar:
     return where((exponent == 0.0) | (base == 1.0), 1.0, signed)
 
 
-def _floor(x: Any) -> Any:
+def _floor(x: Scalar) -> Scalar:
     return apply("floor", x)
 
 

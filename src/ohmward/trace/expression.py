@@ -1,8 +1,8 @@
-"""Traced scalars: what NumPy does with them is written down as a graph of operations.
+"""Traced scalars: NumPy's arithmetic on them becomes a graph of operations.
 
 Equal nodes are one object (hash consing): `a + b` and `b + a` built anywhere are the same node, so common
-subexpressions cost nothing and structure can be seen with `is`. Constants are plain Python floats; what can be
-computed while tracing is computed, and `x + 0`, `x * 1`, `x * 0` vanish as they are built.
+subexpressions cost nothing and structure can be seen with `is`. Constants are plain Python floats: operations on
+constants alone are computed while tracing, and `x + 0`, `x * 1`, `x * 0` vanish as they are built.
 """
 
 import math
@@ -19,19 +19,24 @@ from ohmward.errors import OhmwardError
 from ohmward.trace.algebra import RULES
 from ohmward.trace.operations import INPUT, OPERATIONS, Operation
 
-#: What may stand in a traced formula: a node, or a constant.
+#: A traced number, or a constant.
 Scalar = Union["Expression", float, bool]
+#: A traced condition, or True or False.
+Condition = Union["Expression", bool]
+
+#: Whole powers up to this size are products; beyond it one call of `power` takes fewer operations.
+_LARGEST_PRODUCT = 16
 
 _serials = count()
 _NOT_THE_CALLER = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
 
 
 class TraceError(OhmwardError, TypeError):
-    """The traced function asks for what tracing cannot give; the message says where, and what to write instead."""
+    """A traced function needs a number where there is none yet; the message says where and names the remedy."""
 
 
 class Expression:
-    """A scalar whose value is known only when the program runs: an input, or an operation on other scalars.
+    """Scalar whose value is known only when the program runs: an input, or an operation on other scalars.
 
     operation: the `Operation`; INPUT for an input.
     args:      its arguments: Expressions, floats, for a gather the tuple of values.
@@ -42,7 +47,7 @@ class Expression:
 
     __slots__ = ("__weakref__", "args", "boolean", "name", "operation", "serial")
 
-    def __init__(self, operation: Operation, args: tuple, name: str, boolean: bool):
+    def __init__(self, operation: Operation, args: tuple[Any, ...], name: str, boolean: bool):
         self.operation = operation
         self.args = args
         self.name = name
@@ -50,46 +55,46 @@ class Expression:
         self.serial = next(_serials)
 
     # ---- arithmetic; NotImplemented hands arrays over to NumPy, which works element by element
-    def __add__(self, other: Any) -> Any:
+    def __add__(self, other: Any) -> Scalar:
         return _binary("add", self, other)
 
-    def __radd__(self, other: Any) -> Any:
+    def __radd__(self, other: Any) -> Scalar:
         return _binary("add", other, self)
 
-    def __sub__(self, other: Any) -> Any:
+    def __sub__(self, other: Any) -> Scalar:
         return _binary("subtract", self, other)
 
-    def __rsub__(self, other: Any) -> Any:
+    def __rsub__(self, other: Any) -> Scalar:
         return _binary("subtract", other, self)
 
-    def __mul__(self, other: Any) -> Any:
+    def __mul__(self, other: Any) -> Scalar:
         return _binary("multiply", self, other)
 
-    def __rmul__(self, other: Any) -> Any:
+    def __rmul__(self, other: Any) -> Scalar:
         return _binary("multiply", other, self)
 
-    def __truediv__(self, other: Any) -> Any:
+    def __truediv__(self, other: Any) -> Scalar:
         return _binary("divide", self, other)
 
-    def __rtruediv__(self, other: Any) -> Any:
+    def __rtruediv__(self, other: Any) -> Scalar:
         return _binary("divide", other, self)
 
-    def __mod__(self, other: Any) -> Any:
+    def __mod__(self, other: Any) -> Scalar:
         return _binary("remainder", self, other)
 
-    def __rmod__(self, other: Any) -> Any:
+    def __rmod__(self, other: Any) -> Scalar:
         return _binary("remainder", other, self)
 
-    def __floordiv__(self, other: Any) -> Any:
+    def __floordiv__(self, other: Any) -> Scalar:
         return _binary("floor_divide", self, other)
 
-    def __rfloordiv__(self, other: Any) -> Any:
+    def __rfloordiv__(self, other: Any) -> Scalar:
         return _binary("floor_divide", other, self)
 
-    def __pow__(self, exponent: Any) -> Any:
+    def __pow__(self, exponent: Any) -> Scalar:
         return _power(self, exponent)
 
-    def __rpow__(self, base: Any) -> Any:
+    def __rpow__(self, base: Any) -> Scalar:
         return _binary("power", base, self)
 
     def __neg__(self) -> Scalar:
@@ -102,44 +107,44 @@ class Expression:
         return apply("absolute", number(self))
 
     # ---- comparisons and logic
-    def __lt__(self, other: Any) -> Any:
-        return _binary("less", self, other)
+    def __lt__(self, other: Any) -> Condition:
+        return _comparison("less", self, other)
 
-    def __le__(self, other: Any) -> Any:
-        return _binary("less_equal", self, other)
+    def __le__(self, other: Any) -> Condition:
+        return _comparison("less_equal", self, other)
 
-    def __gt__(self, other: Any) -> Any:
-        return _binary("less", other, self)
+    def __gt__(self, other: Any) -> Condition:
+        return _comparison("less", other, self)
 
-    def __ge__(self, other: Any) -> Any:
-        return _binary("less_equal", other, self)
+    def __ge__(self, other: Any) -> Condition:
+        return _comparison("less_equal", other, self)
 
-    def __eq__(self, other: Any) -> Any:
-        return _binary("equal", self, other)
+    def __eq__(self, other: Any) -> Condition:  # type: ignore[override]
+        return _comparison("equal", self, other)
 
-    def __ne__(self, other: Any) -> Any:
-        return _binary("not_equal", self, other)
+    def __ne__(self, other: Any) -> Condition:  # type: ignore[override]
+        return _comparison("not_equal", self, other)
 
     def __hash__(self) -> int:
         return object.__hash__(self)
 
-    def __and__(self, other: Any) -> Any:
+    def __and__(self, other: Any) -> Condition:
         return _logical("logical_and", self, other)
 
-    def __or__(self, other: Any) -> Any:
+    def __or__(self, other: Any) -> Condition:
         return _logical("logical_or", self, other)
 
-    def __invert__(self) -> Any:
+    def __invert__(self) -> Condition:
         return _logical("logical_not", self)
 
     __rand__ = __and__
     __ror__ = __or__
 
-    def select(self, a: Any, b: Any) -> Scalar:
+    def select(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this condition holds, else `b`."""
         return select(self, a, b)
 
-    # ---- what NumPy calls on the elements of an object array: np.exp(x) is x.exp()
+    # ---- methods that NumPy calls on the elements of an object array: np.exp(x) is x.exp()
     def conjugate(self) -> "Expression":
         """Itself: np.vdot asks for it."""
         return self
@@ -147,7 +152,7 @@ class Expression:
     def __floor__(self) -> Scalar:
         return apply("floor", number(self))
 
-    def arctan2(self, x: Any) -> Any:
+    def arctan2(self, x: Scalar) -> Scalar:
         """Angle of the point (x, self)."""
         return _binary("arctan2", self, x)
 
@@ -155,7 +160,7 @@ class Expression:
         """The product with itself."""
         return _binary("multiply", self, self)
 
-    # ---- what a traced scalar cannot do
+    # ---- refused: these need a number while the function is traced
     def __bool__(self) -> bool:
         raise _refuse(
             "a traced function cannot branch on data: `if`, `and`, `min`, `np.where`, `np.minimum` and comparisons of "
@@ -177,7 +182,7 @@ class Expression:
     def __copy__(self) -> "Expression":
         return self
 
-    def __deepcopy__(self, memo: dict) -> "Expression":
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Expression":
         return self
 
     def __repr__(self) -> str:
@@ -185,26 +190,27 @@ class Expression:
 
 
 def symbol(name: str, boolean: bool = False) -> Expression:
-    """A fresh input."""
+    """Fresh input of a program."""
     return Expression(INPUT, (), name, boolean)
 
 
 def apply(name: str, *args: Any) -> Scalar:
-    """The node for an operation on scalars: computed if all are constants, simplified, and found if it exists."""
+    """Result of an operation on scalars: a constant if all are, else the simplified node, one object for equal ones."""
     operation = OPERATIONS[name]
     if not any(isinstance(a, Expression) for a in args):
-        return operation.compute(*args)
+        value: Scalar = operation.compute(*args)
+        return value
     if operation.commutative and _order(args[1]) < _order(args[0]):
         args = args[1], args[0]
     rule = RULES.get(name)
-    simpler = rule(apply, *args) if rule else None
+    simpler: Scalar | None = rule(apply, *args) if rule else None
     return _node(operation, args) if simpler is None else simpler
 
 
-_nodes: WeakValueDictionary[tuple, Expression] = WeakValueDictionary()
+_nodes: WeakValueDictionary[tuple[Any, ...], Expression] = WeakValueDictionary()
 
 
-def _node(operation: Operation, args: tuple) -> Expression:
+def _node(operation: Operation, args: tuple[Any, ...]) -> Expression:
     key = (operation.name, *(_key(a) for a in args))
     node = _nodes.get(key)
     if node is None:
@@ -213,7 +219,7 @@ def _node(operation: Operation, args: tuple) -> Expression:
 
 
 def _key(arg: Any) -> Any:
-    """What makes arguments equal: being one node, or one constant (0.0 is not -0.0)."""
+    """Key under which equal arguments are found: serial of a node, value of a constant (0.0 is not -0.0)."""
     if isinstance(arg, Expression):
         return arg.serial
     return (arg, math.copysign(1.0, arg)) if isinstance(arg, float) else arg
@@ -223,55 +229,81 @@ def _order(arg: Any) -> float:
     return arg.serial if isinstance(arg, Expression) else -1
 
 
+#: Types of the constants of a formula, and of all that may stand in one; arrays are left to NumPy.
+_CONSTANTS = (int, float, np.floating, np.integer, np.bool_)
+_SCALARS = (Expression, *_CONSTANTS)
+
+
 def number(x: Any) -> Scalar:
-    """A scalar as float or numeric Expression; conditions become 1.0 and 0.0. NotImplemented for anything else."""
+    """A scalar as float or numeric Expression; conditions become 1.0 and 0.0.
+
+    Raises:
+        TraceError: it is no scalar.
+    """
     if isinstance(x, Expression):
         return apply("where", x, 1.0, 0.0) if x.boolean else x
-    if isinstance(x, int | float | np.floating | np.integer | np.bool_):
+    if isinstance(x, _CONSTANTS):
         return float(x)
-    return NotImplemented
+    raise _refuse(f"a traced formula takes numbers and traced values, got {type(x).__name__}")
 
 
-def condition(x: Any) -> Scalar:
-    """A scalar as bool or boolean Expression; TraceError for a traced number, NotImplemented for anything else."""
-    if isinstance(x, Expression):
-        if not x.boolean:
-            raise _refuse("a traced number is no condition: write `x != 0`")
+def condition(x: Any) -> Condition:
+    """A scalar as bool or boolean Expression.
+
+    Raises:
+        TraceError: it is a traced number, or no scalar.
+    """
+    if isinstance(x, Expression) and x.boolean:
         return x
-    return bool(x) if isinstance(x, int | float | np.floating | np.integer | np.bool_) else NotImplemented
+    if isinstance(x, _CONSTANTS):
+        return bool(x)
+    if isinstance(x, Expression):
+        raise _refuse("a traced number is no condition: write `x != 0`")
+    raise _refuse(f"a condition is True, False or a comparison, got {type(x).__name__}")
 
 
-def select(c: Any, a: Any, b: Any) -> Scalar:
+def select(c: Scalar, a: Scalar, b: Scalar) -> Scalar:
     """`a` if c else `b`, for scalars; of two conditions a condition."""
     c = condition(c)
-    if _is_condition(a) and _is_condition(b):
+    if is_condition(a) and is_condition(b):
         a, b = condition(a), condition(b)
         return apply("logical_or", apply("logical_and", c, a), apply("logical_and", apply("logical_not", c), b))
     return apply("where", c, number(a), number(b))
 
 
-def _is_condition(x: Any) -> bool:
+def is_condition(x: Any) -> bool:
+    """True for a traced condition, True and False; False for numbers."""
     return x.boolean if isinstance(x, Expression) else isinstance(x, bool | np.bool_)
 
 
-def _binary(name: str, a: Any, b: Any) -> Any:
-    a, b = number(a), number(b)
-    return NotImplemented if a is NotImplemented or b is NotImplemented else apply(name, a, b)
+def _binary(name: str, a: Any, b: Any) -> Scalar:
+    if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
+        return apply(name, number(a), number(b))
+    return NotImplemented  # type: ignore[no-any-return]
 
 
-def _logical(name: str, *args: Any) -> Any:
-    conditions = [condition(a) for a in args]
-    return NotImplemented if any(c is NotImplemented for c in conditions) else apply(name, *conditions)
+def _comparison(name: str, a: Any, b: Any) -> Condition:
+    if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
+        return condition(apply(name, number(a), number(b)))
+    return NotImplemented  # type: ignore[no-any-return]
 
 
-def _power(base: Expression, exponent: Any) -> Any:
+def _logical(name: str, *args: Any) -> Condition:
+    if all(isinstance(a, _SCALARS) for a in args):
+        return condition(apply(name, *map(condition, args)))
+    return NotImplemented  # type: ignore[no-any-return]
+
+
+def _power(base: Expression, exponent: Any) -> Scalar:
     """Small whole powers as products, 0.5 as a square root."""
+    if not isinstance(exponent, _SCALARS):
+        return NotImplemented  # type: ignore[no-any-return]
     n = number(exponent)
-    if isinstance(n, float) and n.is_integer() and abs(n) <= 16:
+    if isinstance(n, float) and n.is_integer() and abs(n) <= _LARGEST_PRODUCT:
         return _whole_power(number(base), int(n))
     if isinstance(n, float) and n == 0.5:
         return apply("sqrt", number(base))
-    return _binary("power", base, exponent)
+    return apply("power", number(base), n)
 
 
 def _whole_power(x: Scalar, n: int) -> Scalar:
@@ -285,7 +317,7 @@ def _whole_power(x: Scalar, n: int) -> Scalar:
 
 
 def describe(x: Any, depth: int = 3) -> str:
-    """A formula to look at, cut off below `depth`."""
+    """Text of a formula, cut off below `depth`."""
     if not isinstance(x, Expression):
         return repr(x)
     if x.operation is INPUT:
@@ -294,7 +326,7 @@ def describe(x: Any, depth: int = 3) -> str:
 
 
 def _refuse(advice: str) -> TraceError:
-    """The error, at the line of the caller's code that asked for the impossible."""
+    """TraceError that names the line of the caller's code."""
     frame = sys._getframe(2)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_NOT_THE_CALLER):
         frame = frame.f_back

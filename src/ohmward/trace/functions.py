@@ -1,7 +1,7 @@
 """Functions that give the same result for floats, arrays of floats and traced scalars, alone or in object arrays.
 
-`np.exp(x)` and its like work on traced scalars and on object arrays whose elements all are traced. The functions here
-also take object arrays that mix floats with traced scalars, and they are the only way to choose by data.
+`np.exp(x)` and other functions of NumPy work on traced scalars and on object arrays whose elements all are traced. The
+functions here also take object arrays that mix floats with traced scalars, and only they can choose by data.
 """
 
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace.expression import Expression, apply, condition, number, select
+from ohmward.trace.expression import Expression, Scalar, apply, condition, number, select
 
 
 def is_traced(x: Any) -> bool:
@@ -17,8 +17,8 @@ def is_traced(x: Any) -> bool:
     return isinstance(x, Expression) or (isinstance(x, np.ndarray) and x.dtype == object)
 
 
-def elementwise(scalar: Callable, floats: Callable, arity: int) -> Callable:
-    """A function of arrays that takes `scalar` when an argument is traced, else `floats`."""
+def elementwise(scalar: Callable[..., Scalar], floats: Callable[..., Any], arity: int) -> Callable[..., Any]:
+    """Function of arrays: `scalar` for each element if an argument is traced, else `floats`."""
     traced = np.frompyfunc(scalar, arity, 1)
 
     def call(*args: Any) -> Any:
@@ -28,8 +28,8 @@ def elementwise(scalar: Callable, floats: Callable, arity: int) -> Callable:
     return call
 
 
-def _numeric(name: str, arity: int) -> Callable:
-    def scalar(*args: Any) -> Any:
+def _numeric(name: str, arity: int) -> Callable[..., Any]:
+    def scalar(*args: Any) -> Scalar:
         return apply(name, *(number(a) for a in args))
 
     return elementwise(scalar, getattr(np, name), arity)

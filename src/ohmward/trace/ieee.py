@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-#: What plain Python raises where IEEE 754 has a result.
+#: Errors that Python raises where IEEE 754 has a result.
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)
 
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from ohmward.trace import scan
 from ohmward.trace.lower import python_source
+from ohmward.trace.lower.llvm_run import MachineStep, OneStep
 from ohmward.trace.structure import Structure
-
-if TYPE_CHECKING:
-    from ohmward.trace.lower.llvm_run import MachineStep
 
 
 class Live(Protocol):
@@ -45,7 +43,6 @@ class MachineLive:
     """In machine code: the state stays where it is used, only sample and output are moved."""
 
     def __init__(self, step: MachineStep, structure: Structure, state: Any):
-        from ohmward.trace.lower.llvm_run import OneStep
 
         self._structure = structure
         self._code = OneStep(step, np.array(scan.state_row(structure, state), dtype=float))

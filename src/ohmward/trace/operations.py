@@ -12,13 +12,13 @@ from typing import Any
 
 from ohmward.trace import ieee
 
-# Python's binding strengths, weakest first: who needs parentheses within whom.
+# Python's binding strengths, weakest first: an operation within a stronger one needs parentheses.
 CHOICE, OR, AND, NOT, COMPARE, SUM, PRODUCT, SIGN, ATOM = range(9)
 
 
 @dataclass(frozen=True, eq=False)
 class Operation:
-    """One kind of node.
+    """Kind of node.
 
     name:        NumPy's name of the function, where NumPy has it.
     arity:       number of arguments.
@@ -36,14 +36,14 @@ class Operation:
     compute: Callable[..., Any]
     python: str
     binding: int
-    derivative: Callable[[Any, tuple, tuple], Any]
+    derivative: Callable[[Any, tuple[Any, ...], tuple[Any, ...]], Any]
     risky: bool = False
     commutative: bool = False
     boolean: bool = False
 
 
-def _flat(r: Any, a: tuple, d: tuple) -> float:
-    """Chain rule of everything that is constant almost everywhere."""
+def _flat(r: Any, a: tuple[Any, ...], d: tuple[Any, ...]) -> float:
+    """Tangent of a function that is constant almost everywhere."""
     return 0.0
 
 
@@ -89,7 +89,7 @@ _FUNCTIONS = (
     Operation("tanh", 1, ieee.tanh, "tanh({0})", ATOM, lambda r, a, d: (1.0 - r * r) * d[0]),
     Operation("arcsinh", 1, ieee.arcsinh, "arcsinh({0})", ATOM, lambda r, a, d: d[0] / (1.0 + a[0] * a[0]).sqrt()),
 )
-# Piecewise: at a seam the derivative is that of the piece which gives the value.
+# Piecewise: where two pieces meet, the derivative is that of the piece that gives the value.
 _PIECEWISE = (
     Operation("minimum", 2, ieee.minimum, "({0} if {0} < {1} or {0} != {0} else {1})", ATOM,
               lambda r, a, d: (a[0] < a[1]).select(d[0], d[1])),
@@ -102,7 +102,7 @@ _PIECEWISE = (
               _flat),
     Operation("gather", 2, ieee.gather, "{1}[int({0})]", ATOM, _flat, risky=True),
 )
-# What exp, log and their like are made of where there is no libm, see `elementary`: nobody asks for derivatives.
+# Parts of exp, log and the like where there is no libm, see `elementary`; their derivatives are never needed.
 _BITS = (
     Operation("power_of_two", 1, ieee.power_of_two, "ldexp(1.0, int({0}))", ATOM, _flat, risky=True),
     Operation("exponent", 1, ieee.exponent, "(frexp({0})[1] - 1.0)", ATOM, _flat),

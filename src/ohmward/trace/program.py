@@ -1,24 +1,34 @@
-"""A traced function as a straight-line program: inputs, operations in order, outputs, and the structure of both."""
+"""Traced functions as straight-line programs: inputs, operations in order, outputs, and the structure of both."""
 
 import inspect
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace.expression import Expression, Scalar, TraceError, number, symbol
+from ohmward.errors import InputError
+from ohmward.trace.expression import Expression, Scalar, TraceError, condition, number, symbol
 from ohmward.trace.operations import INPUT
-from ohmward.trace.structure import Branch, Structure, flatten, leaves, scalar_names, shaped, structure_of
+from ohmward.trace.structure import Branch, Leaf, Structure, flatten, leaves, scalar_names, shaped, structure_of
+
+
+class StepStructure(NamedTuple):
+    """Structures of the parts of a step(state, sample) -> (state, output)."""
+
+    state: Structure
+    sample: Structure
+    output: Structure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program:
-    """What a lowering needs to know of a function.
+    """A traced function.
 
     inputs:   one symbol per scalar of the arguments.
-    nodes:    every operation that an output needs, arguments first, depth first from the outputs (short lives).
+    nodes:    every operation that an output needs, arguments first, depth first from the outputs (short live ranges).
     outputs:  one scalar per scalar of the result: a node, an input, or a constant.
     argument_structure, result_structure: how inputs and outputs are nested.
     name:     name of the traced function.
@@ -33,16 +43,49 @@ class Program:
 
     @property
     def operations(self) -> Counter[str]:
-        """How many operations of each kind one run takes."""
+        """Number of operations of each kind in one run."""
         return Counter(node.operation.name for node in self.nodes)
 
+    @cached_property
+    def used(self) -> set[int]:
+        """Serials of the inputs and operations whose value another operation or an output takes."""
+        return serials(self.outputs) | {serial for node in self.nodes for serial in serials(node.args)}
 
-def trace(function: Callable, *examples: Any, constants: tuple = ()) -> Program:
+    @cached_property
+    def step_structure(self) -> StepStructure:
+        """Structures of state, sample and output.
+
+        Raises:
+            InputError: it is no step(state, sample) -> (state, output), or the state changes its structure.
+        """
+        arguments, result, name = self.argument_structure, self.result_structure, self.name
+        if len(arguments.children) != 2 or not isinstance(result, Branch) or len(result.children) != 2:
+            raise InputError(f"this needs step(state, sample) -> (state, output); {name} has another form")
+        (before, sample), (after, output) = arguments.children, result.children
+        for (path, old), (_, new) in zip(leaves(before, "state"), leaves(after, "state"), strict=False):
+            if old != new:
+                raise InputError(f"{name} turns {path} from {_describe(old)} into {_describe(new)}; they must be alike")
+        if before != after:
+            raise InputError(f"the state that {name} returns must have the structure of the one that it takes")
+        return StepStructure(before, sample, output)
+
+
+def _describe(leaf: Leaf) -> str:
+    kind = "condition" if leaf.boolean else "number"
+    return f"an array {leaf.shape} of {kind}s" if leaf.shape else f"a {kind}"
+
+
+def serials(values: Iterable[Any]) -> set[int]:
+    """Serials of those values that are traced."""
+    return {x.serial for x in values if isinstance(x, Expression)}
+
+
+def trace(function: Callable[..., Any], *examples: Any, constants: tuple[Any, ...] = ()) -> Program:
     """Run `function(*examples, *constants)` with symbols in place of the numbers in `examples`.
 
-    examples:  numbers, arrays, tuples and NamedTuples of these; their structure and shapes count, and whether a number
-               is a bool, their values do not.
-    constants: further arguments, handed over as they are.
+    examples:  numbers, arrays, tuples and NamedTuples of these. Their structure, shapes and kinds (number or bool)
+               count, not their values.
+    constants: further arguments, handed over unchanged.
     Raises:    TraceError at what cannot be traced, InputError for examples or results that are not made of numbers.
     """
     names = _argument_names(function, len(examples))
@@ -57,8 +100,8 @@ def trace(function: Callable, *examples: Any, constants: tuple = ()) -> Program:
     )
 
 
-def run_traced(function: Callable, *args: Any) -> Any:
-    """`function(*args)`, with advice for the one refusal that comes from NumPy itself."""
+def run_traced(function: Callable[..., Any], *args: Any) -> Any:
+    """`function(*args)`, with advice where NumPy itself refuses an array of traced values and floats."""
     try:
         return function(*args)
     except TypeError as error:
@@ -108,16 +151,12 @@ def _scalars(structure: Structure, tree: Any) -> tuple[Scalar, ...]:
     scalars: list[Scalar] = []
     for (_, leaf), value in zip(leaves(structure), flatten(structure, tree), strict=True):
         elements = value.flat if isinstance(value, np.ndarray) else (value,)
-        scalars += [_boolean(x) if leaf.boolean else number(x) for x in elements]
+        scalars += [condition(x) if leaf.boolean else number(x) for x in elements]
     return tuple(scalars)
 
 
-def _boolean(x: Any) -> Scalar:
-    return x if isinstance(x, Expression) else bool(x)
-
-
-def _argument_names(function: Callable, count: int) -> tuple[str, ...]:
-    """The names of the first positional parameters, as far as the function tells."""
+def _argument_names(function: Callable[..., Any], count: int) -> tuple[str, ...]:
+    """Names of the first positional parameters, argument0, argument1, ... where the function has none."""
     try:
         parameters = inspect.signature(function).parameters.values()
         names = [p.name for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]

@@ -6,26 +6,28 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.trace.program import StepStructure
 from ohmward.trace.structure import Leaf, Structure, as_array, check, flatten, leaves, size, unflatten
 
-#: Scalars that are Python floats at a time.
+#: Scalars that are Python floats at a time: some 10 MB.
 _CHUNK_SCALARS = 1 << 18
+
+#: The compiled loop: (state, columns, emit) -> state.
+Scan = Callable[[Sequence[Any], Sequence[list[Any]], Callable[[Sequence[float]], None]], Sequence[Any]]
 
 
 def run(
-    scan: Callable,
-    state_structure: Structure,
-    sample_structure: Structure,
-    output_structure: Structure,
+    scan: Scan,
+    structure: StepStructure,
     state: Any,
     samples: Any,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Any, Any]:
-    """Step through a log with `scan(state, columns, emit) -> state`; see `Kernel.scan`."""
-    columns, count = sample_columns(sample_structure, samples)
-    row = state_row(state_structure, state)
-    outputs: list[np.ndarray] = [np.empty((count, *leaf.shape), leaf.dtype) for _, leaf in leaves(output_structure)]
-    chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(output_structure)))
+    """Step through a log; see `Kernel.scan`."""
+    columns, count = sample_columns(structure.sample, samples)
+    row: Sequence[Any] = state_row(structure.state, state)
+    outputs: list[np.ndarray] = [np.empty((count, *leaf.shape), leaf.dtype) for _, leaf in leaves(structure.output)]
+    chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(structure.output)))
     for first in range(0, count, chunk):
         part = slice(first, min(first + chunk, count))
         emitted: list[float] = []
@@ -33,12 +35,14 @@ def run(
         _store(emitted, [o[part] for o in outputs])
         if progress:
             progress(part.stop, count)
-    return state_tree(state_structure, row), unflatten(output_structure, iter(outputs))
+    return state_tree(structure.state, row), unflatten(structure.output, iter(outputs))
 
 
 def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
-    """Rows of scalars, one after the other, into the output arrays (chunk, ...)."""
-    table, first = np.array(emitted, dtype=float).reshape(-1, max(1, sum(o[0].size for o in outputs))), 0
+    """Write rows of scalars, one after the other, into the output arrays (chunk, ...)."""
+    width = sum(o[0].size for o in outputs)
+    table = np.array(emitted, dtype=float).reshape(-1, max(1, width))
+    first = 0
     for output in outputs:
         last = first + output[0].size
         output[:] = table[:, first:last].reshape(output.shape)
@@ -63,7 +67,7 @@ def _leaf_columns(leaf: Leaf, value: np.ndarray, path: str, count: int) -> np.nd
     return np.broadcast_to(value, shape).reshape(count, leaf.size).T
 
 
-def state_row(structure: Structure, state: Any) -> tuple:
+def state_row(structure: Structure, state: Any) -> tuple[Any, ...]:
     """The state as one tuple of Python scalars."""
     check(structure, state, "state")
     values = zip(leaves(structure), flatten(structure, state), strict=True)
@@ -72,7 +76,7 @@ def state_row(structure: Structure, state: Any) -> tuple:
 
 
 def state_tree(structure: Structure, row: Sequence[Any]) -> Any:
-    """The state from its scalars: Python floats and bools, and arrays."""
+    """The state made of its scalars: Python floats and bools, and arrays."""
     rest = iter(row)
 
     def value(leaf: Leaf) -> Any:

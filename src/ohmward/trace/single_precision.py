@@ -1,4 +1,4 @@
-"""A program in single precision on NumPy, operation by operation: slow, and the reference of what the C must give."""
+"""Programs in single precision on NumPy, operation by operation: slow, and the reference for the bits of the C."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ def run(program: Program, state: np.ndarray, samples: np.ndarray) -> tuple[np.nd
     Returns: the state (n,) after the last sample and the outputs (T, k), all float32; conditions are 0 and 1.
     """
     program = expanded(program)
-    now, rows = np.asarray(state, np.float32), []
+    now = np.asarray(state, np.float32)
+    rows = []
     for sample in np.asarray(samples, np.float32):
         results = evaluate(program, np.concatenate([now, sample]))
         now = results[: now.size]
@@ -30,7 +31,7 @@ def run(program: Program, state: np.ndarray, samples: np.ndarray) -> tuple[np.nd
 
 
 def expanded(program: Program) -> Program:
-    """The program without exp, log and their like, as `evaluate` takes it."""
+    """The program without exp, log and the like, as `evaluate` takes it."""
     return expand(program, F32)
 
 

@@ -1,4 +1,4 @@
-"""Nested tuples, NamedTuples, arrays and numbers as a flat row of scalars, and back."""
+"""Trees of tuples, NamedTuples, arrays and numbers as flat rows of scalars, and back."""
 
 import math
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ class Leaf:
 
     @property
     def dtype(self) -> type:
-        """What its values are stored as."""
+        """Type of its values in an array."""
         return bool if self.boolean else float
 
 
@@ -42,7 +42,7 @@ Structure = Leaf | Branch
 
 
 def structure_of(tree: Any, path: str) -> Structure:
-    """The structure of an example. `path` names it in the InputError about anything that is not a number."""
+    """Structure of an example. `path` is its name in the InputError about anything that is not a number."""
     if isinstance(tree, tuple):
         fields = getattr(tree, "_fields", None) or tuple(f"[{i}]" for i in range(len(tree)))
         children = (structure_of(child, join(path, field)) for field, child in zip(fields, tree, strict=True))
@@ -94,7 +94,7 @@ def scalar_names(structure: Structure, path: str = "") -> list[str]:
 
 
 def flatten(structure: Structure, tree: Any, path: str = "") -> list[Any]:
-    """The leaf values of `tree`, in order, as they are. InputError where the tree has another structure."""
+    """Leaf values of `tree`, in order, unchanged. InputError where the tree has another structure."""
     if isinstance(structure, Leaf):
         return [tree]
     if not isinstance(tree, tuple) or len(tree) != len(structure.children):
@@ -114,7 +114,7 @@ def unflatten(structure: Structure, values: Iterator[Any]) -> Any:
 
 
 def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -> Any:
-    """A tree from one value per scalar: bare scalars, and arrays of `dtype` (default: bool or float, as the leaf)."""
+    """Tree made of one value per scalar: bare scalars, and arrays of `dtype` (default: bool or float, as the leaf)."""
     row = iter(values)
 
     def leaf_value(leaf: Leaf) -> Any:
@@ -128,7 +128,7 @@ def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -
 
 
 def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
-    """The value of a leaf as an array of any shape; InputError if it holds no numbers."""
+    """Value of a leaf as an array of any shape; InputError if it holds no numbers."""
     try:
         if value is not None:  # which NumPy would take for nan
             return np.asarray(value, dtype=leaf.dtype)
@@ -138,7 +138,7 @@ def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
 
 
 def check(structure: Structure, tree: Any, path: str = "") -> None:
-    """InputError that names the first place where `tree` does not fit."""
+    """Raise InputError with the first place where `tree` does not fit."""
     for (name, leaf), value in zip(leaves(structure, path), flatten(structure, tree, path), strict=True):
         shape = as_array(value, leaf, name).shape
         if shape != leaf.shape:

@@ -10,8 +10,10 @@ from ohmward.errors import InputError
 from ohmward.trace.expression import apply, number
 from ohmward.trace.functions import elementwise, floor, minimum, where
 
-#: Of a table: their numbers are stored in a byte.
+#: Straight lines of a table: the number of a line is stored in a byte.
 _MOST_LINES = 255
+#: Second difference of values on one line, relative to the largest value: a few rounding errors.
+_STRAIGHT = 1e-13
 
 
 def table(
@@ -27,7 +29,7 @@ def table(
     start, spacing: position of the first value, distance of two values (> 0), in the unit of x.
     x:       float, array, traced scalar or array of these.
     kind:    "linear", or "hermite" for the monotone cubic of `monotone_slopes`.
-    Returns: shape of x. Beyond the ends the curve goes on as a straight line with the slope of its end. nan gives nan.
+    Returns: shape of x. Beyond the ends the curve continues straight, with the slope of its end. nan gives nan.
     Raises:  InputError for values, spacing or kind that make no curve.
     """
     if not spacing > 0:
@@ -81,7 +83,11 @@ def _ends(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class _Lines(NamedTuple):
-    """Straight lines over several segments each: which one a segment lies on, its value at u = 0 and its slope."""
+    """Straight lines over several segments each.
+
+    numbers: number of the line of each segment.
+    offsets, slopes: value at u = 0 and slope of each line.
+    """
 
     numbers: tuple[float, ...]
     offsets: tuple[float, ...]
@@ -90,12 +96,14 @@ class _Lines(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _lines(values: tuple[float, ...]) -> _Lines | None:
-    """The lines that values (n,) lie on, where that takes less memory than the values; a line's number is one byte."""
+    """The straight lines through values (n,), if they take less memory than the values; else None."""
     v = _checked(values)
-    bends = np.abs(np.diff(v, 2)) > 1e-13 * np.abs(v).max()
+    bends = np.abs(np.diff(v, 2)) > _STRAIGHT * np.abs(v).max()
     knots = np.flatnonzero(np.concatenate([[True], bends, [True]]))
     count, n = len(knots) - 1, len(v)
-    if count > _MOST_LINES or 8 * count + n + 1 >= 4 * (n + 2):
+    bytes_of_lines = 8 * count + n + 1  # two singles for each line, one byte for each segment
+    bytes_of_values = 4 * (n + 2)
+    if count > _MOST_LINES or bytes_of_lines >= bytes_of_values:
         return None
     slopes = np.diff(v[knots]) / np.diff(knots)
     offsets = v[knots[:-1]] - slopes * (knots[:-1] + 1)
@@ -106,7 +114,7 @@ def _lines(values: tuple[float, ...]) -> _Lines | None:
 
 @lru_cache(maxsize=256)
 def _segments(values: tuple[float, ...], kind: str) -> tuple[tuple[float, ...], ...]:
-    """Coefficients (4, n + 1) of t^k on each segment, t in [0, 1]; the first and last are the extensions."""
+    """Coefficients (4, n + 1) of t^k on each segment, t in [0, 1]; the first and the last one are the extensions."""
     v = _checked(values)
     if kind != "hermite":
         raise InputError(f'table: kind must be "linear" or "hermite", got {kind!r}')
@@ -129,16 +137,16 @@ def _polynomials(v: np.ndarray) -> list[np.ndarray]:
     return [c0, c1, c2, c3]
 
 
-def _or_nought(u: Any) -> Any:
+def _positive_element(u: Any) -> Any:
     return where(u > 0.0, u, 0.0)
 
 
-#: What is positive; 0 for all else, nan too, so that it can become an index.
-_positive = elementwise(_or_nought, _or_nought, 1)
+#: u where it is positive; 0 elsewhere, at nan too, so that it can become an index.
+_positive = elementwise(_positive_element, _positive_element, 1)
 
 
 def _gather(index: Any, values: tuple[float, ...]) -> Any:
-    """Entries of a table at whole-numbered indices within it; entry 0 at nan."""
+    """Entries of a table at indices that are whole numbers within it; entry 0 at nan."""
     return elementwise(lambda i: apply("gather", number(i), values), partial(_take, values), 1)(index)
 
 

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.trace.bounds import bounds
+from ohmward.trace.bounds import bounds, within
 from ohmward.trace.expression import Expression
 from ohmward.trace.lower.constant_arrays import are_bytes
 
+#: Up to this size every whole number is a single, so a cast to an integer gives what `floor` does.
+_LARGEST_WHOLE = 2.0**23
+
 
 def is_whole(node: Expression) -> bool:
-    """Whether a value is a whole number that an integer holds: an entry of bytes, or a floor that a cast gives too."""
+    """True where an integer holds the value: an entry of a table of bytes, or the floor of a small positive number."""
     if node.operation.name == "gather":
         return are_bytes(node.args[1])
-    found = bounds(node) if node.operation.name == "floor" else None
-    return found is not None and found[0] >= 0.0 and found[1] < 2.0**23
+    return node.operation.name == "floor" and within(node, 0.0, _LARGEST_WHOLE)
 
 
 def template(node: Expression) -> str:
-    """The C of an operation, {0} its first argument; a shorter one where an argument of an extremum cannot be nan."""
+    """C of an operation, {0} its first argument; a shorter one where an argument of an extremum cannot be nan."""
     name = node.operation.name
     if name in ("minimum", "maximum"):
         if bounds(node.args[1]):
@@ -29,7 +31,7 @@ def template(node: Expression) -> str:
 
 
 def literal(value: object) -> str:
-    """A number or condition as C writes it, with the digits that a single needs."""
+    """Number or condition in C, with the digits that a single needs."""
     if isinstance(value, bool):
         return "true" if value else "false"
     with np.errstate(over="ignore"):

@@ -15,17 +15,19 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.trace.bounds import bounds
+from ohmward.trace.bounds import within
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
 from ohmward.trace.lower.c_operations import HELPERS, is_whole, literal, template
 from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays, position
-from ohmward.trace.program import Program
-from ohmward.trace.structure import Branch, Leaf, Structure, leaves
+from ohmward.trace.program import Program, StepStructure, serials
+from ohmward.trace.structure import Leaf, Structure, leaves
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
+#: Outputs that memset writes.
+_ZEROS = (literal(0.0), literal(False))
 
-#: From so many zeros on, memset is shorter.
+#: With this many zeros or more, memset is shorter than setting each of them.
 _WORTH_MEMSET = 8
 
 #: For callers in C++.
@@ -45,7 +47,7 @@ class CSource(NamedTuple):
 
 
 class Member(NamedTuple):
-    """A member of a struct: its name, its kind ("float" or "bool"), how many there are, and 0 where it is no array."""
+    """Member of a struct: name, kind ("float" or "bool") and, of an array, its size, else 0."""
 
     name: str
     kind: str
@@ -53,12 +55,12 @@ class Member(NamedTuple):
 
     @property
     def declaration(self) -> str:
-        """As it stands in the struct."""
+        """Its line in the struct."""
         return f"{self.kind} {self.name}{f'[{self.size}]' if self.size else ''};"
 
     @property
     def places(self) -> list[str]:
-        """How each of its scalars is written."""
+        """Each of its scalars in C."""
         return [f"{self.name}[{i}]" for i in range(self.size)] if self.size else [self.name]
 
 
@@ -74,28 +76,30 @@ def c_source(
 
     name:     prefix of all symbols: small letters, digits and underscores.
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
-    comments: what a member means and its unit, by its path: "sample.current_A", "flags.GAP".
+    comments: meaning and unit of a member, by its path: "sample.current_A", "flags.GAP".
     constants: whole numbers that the header defines as NAME_WORD.
-    loops:    the body of the step, where it is not to be a straight line.
+    loops:    the body of the step as loops; None for a straight line.
 
     Raises:
         InputError: the name is no prefix, or a function has another form.
     """
     if not _WORD.fullmatch(name):
         raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
-    parts = dict(zip(("state", "sample", "output"), _parts(step), strict=True))
-    structs = {word: members(structure) for word, structure in parts.items()}
-    started = [_start(start, parts, name, structs)] if start else []
+    structs = {word: members(structure) for word, structure in step.step_structure._asdict().items()}
+    started = [_start(start, step.step_structure, name, structs)] if start else []
     functions = [*started, _step(step, name, structs)]
     header = _header(name, structs, functions, comments or {}, constants or {})
     return CSource(header, _source_of_loops(name, started, loops) if loops else _source(name, functions))
 
 
 class Function(NamedTuple):
-    """A C function: what it does, its prototype, the program, and what its inputs and outputs are in C.
+    """A C function.
 
-    An output that is `return` is what the function returns. `fills` names the pointer to a struct that the outputs fill
-    whole: where most of it is zero, memset does that.
+    comment:   its purpose, for the header.
+    prototype: its first line, without the semicolon.
+    program:   its body.
+    inputs, outputs: the places in C of the program's inputs and outputs; `return` is the value that it returns.
+    fills:     pointer to the struct whose members are all among the outputs; memset sets it where most are zero.
     """
 
     comment: str
@@ -107,12 +111,12 @@ class Function(NamedTuple):
 
 
 class Loops(NamedTuple):
-    """A step that is no straight line.
+    """A step with loops.
 
-    structs:   those that its functions need, by their name without the prefix.
-    functions: straight lines that it calls.
-    source:    C of the step itself.
-    code_bytes: what that takes in Thumb-2 code.
+    structs:    structs of its functions, by their name without the prefix.
+    functions:  straight lines that it calls.
+    source:     C of the step itself.
+    code_bytes: size of that in Thumb-2 code.
     """
 
     structs: Mapping[str, Structure]
@@ -132,9 +136,9 @@ def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> Func
     )
 
 
-def _start(program: Program, parts: Mapping[str, Structure], name: str, structs: dict[str, list[Member]]) -> Function:
+def _start(program: Program, step: StepStructure, name: str, structs: dict[str, list[Member]]) -> Function:
     first, *further = program.argument_structure.children
-    fits = first == parts["sample"] and program.result_structure == parts["state"]
+    fits = first == step.sample and program.result_structure == step.state
     if not fits or not all(isinstance(child, Leaf) and not child.shape for child in further):
         raise InputError(f"C needs a start(sample, number, ...) -> state; {program.name} has another form")
     words = list(program.argument_structure.fields[1:])
@@ -150,12 +154,12 @@ def _start(program: Program, parts: Mapping[str, Structure], name: str, structs:
 
 
 def places(word: str, struct: list[Member]) -> list[str]:
-    """How the scalars of a struct are written, whose pointer is called `word`."""
+    """Every scalar in C of a struct whose pointer is called `word`."""
     return [f"{word}->{place}" for part in struct for place in part.places]
 
 
 def members(structure: Structure) -> list[Member]:
-    """The members of the struct for a tree of numbers, in order."""
+    """Members of the struct for a tree of numbers, in order."""
     found: list[Member] = []
     for path, leaf in leaves(structure):
         word = re.sub(r"\W+", "_", path).strip("_") or "value"
@@ -165,13 +169,6 @@ def members(structure: Structure) -> list[Member]:
         if leaf.size:
             found.append(Member(word, "bool" if leaf.boolean else "float", leaf.size if leaf.shape else 0))
     return found
-
-
-def _parts(program: Program) -> tuple[Structure, Structure, Structure]:
-    arguments, result = program.argument_structure, program.result_structure
-    if len(arguments.children) != 2 or not isinstance(result, Branch) or len(result.children) != 2:
-        raise InputError(f"C needs a step(state, sample) -> (state, output); {program.name} has another form")
-    return arguments.children[0], arguments.children[1], result.children[1]
 
 
 def _header(
@@ -223,33 +220,53 @@ def _source(name: str, functions: list[Function], typedefs: list[str] | None = N
 
 
 def _body(writer: _CWriter, function: Function) -> Iterator[str]:
+    """Prototype and body: inputs that are used, one line per operation, outputs."""
     program = function.program
-    needed = [a for node in program.nodes for a in node.args if isinstance(a, Expression)]
-    outputs = {y.serial for y in program.outputs if isinstance(y, Expression)}
-    read = outputs | {a.serial for a in needed}
-    others = (node for node in program.nodes if node.operation.name != "gather")
-    numbers = outputs | {a.serial for node in others for a in node.args if isinstance(a, Expression)}
     writer.begin()
     for symbol, place in zip(program.inputs, function.inputs, strict=True):
-        if symbol.serial in read:
+        if symbol.serial in program.used:
             writer.assign(symbol, place)
+    floats = _used_as_numbers(program)
     for node in program.nodes:
-        if node.serial in numbers or not is_whole(node):  # an index alone needs no float
+        only_an_index = is_whole(node) and node.serial not in floats
+        if not only_an_index:
             writer.assign(node, writer.formula(node))
-    pairs = list(zip(function.outputs, map(writer.word, program.outputs), strict=True))
-    zeros = [pair for pair in pairs if pair[1] in ("0e+00f", "false")]
-    if function.fills and len(zeros) >= _WORTH_MEMSET:
-        writer.lines.append(f"memset({function.fills}, 0, sizeof *{function.fills});")
-        pairs = [pair for pair in pairs if pair not in zeros]
-    results = [f"return {word};" if place == "return" else f"{place} = {word};" for place, word in pairs]
-    lines = [*writer.lines, *results]
-    arguments = re.findall(r"(\w+)[,)]", function.prototype)
-    unused = [f"(void){a};" for a in arguments if not any(re.search(rf"\b{a}\b", line) for line in lines)]
-    yield from (function.prototype, "{", *(f"    {line}" for line in [*unused, *lines]), "}")
+    lines = [*writer.lines, *_results(writer, function)]
+    lines = [*_unused_arguments(function.prototype, lines), *lines]
+    yield from (function.prototype, "{", *(f"    {line}" for line in lines), "}")
+
+
+def _used_as_numbers(program: Program) -> set[int]:
+    """Serials of the values that are needed as floats: by an output, or by an operation other than a look-up."""
+    others = [node for node in program.nodes if node.operation.name != "gather"]
+    return serials(program.outputs) | {serial for node in others for serial in serials(node.args)}
+
+
+def _results(writer: _CWriter, function: Function) -> Iterator[str]:
+    """Lines that store the outputs, many zeros at once, or return them."""
+    pairs = list(zip(function.outputs, map(writer.word, function.program.outputs), strict=True))
+    others = [(place, word) for place, word in pairs if word not in _ZEROS]
+    if function.fills and len(pairs) - len(others) >= _WORTH_MEMSET:
+        yield f"memset({function.fills}, 0, sizeof *{function.fills});"
+        pairs = others
+    for place, word in pairs:
+        yield f"return {word};" if place == "return" else f"{place} = {word};"
+
+
+def _unused_arguments(prototype: str, lines: list[str]) -> Iterator[str]:
+    """Lines that keep compilers from warning of arguments that no line mentions."""
+    words = {word for line in lines for word in re.findall(r"\w+", line)}
+    for argument in re.findall(r"(\w+)[,)]", prototype):
+        if argument not in words:
+            yield f"(void){argument};"
 
 
 class _CWriter:
-    """Lines, tables and helpers of a function while it is written."""
+    """Lines, tables and helpers of a function while it is written.
+
+    words:   names of the values, by serial.
+    indices: names of the integers, by what they are the integer of, and the size of the tables that they index.
+    """
 
     def __init__(self, name: str, tables: Mapping[str, tuple[float, ...]]):
         self.name = name
@@ -260,20 +277,20 @@ class _CWriter:
         self.helpers: set[str] = set()
 
     def begin(self) -> None:
-        """Another function, with the same tables and helpers."""
+        """Start another function, with the same tables and helpers."""
         self.lines, self.words, self.indices = [], {}, {}
 
     def assign(self, node: Expression, formula: str) -> None:
-        """A constant with the value of a node."""
+        """Give the value of a node a name."""
         word = self.words[node.serial] = f"t{len(self.lines)}"
         self.lines.append(f"const {'bool' if node.boolean else 'float'} {word} = {formula};")
 
     def word(self, x: object) -> str:
-        """The name of a value, or a literal."""
+        """Name of a value, or a literal."""
         return self.words[x.serial] if isinstance(x, Expression) else literal(x)
 
     def formula(self, node: Expression) -> str:
-        """The C of an operation."""
+        """C of an operation."""
         if is_whole(node):
             return f"(float){self.whole(node)}"
         if node.operation.name == "gather":
@@ -283,8 +300,8 @@ class _CWriter:
         return text.format(*(self.word(a) for a in node.args), name=self.name)
 
     def index(self, index: Expression, count: int) -> str:
-        """The place in tables of `count` entries, found once for all of them."""
-        if is_whole(index) and (found := bounds(index)) and found[1] <= count - 1:
+        """The index in tables of `count` entries, computed once for all of them."""
+        if is_whole(index) and within(index, 0.0, count - 1):
             return self.whole(index)
         word = self.word(index)
         if (word, count) not in self.indices:
@@ -294,16 +311,16 @@ class _CWriter:
         return self.indices[word, count]
 
     def whole(self, node: Expression) -> str:
-        """The integer that a value is: an entry of a table of bytes, or a floor that a cast gives too."""
-        entry = self.entry(node) if node.operation.name == "gather" else ""
-        key = entry or self.word(node.args[0]), 0
-        if key not in self.indices:
-            name = self.indices[key] = f"i{len(self.indices)}"
-            self.lines.append(f"const int32_t {name} = {entry or f'(int32_t){key[0]}'};")
-        return self.indices[key]
+        """The integer of a value for which `is_whole` holds: an entry of a table of bytes, or a cast for a floor."""
+        is_entry = node.operation.name == "gather"
+        word = self.entry(node) if is_entry else self.word(node.args[0])
+        if (word, 0) not in self.indices:
+            name = self.indices[word, 0] = f"i{len(self.indices)}"
+            self.lines.append(f"const int32_t {name} = {word if is_entry else f'(int32_t){word}'};")
+        return self.indices[word, 0]
 
     def entry(self, gather: Expression) -> str:
-        """An entry of a table, wherever its values stand in the constant arrays."""
+        """Entry of a table, from the constant array that holds its values."""
         values = gather.args[1]
         index = self.index(gather.args[0], len(values))
         for name, array in self.tables.items():
@@ -312,7 +329,7 @@ class _CWriter:
         raise KeyError(values)
 
     def globals(self) -> Iterator[str]:
-        """Tables and the helpers that are needed."""
+        """Tables, and the helpers that the functions call."""
         for name, values in self.tables.items():
             kind = "uint8_t" if are_bytes(values) else "float"
             texts = (f"{v:.0f}" if kind == "uint8_t" else literal(v) for v in values)

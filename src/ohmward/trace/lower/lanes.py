@@ -3,13 +3,14 @@
 A block of lanes runs through its whole log before the next block starts, so that its registers stay in the cache.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.lower.numpy_source import Lanes
+from ohmward.trace.program import StepStructure
 from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
 
 #: Lanes that run together: a NumPy call costs as much as its work on 1000 to 2000 lanes, and the registers of a
@@ -21,31 +22,29 @@ _CHUNK = 4096
 
 def run(
     lanes: Lanes,
-    state_structure: Structure,
-    sample_structure: Structure,
-    output_structure: Structure,
+    structure: StepStructure,
     state: Any,
     samples: Any,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Any, Any]:
-    """Every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
-    batch = make_batch(state_structure, sample_structure, output_structure, state, samples)
+    """Run every lane through its whole log, block after block; see `Kernel.scan_lanes`."""
+    batch = make_batch(structure, state, samples)
     final = [np.empty(batch.width, r.dtype) for r in batch.rows]
     starts = range(0, batch.width, BLOCK)
     report = reporter(progress, batch.steps * len(starts))
     for start in starts:
         part = slice(start, min(start + BLOCK, batch.width))
         _run_block(lanes, batch, final, part, report)
-    return state_tree(state_structure, final, batch.width), unflatten(output_structure, iter(batch.outputs))
+    return state_tree(structure.state, final, batch.width), unflatten(structure.output, iter(batch.outputs))
 
 
 class Batch(NamedTuple):
-    """Many logs taken apart.
+    """Many logs as rows and columns of scalars.
 
     rows:    (B,) for each scalar of the state.
     columns: (T, B), or (T,) for all lanes, for each scalar of a sample.
     outputs: (T, ..., B) for each leaf of the output, to be filled.
-    views:   (T, B) for each scalar of them.
+    views:   (T, B) for each scalar of the outputs.
     steps, width: T and B.
     """
 
@@ -57,18 +56,16 @@ class Batch(NamedTuple):
     width: int
 
 
-def make_batch(
-    state_structure: Structure, sample_structure: Structure, output_structure: Structure, state: Any, samples: Any
-) -> Batch:
-    """The arguments of `Kernel.scan_lanes` taken apart; InputError where a shape does not fit."""
-    states = _arrays(state_structure, state, "state")
-    values = _arrays(sample_structure, samples, "samples")
+def make_batch(structure: StepStructure, state: Any, samples: Any) -> Batch:
+    """Rows and columns of the arguments of `Kernel.scan_lanes`; InputError where a shape does not fit."""
+    states = _arrays(structure.state, state, "state")
+    values = _arrays(structure.sample, samples, "samples")
     count = _steps(values)
-    width = _lane_count([*((leaf, v, 0) for leaf, v, _ in states), *((leaf, v, 1) for leaf, v, _ in values)])
+    width = _lane_count(states, values)
     rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
     columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
     outputs: list[np.ndarray] = [
-        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(output_structure)
+        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(structure.output)
     ]
     views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
     return Batch(rows, columns, outputs, views, count, width)
@@ -99,7 +96,7 @@ def _rows(width: int, kinds: Sequence[Any]) -> list[np.ndarray]:
 
 
 def reporter(progress: Callable[[int, int], None] | None, total: int) -> Callable[[int], None]:
-    """Adds up the steps done and tells `progress`."""
+    """Function that adds up the steps done and reports them to `progress`."""
     done = 0
 
     def report(steps: int) -> None:
@@ -117,16 +114,19 @@ def _arrays(structure: Structure, tree: Any, path: str) -> list[tuple[Leaf, np.n
     return [(leaf, as_array(value, leaf, name), name) for (name, leaf), value in pairs]
 
 
-def _steps(values: list[tuple[Leaf, np.ndarray, str]]) -> int:
-    lengths = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
+def _steps(values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
+    """T, from the samples that have a time axis."""
+    lengths: set[int] = {v.shape[0] for leaf, v, _ in values if v.ndim > len(leaf.shape)}
     if len(lengths) != 1:
         raise InputError(f"samples must have one common length along time, got {sorted(lengths) or 'none'}")
     return lengths.pop()
 
 
-def _lane_count(values: Any) -> int:
-    """B, from the leaves that have a lane axis: `axes` more axes than the leaf, and the last one of lanes."""
-    widths = {v.shape[-1] for leaf, v, axes in values if v.ndim == len(leaf.shape) + axes + 1}
+def _lane_count(states: Iterable[tuple[Leaf, np.ndarray, str]], values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
+    """B, from the leaves that have a lane axis: of a state behind its own axes, of samples behind that of time too."""
+    of_states: set[int] = {v.shape[-1] for leaf, v, _ in states if v.ndim == len(leaf.shape) + 1}
+    of_samples: set[int] = {v.shape[-1] for leaf, v, _ in values if v.ndim == len(leaf.shape) + 2}
+    widths = of_states | of_samples
     if len(widths) != 1:
         raise InputError(f"state and samples must have one common number of lanes, got {sorted(widths) or 'none'}")
     return widths.pop()
@@ -151,7 +151,7 @@ def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width:
 
 
 def state_tree(structure: Structure, final: Sequence[np.ndarray], width: int) -> Any:
-    """The state from its rows (B,): every leaf with a trailing lane axis."""
+    """The state made of its rows (B,): every leaf with a trailing lane axis."""
     rows = iter(final)
 
     def value(leaf: Leaf) -> np.ndarray:

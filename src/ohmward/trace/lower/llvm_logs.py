@@ -1,4 +1,4 @@
-"""Whole logs through machine code: trees of arrays taken apart, run, and put together."""
+"""Whole logs through machine code: trees of arrays become columns of doubles, and outputs become trees again."""
 
 from __future__ import annotations
 
@@ -13,34 +13,29 @@ from ohmward.trace.lower.llvm_run import MachineStep, processors
 from ohmward.trace.structure import Structure, leaves, unflatten
 
 Progress = Callable[[int, int], None]
-Structures = tuple[Structure, Structure, Structure]
 
 
-def run_log(
-    step: MachineStep, structures: Structures, state: Any, samples: Any, progress: Progress | None = None
-) -> tuple[Any, Any]:
-    """One log; see `Kernel.scan`. structures: of state, sample and output."""
-    state_structure, sample_structure, output_structure = structures
-    columns, count = scan.sample_columns(sample_structure, samples)
-    row = np.array(scan.state_row(state_structure, state), dtype=float)
-    results = [np.empty((count, *leaf.shape)) for _, leaf in leaves(output_structure)]
+def run_log(step: MachineStep, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+    """Step through one log; see `Kernel.scan`."""
+    structure = step.program.step_structure
+    columns, count = scan.sample_columns(structure.sample, samples)
+    row = np.array(scan.state_row(structure.state, state), dtype=float)
+    results = [np.empty((count, *leaf.shape)) for _, leaf in leaves(structure.output)]
     scalars = [v for r in results for v in r.reshape(count, -1).T]
     step.one(row, _doubles(columns), scalars, progress)
-    return scan.state_tree(state_structure, row.tolist()), _typed(output_structure, results)
+    return scan.state_tree(structure.state, row.tolist()), _typed(structure.output, results)
 
 
-def run_lanes(
-    step: MachineStep, structures: Structures, state: Any, samples: Any, progress: Progress | None = None
-) -> tuple[Any, Any]:
-    """Many logs; see `Kernel.scan_lanes`. structures: of state, sample and output."""
-    state_structure, _, output_structure = structures
-    batch = lanes.make_batch(*structures, state, samples)
+def run_lanes(step: MachineStep, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+    """Step through many logs; see `Kernel.scan_lanes`."""
+    structure = step.program.step_structure
+    batch = lanes.make_batch(structure, state, samples)
     rows = np.array(batch.rows, dtype=float).reshape(-1, batch.width)
     results = [o if o.dtype == float else np.empty(o.shape) for o in batch.outputs]
     scalars = [v for r in results for v in np.moveaxis(r.reshape(batch.steps, -1, batch.width), 1, 0)]
     report = lanes.reporter(progress, batch.steps * batch.width)
     step.many(rows, [_side_by_side(c) for c in _doubles(batch.columns)], scalars, report, processors())
-    return lanes.state_tree(state_structure, list(rows), batch.width), _typed(output_structure, results)
+    return lanes.state_tree(structure.state, list(rows), batch.width), _typed(structure.output, results)
 
 
 def _doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -49,11 +44,11 @@ def _doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def _side_by_side(column: np.ndarray) -> np.ndarray:
-    """With the lanes next to each other in memory."""
+    """The column with its lanes next to each other in memory."""
     return column if column.ndim == 1 or column.strides[1] == column.itemsize else np.ascontiguousarray(column)
 
 
 def _typed(structure: Structure, results: Sequence[np.ndarray]) -> Any:
-    """The outputs, conditions as such."""
+    """The tree of outputs, with bools for conditions."""
     pairs = zip(leaves(structure), results, strict=True)
     return unflatten(structure, (values.astype(leaf.dtype, copy=False) for (_, leaf), values in pairs))

@@ -1,9 +1,9 @@
 """LLVM IR to machine code in this process, and a cache of it on disk.
 
-The cache is keyed by the text, the processor and the version of LLVM. Entries are written aside and renamed, so several
-processes may write at once; each carries the checksum of its code, so a damaged one is compiled anew. A folder that
-cannot be written is no error: it is said once, and every process compiles for itself. The folder holds no more than
-`MOST_ENTRIES`: the parameters of a battery are constants of its program, so every battery has an entry of its own.
+The key of an entry is made of the text, the processor and the version of LLVM. Entries are written to a temporary file
+and renamed, so several processes may write at once; each carries the checksum of its code, so a damaged one is compiled
+again. A folder that cannot be written is no error: one warning, and every process compiles for itself. The folder holds
+at most `MOST_ENTRIES`: the parameters of a battery are constants of its program, so every battery has its own entry.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from typing import Any
 
 from ohmward.errors import OhmwardError
 
-#: Passes: 2 is LLVM's -O2. Straight-line code gains nothing from more.
+#: Level of optimisation: LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
-#: Constants stand near the code, so instructions name them themselves; the linker keeps both together.
+#: Constants lie near the code, so instructions hold their addresses; the linker keeps both together.
 _CODE_MODEL = "small"
+#: Bytes of a SHA-256.
 _DIGEST = 32
 
-#: Entries of the cache, some 40 kB each; beyond them those go that were written longest ago.
+#: Entries of the cache, some 40 kB each; beyond that the oldest are removed.
 MOST_ENTRIES = 1000
 _NUMBERS = count()
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
 
 
 class NoMachineCodeError(OhmwardError):
-    """There is no machine code here; the message says why."""
+    """Machine code cannot be made here; the message says why."""
 
 
 @cache
@@ -56,8 +57,17 @@ def llvm() -> Any:
     return binding
 
 
+def reason_for_none() -> str:
+    """The reason why there is no machine code; empty if there is."""
+    try:
+        llvm()
+    except NoMachineCodeError as error:
+        return str(error)
+    return ""
+
+
 def machine() -> Any:
-    """A target machine: this processor with all that it can. An engine that is given one owns it."""
+    """Target machine: this processor with all its instructions. The engine that it is given to owns it."""
     import llvmlite.binding as binding
 
     target = binding.Target.from_default_triple()
@@ -77,8 +87,8 @@ def vector_bits() -> int:
     return 512 if features.get("avx512f") else 256 if features.get("avx") else 128
 
 
-def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
-    """The function `name` of a module, and what keeps it alive.
+def compile_scan(source: str, name: str) -> tuple[Callable[..., None], Any]:
+    """The function `name` of a module, and the library that must live as long as it.
 
     Raises:
         NoMachineCodeError: see `llvm`; or LLVM refuses this program.
@@ -99,12 +109,12 @@ def compile_scan(source: str, name: str) -> tuple[Callable, Any]:
 
 @cache
 def _linker() -> Any:
-    """Puts object files into memory, each in one piece, as the small code model wants it."""
+    """Linker that loads object files into memory, each in one piece, as the small code model demands."""
     return llvm().create_lljit_compiler(machine(), use_jit_link=True)
 
 
 def compile_object(source: str) -> bytes:
-    """The object file of a module."""
+    """Object file of a module."""
     binding = llvm()
     module = binding.parse_assembly(source)
     module.verify()
@@ -114,14 +124,15 @@ def compile_object(source: str) -> bytes:
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
     passes = binding.create_pass_builder(target, options)
     passes.getModulePassManager().run(module, passes)
-    return target.emit_object(module)
+    code: bytes = target.emit_object(module)
+    return code
 
 
 # ---- the cache
 
 
 def folder() -> Path:
-    """Where compiled programs are kept: OHMWARD_CACHE, else the user's cache folder."""
+    """Folder of compiled programs: OHMWARD_CACHE, else one in the user's cache folder."""
     if named := os.environ.get("OHMWARD_CACHE"):
         return Path(named)
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
@@ -129,7 +140,7 @@ def folder() -> Path:
 
 
 def cached(source: str, compile_it: Callable[[], bytes]) -> bytes:
-    """The code of a source, from the cache if it is there and whole."""
+    """Code of a source, from the cache if it is there and undamaged."""
     path = folder() / f"{_key(source)}.o"
     found = _read(path)
     if found is None:
@@ -163,7 +174,7 @@ def _write(path: Path, code: bytes) -> None:
         temporary.replace(path)
         _prune(path.parent)
     except OSError as error:
-        _say_once(f"compiled programs cannot be kept in {path.parent} ({error.strerror}); name another folder in")
+        _say_once(f"compiled programs cannot be written to {path.parent} ({error.strerror}); name another folder in")
 
 
 def _prune(folder: Path) -> None:
@@ -176,7 +187,7 @@ def _prune(folder: Path) -> None:
 
 
 def _written(path: Path) -> float:
-    """When a file was written; 0 for one that another process has removed."""
+    """Time at which a file was written; 0 for one that another process has removed."""
     try:
         return path.stat().st_mtime
     except OSError:

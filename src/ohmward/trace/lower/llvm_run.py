@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace.elementary import PRECISIONS, expand
+from ohmward.trace.lower.llvm_instructions import Target
 from ohmward.trace.lower.llvm_machine_code import compile_scan, vector_bits
-from ohmward.trace.lower.llvm_source import Target, scan_source
+from ohmward.trace.lower.llvm_source import scan_source
 from ohmward.trace.program import Program
 
 _DOUBLE = 8
@@ -26,20 +27,25 @@ _ONE_AT_A_TIME = Lock()
 _CHUNK = 1 << 16
 #: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
 _CACHE = 1 << 20
-#: Fewer steps at a time would load and store the state too often: 16 cost a seventh more with 1024 logs, 7 states.
+#: Least number of steps at a time. Fewer would load and store the state too often: 16 cost a seventh more time with
+#: 1024 logs and 7 states.
 _LEAST_STEPS = 64
 #: Doubles between the rows of the state of many logs: a line of the cache.
 _GAP = 8
+
+#: Called with (steps done, all steps), and with the steps done since the last call.
+Progress = Callable[[int, int], None]
+Report = Callable[[int], None]
 
 
 @dataclass(frozen=True)
 class MachineStep:
     """A program `step(state, sample) -> (state, output)` in machine code, compiled when it is first run.
 
-    program:   as traced.
-    state_size: how many of its first inputs and outputs are the state.
-    precision: "f64" or "f32", of the arithmetic.
-    contract:  see `Target`.
+    program:    as traced.
+    state_size: number of its first inputs and outputs that are the state.
+    precision:  "f64" or "f32", of the arithmetic.
+    contract:   see `Target`.
     """
 
     program: Program
@@ -49,37 +55,44 @@ class MachineStep:
 
     @cached_property
     def expanded(self) -> Program:
-        """Without exp, log and their like."""
+        """The program without exp, log and the like."""
         return expand(self.program, PRECISIONS[self.precision])
 
     @property
     def columns(self) -> int:
-        """Scalars of a sample."""
+        """Number of scalars of a sample."""
         return len(self.program.inputs) - self.state_size
 
     @cached_property
     def width(self) -> int:
-        """Lanes in a vector of this processor."""
+        """Number of lanes in a vector of this processor."""
         return vector_bits() // (64 if self.precision == "f64" else 32)
 
     @cached_property
-    def _compiled(self) -> dict[tuple, tuple]:
+    def _compiled(self) -> dict[tuple[int, tuple[bool, ...]], tuple[Callable[..., None], Any]]:
         return {}
 
-    def function(self, width: int, own: tuple[bool, ...]) -> Callable:
-        """The compiled loop; own: for each column whether every lane has its own value."""
+    def function(self, width: int, own: tuple[bool, ...]) -> Callable[..., None]:
+        """The compiled loop; own: for each column True where every lane has its own value."""
         key = width, own
         with _ONE_AT_A_TIME:  # a second compilation would free the code of the first while it runs
             if key not in self._compiled:
                 self._compiled[key] = compile_scan(self.source(width, own), _NAME)
-            return self._compiled[key][0]
+            run, _ = self._compiled[key]
+            return run
 
     def source(self, width: int, own: tuple[bool, ...]) -> str:
-        """The IR of the loop."""
+        """IR of the loop."""
         target = Target(PRECISIONS[self.precision], width, self.contract)
         return scan_source(self.expanded, self.state_size, target, own, _NAME)
 
-    def one(self, state: np.ndarray, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray], report: Any) -> None:
+    def one(
+        self,
+        state: np.ndarray,
+        columns: Sequence[np.ndarray],
+        outputs: Sequence[np.ndarray],
+        progress: Progress | None,
+    ) -> None:
         """Step through one log; state (n,) is changed, outputs are filled; columns and outputs (T,) of float64."""
         count = len(columns[0])
         run = self.function(1, (False,) * self.columns)
@@ -87,11 +100,16 @@ class MachineStep:
         for first in range(0, count, _CHUNK):
             last = min(first + _CHUNK, count)
             _call(run, state, _DOUBLE, *arrays, first, last, 0, 1)
-            if report:
-                report(last, count)
+            if progress:
+                progress(last, count)
 
     def many(
-        self, state: np.ndarray, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray], report: Any, threads: int
+        self,
+        state: np.ndarray,
+        columns: Sequence[np.ndarray],
+        outputs: Sequence[np.ndarray],
+        report: Report | None,
+        threads: int,
     ) -> None:
         """Step through logs of one length, a log in each lane; state (n, B), columns (T, B) or (T,), outputs (T, B)."""
         lanes = state.shape[1]
@@ -108,7 +126,14 @@ class MachineStep:
             self._rest(rows, columns, outputs, slice(full, lanes), report)
         state[:] = rows
 
-    def _blocks(self, state: np.ndarray, columns: Any, outputs: Any, part: slice, report: Any) -> None:
+    def _blocks(
+        self,
+        state: np.ndarray,
+        columns: Sequence[np.ndarray],
+        outputs: Sequence[np.ndarray],
+        part: slice,
+        report: Report | None,
+    ) -> None:
         count = len(columns[0])
         run = self.function(self.width, tuple(c.ndim == 2 for c in columns))
         arrays = _Arrays(columns), _Arrays(outputs)
@@ -120,9 +145,17 @@ class MachineStep:
             if report:
                 report((last - first) * (part.stop - part.start))
 
-    def _rest(self, state: np.ndarray, columns: Any, outputs: Any, part: slice, report: Any) -> None:
-        """The lanes that fill no vector, in one of their own."""
-        lanes, count = part.stop - part.start, len(columns[0])
+    def _rest(
+        self,
+        state: np.ndarray,
+        columns: Sequence[np.ndarray],
+        outputs: Sequence[np.ndarray],
+        part: slice,
+        report: Report | None,
+    ) -> None:
+        """Step the last lanes, too few for a vector, in one that repeats the last of them."""
+        lanes = part.stop - part.start
+        count = len(columns[0])
         padded = np.repeat(state[:, -1:], self.width, axis=1)
         padded[:, :lanes] = state[:, part]
         own = [_padded(c[:, part], self.width) if c.ndim == 2 else c for c in columns]
@@ -142,14 +175,16 @@ class OneStep:
         self.state = np.array(state, dtype=float)
         self.sample = np.zeros(step.columns)
         self.output = np.zeros(len(step.program.outputs) - step.state_size)
-        columns, results = _Arrays(list(self.sample[:, None])), _Arrays(list(self.output[:, None]))
-        self._alive = columns, results
-        run = step.function(1, (False,) * step.columns)
-        addresses = self.state.ctypes.data, *columns.addresses, *results.addresses
-        pointer, strides = ctypes.c_void_p, ctypes.c_int64
-        state_at, columns_at, time_at, outputs_at, out_at = (pointer(a) for a in addresses)
-        numbers = [strides(k) for k in (0, 1, 0, 1)]
-        self._call = partial(run, state_at, strides(_DOUBLE), columns_at, time_at, outputs_at, out_at, *numbers)
+        self._columns = _Arrays(list(self.sample[:, None]))
+        self._results = _Arrays(list(self.output[:, None]))
+        addresses = [*self._columns.addresses, *self._results.addresses]
+        self._call = partial(
+            step.function(1, (False,) * step.columns),
+            ctypes.c_void_p(self.state.ctypes.data),
+            ctypes.c_int64(_DOUBLE),
+            *map(ctypes.c_void_p, addresses),
+            *map(ctypes.c_int64, (0, 1, 0, 1)),  # steps and lanes: from 0 to 1
+        )
 
     def __call__(self) -> None:
         """Take `sample` into `state` and `output`."""
@@ -157,16 +192,21 @@ class OneStep:
 
 
 class _Arrays:
-    """Pointers to arrays and the bytes between their rows, as the machine code wants them."""
+    """Pointers to arrays and the bytes between their rows, in the form that the machine code takes.
+
+    addresses: of the pointers and of the strides; they hold as long as this object.
+    """
 
     def __init__(self, arrays: Sequence[np.ndarray]):
-        self._kept = list(arrays)
+        self._arrays = list(arrays)
         self._pointers = (ctypes.c_void_p * len(arrays))(*(a.ctypes.data for a in arrays))
         self._strides = (ctypes.c_int64 * len(arrays))(*(a.strides[0] for a in arrays))
         self.addresses = ctypes.addressof(self._pointers), ctypes.addressof(self._strides)
 
 
-def _call(run: Callable, state: np.ndarray, row: int, columns: _Arrays, outputs: _Arrays, *numbers: int) -> None:
+def _call(
+    run: Callable[..., None], state: np.ndarray, row: int, columns: _Arrays, outputs: _Arrays, *numbers: int
+) -> None:
     run(state.ctypes.data, row, *columns.addresses, *outputs.addresses, *numbers)
 
 
@@ -178,14 +218,15 @@ def _apart(rows: np.ndarray) -> np.ndarray:
 
 
 def _shares(lanes: int, width: int, threads: int) -> Iterator[tuple[int, int]]:
-    """Whole blocks of lanes for each thread."""
+    """First lane and end of each thread's part: whole blocks of lanes."""
     blocks = lanes // width
-    edges = [round(k * blocks / max(1, min(threads, blocks))) * width for k in range(min(threads, blocks) + 1)]
+    parts = min(threads, blocks)
+    edges = [round(k * blocks / max(1, parts)) * width for k in range(parts + 1)]
     return pairwise(edges)
 
 
 def _padded(values: np.ndarray, width: int) -> np.ndarray:
-    """(T, width): the lanes there are, the last one repeated."""
+    """Columns (T, width): the lanes there are, the last one repeated."""
     return np.concatenate([values, np.repeat(values[:, -1:], width - values.shape[1], axis=1)], axis=1)
 
 

@@ -1,7 +1,7 @@
 """Lowering to NumPy source over lanes: one array operation per operation of the program, in a loop over time.
 
-Registers are given back at the last use of their value; the state of the next step stays where it was computed and only
-the names move (`s0, r3 = r3, s0`). Nothing is allocated in the loop but views.
+Registers are free again after the last use of their value; the state of the next step stays in the array where it was
+computed, and only the names change (`s0, r3 = r3, s0`). The loop allocates nothing but views.
 """
 
 from collections.abc import Callable
@@ -24,14 +24,14 @@ class Lanes:
     registers: dtype of every scratch register.
     """
 
-    scan: Callable
+    scan: Callable[..., tuple[list[np.ndarray], list[np.ndarray]]]
     source: str
     registers: tuple[type, ...]
 
 
 @dataclass
 class _Allocator:
-    """Names of the arrays that hold values: registers are reused as soon as their value is not needed any more."""
+    """Names of the arrays that hold values; a register is reused as soon as its value is no longer needed."""
 
     free: dict[type, list[str]] = field(default_factory=lambda: {float: [], bool: []})
     registers: list[type] = field(default_factory=list)
@@ -52,7 +52,11 @@ class _Allocator:
 
 @dataclass
 class _Loop:
-    """The text of one step while it is written: place of every value, lines, constants and tables by their text."""
+    """Text of one step while it is written.
+
+    place:     name of the array of every value, by serial.
+    constants: name and value of constants and tables, by their text.
+    """
 
     program: Program
     state_size: int
@@ -62,7 +66,7 @@ class _Loop:
     constants: dict[str, tuple[str, Any]] = field(default_factory=dict)
 
     def word(self, arg: Any) -> str:
-        """The name of an argument: where a node is, or a constant."""
+        """Name of an argument: the array of a value, or a constant."""
         if isinstance(arg, Expression):
             return self.place[arg.serial]
         return self.constants.setdefault(repr(arg), (f"c{len(self.constants)}", arg))[0]
@@ -126,18 +130,18 @@ def _release(loop: _Loop, nodes: list[Expression]) -> None:
         loop.arrays.give(loop.place[node.serial])
 
 
-def _unique(args: tuple) -> list[Expression]:
+def _unique(args: tuple[Any, ...]) -> list[Expression]:
     return list({a.serial: a for a in args if isinstance(a, Expression)}.values())
 
 
 def _last_uses(program: Program) -> dict[int, int]:
-    """Position of the last operation that reads a value; what outputs read lives to the end."""
+    """Position of the last operation that takes a value; values of outputs live to the end."""
     last = {a.serial: i for i, node in enumerate(program.nodes) for a in node.args if isinstance(a, Expression)}
     return last | {y.serial: len(program.nodes) for y in program.outputs if isinstance(y, Expression)}
 
 
 def _output_targets(program: Program, state_size: int) -> dict[int, str]:
-    """The first output row that shows a node."""
+    """The first output row that holds a node's value, by serial."""
     targets: dict[int, str] = {}
     for i, y in enumerate(program.outputs[state_size:]):
         if isinstance(y, Expression) and y.operation is not INPUT:
@@ -159,7 +163,7 @@ def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
 
 
 def _write_results(loop: _Loop) -> list[str]:
-    """Copies for what is no value of its own; returns the array that holds each next state."""
+    """Copy outputs and states that share an array with another value; returns the array of each next state."""
     program = loop.program
     for i, y in enumerate(program.outputs[loop.state_size :]):
         if loop.word(y) != f"y{i}":
@@ -176,7 +180,7 @@ def _write_results(loop: _Loop) -> list[str]:
 
 
 def _renaming(final: list[str]) -> str:
-    """`s0, r3 = r3, s0`: every state gets the array with its next value, the registers those that are left."""
+    """`s0, r3 = r3, s0`: every state gets the array with its next value, the registers get the remaining ones."""
     moves = [(f"s{i}", name) for i, name in enumerate(final) if name != f"s{i}"]
     left = [old for old, _ in moves]
     right = [new for _, new in moves]
@@ -188,10 +192,11 @@ def _renaming(final: list[str]) -> str:
 def _source(loop: _Loop, final: list[str]) -> str:
     states = [f"s{i}" for i in range(loop.state_size)]
     registers = [f"r{i}" for i in range(len(loop.arrays.registers))]
-    samples = range(len(loop.program.inputs) - loop.state_size)
+    columns = loop.program.inputs[loop.state_size :]
+    samples = range(len(columns))
     outputs = range(len(loop.program.outputs) - loop.state_size)
     body = [
-        *(f"x{i} = X{i}[k, ...]" for i in samples if _used(loop, i)),
+        *(f"x{i} = X{i}[k, ...]" for i in samples if columns[i].serial in loop.program.used),
         *(f"y{i} = Y{i}[k]" for i in outputs),
         *loop.lines,
         *filter(None, [_renaming(final)]),
@@ -208,9 +213,3 @@ def _source(loop: _Loop, final: list[str]) -> str:
             f"    return [{', '.join(states)}], [{', '.join(registers)}]",
         ]
     )
-
-
-def _used(loop: _Loop, sample: int) -> bool:
-    symbol = loop.program.inputs[loop.state_size + sample]
-    everything = (*loop.program.outputs, *(a for node in loop.program.nodes for a in node.args))
-    return any(a is symbol for a in everything)

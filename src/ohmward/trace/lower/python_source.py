@@ -1,8 +1,7 @@
 """Lowering to Python source: one call, or a whole log with the loop inside.
 
-The fast code lets Python raise where IEEE 754 has a result (1/0, sqrt(-1), exp(1000)) and then runs that one step
-again in its safe twin, which calls the definitions in `ieee`. Values used once are written into the formula that uses
-them.
+The fast code lets Python raise where IEEE 754 has a result (1/0, sqrt(-1), exp(1000)), and that one step runs again in
+a safe twin, which calls the definitions in `ieee`. A value that is used once is written into the formula that uses it.
 """
 
 import keyword
@@ -38,6 +37,9 @@ _FUNCTIONS: dict[str, Any] = {
 }
 
 
+Table = tuple[float, ...]
+
+
 class Body(NamedTuple):
     """The straight line of a program.
 
@@ -52,7 +54,7 @@ class Body(NamedTuple):
     lines: list[str]
     results: list[str]
     outputs: list[str]
-    tables: dict[str, tuple]
+    tables: dict[str, Table]
 
 
 def body(program: Program, safe: bool = False) -> Body:
@@ -61,7 +63,7 @@ def body(program: Program, safe: bool = False) -> Body:
     text = {s.serial: name for s, name in zip(program.inputs, inputs, strict=True)}
     binding, depth = dict.fromkeys(text, ATOM), dict.fromkeys(text, 0)
     lines: list[str] = []
-    tables: dict[str, tuple] = {}
+    tables: dict[str, Table] = {}
     named = _named(program, safe)
     for node in program.nodes:
         arguments = [a for a in node.args if isinstance(a, Expression)]
@@ -96,7 +98,9 @@ def _template(node: Expression, safe: bool) -> tuple[str, int]:
     return operation.python, operation.binding
 
 
-def _formula(node: Expression, text: dict, binding: dict, tables: dict, safe: bool) -> tuple[str, int]:
+def _formula(
+    node: Expression, text: dict[int, str], binding: dict[int, int], tables: dict[str, Table], safe: bool
+) -> tuple[str, int]:
     """Source of a node in terms of its arguments, and its binding strength."""
     template, strength = _template(node, safe)
     words = []
@@ -116,7 +120,7 @@ def _needs_parentheses(inner: int, outer: int, place: int) -> bool:
     return inner < outer if left_of_arithmetic else inner <= outer
 
 
-def _table(tables: dict[str, tuple], values: tuple) -> str:
+def _table(tables: dict[str, Table], values: Table) -> str:
     for name, known in tables.items():
         if known is values or known == values:
             return name
@@ -144,7 +148,7 @@ _RESERVED = {*_FUNCTIONS, *OPERATIONS, "abs", "int", "float", "bool", "zip", "em
 
 
 def step_source(code: Body) -> str:
-    """`step(*inputs) -> (*results)`, all scalars: what there is to read of a program, and the form of the safe twin."""
+    """`step(*inputs) -> (*results)`, all scalars: the program to read, and the form of the safe twin."""
     return "\n".join(
         [f"def step({', '.join(code.inputs)}):", *_indent(code.lines, 1), f"    return {_row(code.results)}"]
     )
@@ -182,7 +186,7 @@ def scan_source(code: Body, state_size: int) -> str:
 
 def live_source(program: Program, state_size: int) -> str:
     """`live(sample) -> output` around machine code that has its samples, outputs and state in memory of its own."""
-    sample, output = program.argument_structure.children[1], program.result_structure.children[1]  # type: ignore[union-attr]
+    _, sample, output = program.step_structure
     inputs = input_names(program)[state_size:]
     results = [f"y{i}" for i in range(len(program.outputs) - state_size)]
     kinds = (leaf.boolean for _, leaf in leaves(output) for _ in range(leaf.size))
@@ -198,7 +202,7 @@ def live_source(program: Program, state_size: int) -> str:
 
 
 def _guarded(code: Body) -> list[str]:
-    """The straight line, with its safe twin for the steps in which Python raises."""
+    """The straight line, and its safe twin for the steps in which Python raises."""
     if not code.lines:
         return []
     twin = f"{_row(code.results)} = _safe_step({', '.join(code.inputs)})"
@@ -235,7 +239,7 @@ def _pack(structure: Structure, outputs: Iterator[str], numbers: Iterator[int]) 
 
 
 def _row(names: list[str]) -> str:
-    """A tuple: of no, one or many names."""
+    """Source of a tuple of any number of names."""
     return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
 
 
@@ -246,7 +250,7 @@ def _indent(lines: list[str], level: int) -> list[str]:
 # ---- compiled
 
 
-def compile_call(program: Program) -> Callable:
+def compile_call(program: Program) -> Callable[..., Any]:
     """The function of `call_source`."""
     code = body(program)
     types = {f"_structure{i}": t for i, t in enumerate(_types(program.result_structure))}
@@ -255,9 +259,9 @@ def compile_call(program: Program) -> Callable:
 
 def compile_live(
     program: Program, state_size: int, run: Callable[[], None], inputs: np.ndarray, outputs: np.ndarray
-) -> Callable:
+) -> Callable[..., Any]:
     """The function of `live_source`; run: one step of the machine code from inputs to outputs (n,) of float64."""
-    types = {f"_structure{i}": t for i, t in enumerate(_types(program.result_structure.children[1]))}  # type: ignore[union-attr]
+    types = {f"_structure{i}": t for i, t in enumerate(_types(program.step_structure.output))}
     samples, results = len(program.inputs) - state_size, len(program.outputs) - state_size
     namespace = {
         **_FUNCTIONS,
@@ -271,7 +275,7 @@ def compile_live(
     return _compile(live_source(program, state_size), "live", namespace)
 
 
-def compile_scan(program: Program, state_size: int) -> Callable:
+def compile_scan(program: Program, state_size: int) -> Callable[..., Any]:
     """The function of `scan_source`."""
     code = body(program)
     return _compile(scan_source(code, state_size), "scan", _namespace(program, code))
@@ -279,7 +283,7 @@ def compile_scan(program: Program, state_size: int) -> Callable:
 
 def _namespace(program: Program, code: Body) -> dict[str, Any]:
     @cache
-    def twin() -> Callable:
+    def twin() -> Callable[..., Any]:
         safe_functions = {o.name: o.compute for o in OPERATIONS.values() if o.risky}
         safe = body(program, safe=True)
         return _compile(step_source(safe), "step", {**_FUNCTIONS, **safe_functions, **safe.tables})
@@ -295,6 +299,7 @@ def _types(structure: Structure) -> list[type]:
     return own + [t for child in structure.children for t in _types(child)]
 
 
-def _compile(source: str, name: str, namespace: dict[str, Any]) -> Callable:
+def _compile(source: str, name: str, namespace: dict[str, Any]) -> Callable[..., Any]:
     exec(compile(source, f"<ohmward trace: {name}>", "exec"), namespace)
-    return namespace[name]
+    function: Callable[..., Any] = namespace[name]
+    return function
