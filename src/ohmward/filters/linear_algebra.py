@@ -62,7 +62,7 @@ def _less_products(x: Any, a: np.ndarray, b: np.ndarray) -> Any:
 
 def solve_lower(L: np.ndarray, B: np.ndarray) -> np.ndarray:
     """X of L X = B by forward substitution; L: (n, n) lower triangle, B: (n,) or (n, k)."""
-    rows: list = []
+    rows: list[Any] = []
     for i in range(len(L)):
         rows.append((B[i] - sum(L[i, j] * rows[j] for j in range(i))) / L[i, i])
     return np.array(rows)

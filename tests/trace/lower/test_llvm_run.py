@@ -8,7 +8,7 @@ from every_operation import Memory, Seen
 
 from ohmward.trace import trace
 from ohmward.trace.elementary import F64, expand
-from ohmward.trace.lower import llvm_run, python_source
+from ohmward.trace.lower import llvm_machine_code, llvm_run, python_source
 from ohmward.trace.lower.llvm_machine_code import vector_bits
 from ohmward.trace.lower.llvm_run import MachineStep, OneStep
 
@@ -130,7 +130,7 @@ def test_a_whole_adaptive_filter_in_both_precisions():
 
 def test_threads_that_start_together_share_one_compilation(monkeypatch):
     compiled: list[str] = []
-    compile_scan = llvm_run.compile_scan
+    compile_scan = llvm_machine_code.compile_scan
 
     def counted(source: str, name: str):
         compiled.append(name)

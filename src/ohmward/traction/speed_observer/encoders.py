@@ -14,7 +14,8 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
-from ohmward.filters.kalman import TINY, correct_state
+from ohmward.filters.kalman import correct_state
+from ohmward.filters.linear_algebra import TINY
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, some
 from ohmward.traction.speed_observer.estimate import SlipFlag
