@@ -25,7 +25,7 @@ def least_step_s(program: Program, state_size: int, latencies: Mapping[str, floa
     """Least time [s] of a step in a long log, 0 where no step waits for the one before.
 
     program:    a step(state, sample) -> (state, output).
-    state_size: how many of its first inputs and outputs are the state.
+    state_size: number of its first inputs and outputs that are the state.
     latencies:  of every operation of the program by name [s], and of "fma" where products and sums may become one.
                 What else a compiler turns into one instruction counts as that: a smaller or larger of two, a look-up
                 that needs no `floor`, twice a number, a division by a power of two.
@@ -97,7 +97,7 @@ def _is(x: object, name: str) -> bool:
 
 
 def _key(x: object) -> object:
-    """What makes arguments the same."""
+    """Key that equal arguments share."""
     return (x.serial,) if isinstance(x, Expression) else x
 
 

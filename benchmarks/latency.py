@@ -1,4 +1,4 @@
-"""How long one operation makes the next one wait on this processor, measured: what the bound of one log is made of.
+"""Latency of every operation on this processor, measured: input of the bound on the time of one step.
 
 A chain in which every operation needs the one before runs as a step over a long log. Where an operation alone would
 vanish, or drive the numbers away, one of known latency stands beside it and is taken off again. Each figure is the

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.trace.lower.c_source import literal
+from ohmward.trace.lower.c_operations import literal
 
 HERE = Path(__file__).resolve().parent
+SOURCES = ("startup.c", "replay.c", "board.c")
 TOOLS = ("arm-none-eabi-gcc", "arm-none-eabi-size", "arm-none-eabi-objdump", "qemu-system-arm")
 INSTALL = "apt-get install --no-install-recommends gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
 MACHINE_CODE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
@@ -70,7 +71,7 @@ def link(folder: Path, name: str, arguments: Sequence[float], option: str, machi
     script = (HERE / "cortex-m4f.ld.in").read_text(encoding="utf-8").replace("@FLASH@", machine.flash)
     (folder / "machine.ld").write_text(script, encoding="utf-8")
     (folder / "library.h").write_text(_library_header(name, arguments), encoding="utf-8")
-    sources = [HERE / "startup.c", HERE / "replay.c", folder / f"{name}.o"]
+    sources = [*(HERE / file for file in SOURCES), folder / f"{name}.o"]
     image = folder / "image.elf"
     options = ["-Wno-pedantic", f"-T{folder / 'machine.ld'}", *LINK]
     do([*_compiler(folder, option), "-o", image, *sources, *options])

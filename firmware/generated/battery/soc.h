@@ -1,0 +1,55 @@
+#ifndef SOC_H
+#define SOC_H
+
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define SOC_NO_CURRENT 1 /* no number, or one that no battery has: the last current was held, and faded */
+#define SOC_NO_VOLTAGE 2 /* no number, or one that no battery has: predicted only */
+#define SOC_BAD_TIME 4 /* dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample */
+#define SOC_GAP 8 /* longer than the estimator trusts a straight line between two currents */
+#define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate */
+#define SOC_REST 32 /* current known: the zero-current update was made */
+#define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
+#define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired */
+#define SOC_DIVERGED 256 /* the voltage has contradicted the estimate for too long: SoC was declared unknown */
+
+typedef struct {
+    float belief_mean[3]; /* (n,) */
+    float belief_lower[6]; /* (n (n + 1) / 2,), the lower triangle of the covariance, row by row */
+    float current_A; /* of the sample before */
+} soc_state;
+
+typedef struct {
+    float dt_s; /* time since the sample before [s]; 0 for the first */
+    float current_A; /* measured current [A], > 0 charges */
+    float voltage_V; /* measured terminal voltage [V] of the whole pack */
+    float temperature_degC; /* of the battery */
+} soc_sample;
+
+typedef struct {
+    float soc; /* state of charge in [0, 1] and its standard deviation */
+    float soc_std; /* state of charge in [0, 1] and its standard deviation */
+    float voltage_V; /* terminal voltage [V] expected before the measurement, and how far off it may be */
+    float voltage_std_V; /* terminal voltage [V] expected before the measurement, and how far off it may be */
+    float innovation_V; /* measured minus expected voltage [V]; nan when the voltage was not used */
+    float current_offset_A; /* what the current sensor shows at zero current [A] */
+    float soh_capacity; /* capacity over the battery file's */
+    float resistance_ratio; /* resistance over the battery file's */
+    float flags; /* sum of `SocFlag` values; 0 is a sample without incident */
+} soc_output;
+
+/* The state before the first sample, which is looked at; then give that sample to the step. */
+void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_std);
+
+/* One sample: `state` moves on, `output` is filled. Nothing is allocated, nothing remembered elsewhere. */
+void soc_step(soc_state *state, const soc_sample *sample, soc_output *output);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
