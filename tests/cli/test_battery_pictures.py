@@ -66,7 +66,7 @@ def test_flags_become_stretches():
     flags[100] = SocFlag.VOLTAGE_REJECTED + SocFlag.SOC_LIMITED
     spans = pictures.flag_spans(LOG, flags)
     assert [(s.x_from, s.x_to, s.label, s.role) for s in spans] == [
-        (10.0, 20.0, "rest", "quiet"),
+        (10.0, 20.0, "rest", "background"),
         (15.0, 17.0, "no voltage", "alert"),
         (100.0, 100.0, "voltage rejected", "alert"),
     ]

@@ -57,7 +57,7 @@ def figure(n=50, title="Voltage"):
         title,
         TIME,
         "Voltage [V]",
-        [Series(t, v, "measured", "points", "quiet"), Series(t, v, "model")],
+        [Series(t, v, "measured", "points", "background"), Series(t, v, "model")],
         [Band(t, v - 1, v + 1, "95 %")],
         [Marker(60.0, "pulse")],
         [Span(100.0, 200.0, "rest")],

@@ -65,7 +65,7 @@ def test_the_band_of_the_payload_contains_the_band():
 
 def test_colours_follow_the_roles():
     x = np.arange(2.0)
-    series = [Series(x, x, "a"), Series(x, x, "b", role="estimate"), Series(x, x, "c", role="quiet")]
+    series = [Series(x, x, "a"), Series(x, x, "b", role="estimate"), Series(x, x, "c", role="background")]
     (figure,) = stack([Figure("f", "x", "y", series, [Band(x, x, x, "d")])])["figures"]
     assert [s["colour"] for s in figure["series"]] == ["orange", "blue", "grey"]
     assert figure["bands"][0]["colour"] == "blue"

@@ -37,7 +37,7 @@ def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
 
 def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
     """Measured voltage, and what the estimator expected before it saw it."""
-    series = [Series(log.time_s, log.voltage_V, "measured", role="quiet")]
+    series = [Series(log.time_s, log.voltage_V, "measured", role="background")]
     if estimates is not None and np.isfinite(estimates.voltage_V).any():
         series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
     return Figure("Voltage", TIME, "Voltage [V]", series)
@@ -52,7 +52,7 @@ def temperature_figure(log: Log) -> Figure:
 
 def interval_figure(log: Log) -> Figure:
     """Time from each sample to the next, on a logarithmic axis: gaps and jitter at one glance."""
-    dots = [Series(log.time_s[1:], log.dt_s, "to the sample before", "points", "quiet")]
+    dots = [Series(log.time_s[1:], log.dt_s, "to the sample before", "points", "background")]
     return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
 
 
@@ -124,7 +124,7 @@ def flag_spans(log: Log, flags: np.ndarray, wanted: SocFlag = SocFlag.REST | FAU
     spans = []
     for flag in wanted:
         label = str(flag.name).lower().replace("_", " ")
-        role: Meaning = "quiet" if flag is SocFlag.REST else "alert"
+        role: Meaning = "background" if flag is SocFlag.REST else "alert"
         spans += [
             Span(float(log.time_s[a]), float(log.time_s[b - 1]), label, role)
             for a, b in runs(flags.astype(int) & flag != 0)
@@ -141,7 +141,7 @@ def ocv_figure(
     """Open-circuit voltage: mean curve and branches, the tests and rests behind it, the fit's 95 % interval."""
     soc = np.linspace(0.0, 1.0, 401)
     mean, half = np.asarray(ocv.mean_V(soc, ocv.reference_degC)), np.asarray(ocv.hysteresis_at(soc))
-    series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "quiet") for b in branches]
+    series = [Series(100 * b.soc, b.voltage_V, f"measured {b.direction}", "points", "background") for b in branches]
     series.append(Series(100 * soc, mean, "mean", role="estimate"))
     if half.any():
         series.append(Series(100 * soc, mean + half, "charge branch", "dashed", "comparison"))
@@ -157,7 +157,7 @@ def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
     """Every resistance of the circuit against state of charge, with the fit's 95 % intervals."""
     names = ["R0 discharge", "R0 charge", *(f"R{j}, {seconds_text(tau)}" for j, tau in enumerate(model.tau_s, 1))]
     rows = [model.r0_discharge_ohm, model.r0_charge_ohm, *model.r_ohm]
-    roles: tuple[Meaning, ...] = ("estimate", "quiet", "comparison", "reference", "alert")
+    roles: tuple[Meaning, ...] = ("estimate", "background", "comparison", "reference", "alert")
     soc = 100 * np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
     labelled = list(zip(names, rows, roles, strict=False))
     series = [Series(soc, 1e3 * np.asarray(r), name, role=role) for name, r, role in labelled]
@@ -200,7 +200,7 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     rests = [phase for phase in log.record.phases if phase.kind == "rest"][:_MOST_SPANS]
     spans = [Span(float(whole.time_s[p.first]), float(whole.time_s[p.last]), "rest") for p in rests]
     voltage = [
-        Series(time_s, measured, "measured", role="quiet"),
+        Series(time_s, measured, "measured", role="background"),
         Series(time_s, simulated, "simulated", role="estimate"),
     ]
     residual = [Series(time_s, 1e3 * (measured - simulated), "measured - simulated", role="comparison")]

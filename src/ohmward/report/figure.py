@@ -97,7 +97,7 @@ class Marker(NamedTuple):
 
     x: float
     label: str
-    role: Meaning = "quiet"
+    role: Meaning = "background"
 
 
 class Span(NamedTuple):
@@ -106,7 +106,7 @@ class Span(NamedTuple):
     x_from: float
     x_to: float
     label: str
-    role: Meaning = "quiet"
+    role: Meaning = "background"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
-Meaning = Literal["estimate", "comparison", "reference", "quiet", "alert"]
+Meaning = Literal["estimate", "comparison", "reference", "background", "alert"]
 Role = Meaning | Literal["auto"]
 Theme = Literal["light", "dark"]
 
@@ -41,7 +41,7 @@ MEANING: Final[dict[Meaning, str]] = {
     "estimate": "blue",
     "comparison": "orange",
     "reference": "ink",
-    "quiet": "grey",
+    "background": "grey",
     "alert": "red",
 }
 ROLES: Final = ("auto", *MEANING)

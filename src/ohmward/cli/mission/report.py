@@ -17,7 +17,7 @@ from ohmward.report.palette import Meaning
 
 #: Parts of the power that lie on each other in the picture, and their colours.
 _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
-    "idle": (("idle",), "quiet"),
+    "idle": (("idle",), "background"),
     "windings and gears": (("copper", "drive"), "comparison"),
     "slip": (("slip",), "alert"),
     "rolling": (("rolling",), "estimate"),

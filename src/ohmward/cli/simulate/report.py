@@ -46,7 +46,7 @@ def _speed(run: ClosedLoopRun) -> Figure:
         edges = np.array([*(c.from_s for c in asked), truth.time_s[-1]])
         wanted = np.array([*(c.speed_m_s for c in asked), asked[-1].speed_m_s])
         keep = edges <= truth.time_s[-1]
-        series.append(Series(edges[keep], wanted[keep], "asked for", "step", "quiet"))
+        series.append(Series(edges[keep], wanted[keep], "asked for", "step", "background"))
     if rows.estimate is None:
         return Figure("Speed", TIME, "Speed [m/s]", series)
     v, half = rows.estimate.speed_m_s, BAND_95 * rows.estimate.speed_std_m_s
@@ -64,10 +64,10 @@ def _slips(run: ClosedLoopRun) -> Iterator[Figure]:
             series.append(Series(rows.time_s, forward * rows.estimate.slip_ratio[:, k], "estimated", role="estimate"))
         target = run.history.report.slip_target[:, k]
         if run.scenario.controller.mode == "speed":
-            series.append(Series(truth.time_s, target, "bound", "dashed", "quiet"))
-            series.append(Series(truth.time_s, -target, "bound, braking", "dashed", "quiet"))
+            series.append(Series(truth.time_s, target, "bound", "dashed", "background"))
+            series.append(Series(truth.time_s, -target, "bound, braking", "dashed", "background"))
         elif np.isfinite(target).any():
-            series.append(Series(truth.time_s, target, "set-point", "dashed", "quiet"))
+            series.append(Series(truth.time_s, target, "set-point", "dashed", "background"))
         yield Figure(f"Slip, {_words(place.name)}", TIME, "Slip ratio [-]", series, y_limits=(-1.0, 1.0))
 
 

@@ -17,7 +17,7 @@ from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
 _SHOWN: dict[SlipFlag, Meaning] = {
-    SlipFlag.STANDSTILL: "quiet",
+    SlipFlag.STANDSTILL: "background",
     SlipFlag.SPEED_UNOBSERVED: "comparison",
     SlipFlag.GROUND_CHANGED: "alert",
     SlipFlag.ENCODER_DOUBTED: "alert",
@@ -70,7 +70,7 @@ def speed_figure(task: SlipTask, time_s: np.ndarray, e: SlipEstimate) -> Figure:
     """Speed of the body with its band and what happened, beside what the wheels alone would say."""
     wheels = task.robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(task.robot.rolling[: task.robot.driven]).T
     series = [
-        Series(time_s, wheels[:, 0], "wheels, as if none slipped", role="quiet"),
+        Series(time_s, wheels[:, 0], "wheels, as if none slipped", role="background"),
         Series(time_s, e.speed_m_s, "estimate", role="estimate"),
     ]
     if task.truth:
