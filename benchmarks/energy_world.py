@@ -117,27 +117,35 @@ def drive(rng: np.random.Generator, w: World, course: Course, duration_s: float,
     )
 
 
-def reached(
-    power_W: list[np.ndarray], soc: np.ndarray, soh_capacity: np.ndarray, resistance_ratio: np.ndarray
+def soc_along(
+    power_W: np.ndarray, soc: np.ndarray, soh_capacity: np.ndarray, resistance_ratio: np.ndarray
 ) -> np.ndarray:
-    """(N,) number of steps that each battery lasts, stepped through time at the powers of its own drive."""
+    """(N, T) state of charge of N batteries after each second at the powers (N, T) of their own drives."""
     model = BATTERY.thevenin
     assert model is not None
-    steps = max(map(len, power_W))
-    P = np.array([np.pad(p, (0, steps - len(p)), constant_values=p[-1]) for p in power_W])
     grid = np.linspace(0.0, 1.0, 1001)
     ocv = model.ocv.mean_V(grid, 25.0) - model.ocv.hysteresis_at(grid)
     r0, pairs = model.r0_discharge_ohm[0] * resistance_ratio, [row[0] * resistance_ratio for row in model.r_ohm]
     decays = [np.exp(-DT_S / tau) for tau in model.tau_s]
-    z, volts, lasted = soc.copy(), np.full(soc.size, ocv[-1]), np.full(soc.size, steps)
-    polarised = [np.zeros(soc.size) for _ in pairs]
-    for k in range(steps):
-        current = P[:, k] / volts
+    z, volts = soc.copy(), np.full(soc.size, ocv[-1])
+    polarised, along = [np.zeros(soc.size) for _ in pairs], np.empty(power_W.shape)
+    for k in range(power_W.shape[1]):
+        current = power_W[:, k] / volts
         z = z - current * DT_S / (3600.0 * BATTERY.capacity_Ah * soh_capacity)
         polarised = [d * u + (1 - d) * r * current for d, u, r in zip(decays, polarised, pairs, strict=True)]
         volts = np.interp(z, grid, ocv) - r0 * current - sum(polarised)
-        lasted = np.where((z <= RESERVE_SOC) & (lasted == steps), k, lasted)
-    return lasted
+        along[:, k] = z
+    return along
+
+
+def reached(
+    power_W: list[np.ndarray], soc: np.ndarray, soh_capacity: np.ndarray, resistance_ratio: np.ndarray
+) -> np.ndarray:
+    """(N,) number of steps that each battery lasts, stepped through time at the powers of its own drive."""
+    steps = max(map(len, power_W))
+    P = np.array([np.pad(p, (0, steps - len(p)), constant_values=p[-1]) for p in power_W])
+    empty = soc_along(P, soc, soh_capacity, resistance_ratio) <= RESERVE_SOC
+    return np.where(empty.any(axis=1), empty.argmax(axis=1), steps)
 
 
 def _speed(leg: Leg, rng: np.random.Generator) -> np.ndarray:

@@ -2,17 +2,32 @@
 
 Everything in them is simulated and says so. The battery is identified from its simulated pulse test, as a user would,
 and two estimators run over the simulated day. The drive home is simulated in closed loop, and an observer is chosen for
-its log as `ohmward slip` does.
+its log as `ohmward slip` does. The range is that of a robot from the benchmark's world of robots, which has driven on
+two days before.
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward import Battery, Log, SocEstimate, SocEstimator, identify, make_estimator, make_robot_day
+from ohmward.energy import (
+    BatteryState,
+    Consumption,
+    begin_drive,
+    cut_drive,
+    learn,
+    prior_from_robot,
+    range_left,
+    start,
+    stretch_of,
+    with_terrain,
+)
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.simulate.closed_loop import drive_log, run
@@ -22,7 +37,7 @@ from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.track import Track, observe
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-from ohmward.filters.consistency import BAND_95
+import energy_world
 from svg import to_svg
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -32,9 +47,11 @@ def main() -> None:
     """Write every picture."""
     day = robot_day()
     drive = drive_home()
+    left = range_of_a_day()
     PICTURES.mkdir(exist_ok=True)
     (PICTURES / "robot-day.svg").write_text(to_svg(soc_figure(*day), error_figure(*day)), encoding="utf-8")
     (PICTURES / "drive-home.svg").write_text(to_svg(speed_figure(*drive), slip_figure(*drive)), encoding="utf-8")
+    (PICTURES / "range-left.svg").write_text(to_svg(range_figure(left)), encoding="utf-8")
 
 
 def robot_day() -> tuple[Log, SocEstimate, SocEstimate]:
@@ -53,6 +70,66 @@ def drive_home() -> tuple[DriveLog, Track]:
     """The log of the drive home, and what the observer makes of it."""
     log = drive_log(run(robot_drive()))
     return log, observe(make_observer(RLMA, log, hard_terrain("dry asphalt")).observer, log)
+
+
+class RangeOfADay(NamedTuple):
+    """Along a day, (T,): distance driven [m], quantiles of the range left [m], and the range that really was left."""
+
+    driven_m: np.ndarray
+    p10_m: np.ndarray
+    p50_m: np.ndarray
+    p90_m: np.ndarray
+    truth_m: np.ndarray
+
+
+def range_of_a_day(seed: int = 1, asked_every_s: int = 180) -> RangeOfADay:
+    """The range as a robot foresees it every three minutes until its battery is down to the reserve."""
+    rng = np.random.default_rng(seed)
+    world, course = energy_world.draw_world(rng), energy_world.draw_course(rng)
+    consumption = start(prior_from_robot(RLMA))
+    for _ in range(2):
+        consumption = learn_drive(begin_drive(consumption, days=1.0), energy_world.drive(rng, world, course, 1800.0))
+    consumption = begin_drive(consumption, days=1.0)
+    for leg in course.legs:
+        consumption = with_terrain(consumption, leg.terrain)
+    today = energy_world.drive(rng, world, course, 8 * 3600.0)
+    ones = np.ones(1)
+    soc = energy_world.soc_along(today.power_W[None], 0.9 * ones, ones, ones)[0]
+    driven_m = np.cumsum(today.speed_m_s) * energy_world.DT_S
+    empty = int(np.argmax(soc <= energy_world.RESERVE_SOC))
+    loop = [stretch_of(leg) for leg in course.legs]
+    rows = []
+    for k in range(asked_every_s, empty, asked_every_s):
+        known = learn_drive(consumption, energy_world.Record(*(column[:k] for column in today)))
+        estimated = max(soc[k] + 0.01 * rng.standard_normal(), energy_world.RESERVE_SOC + 1e-3)
+        state = BatteryState(estimated, 0.01, reserve_soc=energy_world.RESERVE_SOC)
+        left = range_left(known, loop, energy_world.BATTERY, state).distance_m
+        rows.append((driven_m[k], left.p10, left.p50, left.p90, driven_m[empty] - driven_m[k]))
+    return RangeOfADay(*np.array(rows).T)
+
+
+def learn_drive(consumption: Consumption, seen: energy_world.Record) -> Consumption:
+    """The consumption after all stretches of a drive, as its sensors saw it."""
+    columns = seen.time_s, seen.seen_speed_m_s, seen.seen_power_W, seen.terrain, seen.seen_grade_rad
+    for driven in cut_drive(*columns):
+        consumption = learn(consumption, driven.stretch, driven.energy_J)
+    return consumption
+
+
+def range_figure(day: RangeOfADay) -> Figure:
+    """Range left with its band from P10 to P90, and the truth."""
+    km = 1e-3
+    return Figure(
+        "A simulated robot on grass, gravel and asphalt, 24 V battery of 5 Ah",
+        "Distance driven [km]",
+        "Range left [km]",
+        [
+            Series(km * day.driven_m, km * day.truth_m, "truth", "dashed", "reference"),
+            Series(km * day.driven_m, km * day.p50_m, "ohmward", role="estimate"),
+        ],
+        [Band(km * day.driven_m, km * day.p10_m, km * day.p90_m, "P10 to P90")],
+        height_px=220,
+    )
 
 
 def soc_figure(log: Log, filtered: SocEstimate, counted: SocEstimate) -> Figure:
