@@ -102,8 +102,6 @@ def choose(condition: Any, a: Any, b: Any) -> Any:
     """`a` where the scalar condition holds, else `b`, element by element through NamedTuples, arrays and numbers."""
     if isinstance(a, tuple):
         return type(a)(*(choose(condition, x, y) for x, y in zip(a, b, strict=True)))
-    if isinstance(a, np.ndarray):
-        return np.array([choose(condition, x, y) for x, y in zip(a, b, strict=True)])
     return where(condition, a, b)
 
 

@@ -34,7 +34,7 @@ LAYER_RULES: Rules = ((1.2, 1.0, 1.0), (1.1, 1.0, 0.9), (1.0, 1.0, 1.0))
 
 
 class FuzzyMemory(NamedTuple):
-    """What the plain law remembers, sigma [m/s] of the last step, and its rate [m/s^2] through a lag."""
+    """Memory of the plain law, sigma [m/s] of the last step, and its rate [m/s^2] through a lag."""
 
     sliding: SlidingMemory
     sigma_m_s: Any
@@ -77,15 +77,16 @@ class FuzzySlidingMode:
         layer = self.sliding.layer_m_s(k, motion.dt_s)
         x = minimum(abs(here.sigma) / layer, 1.0)
         y = clip(where(here.sigma >= 0, 1.0, -1.0) * memory.rate_m_s2 / k, -1.0, 1.0)
-        shares = infer(self.gain_rules, x, y), infer(self.layer_rules, x, y)
-        return self.sliding.torque_with(shares[0] * k, shares[1] * layer, memory.sliding, motion, wheel)
+        adapted_k = infer(self.gain_rules, x, y) * k
+        adapted_layer = infer(self.layer_rules, x, y) * layer
+        return self.sliding.torque_with(adapted_k, adapted_layer, memory.sliding, motion, wheel)
 
-    def remember(self, memory: FuzzyMemory, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> FuzzyMemory:
+    def remember(self, memory: FuzzyMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> FuzzyMemory:
         """The plain law's memory, and the rate of sigma through its own time constant."""
         sigma = self.sliding.surface(motion).sigma
         lag = self.sliding.time_constant_s + motion.dt_s
         rate = memory.rate_m_s2 + (sigma - memory.sigma_m_s - memory.rate_m_s2 * motion.dt_s) / lag
-        return FuzzyMemory(self.sliding.remember(memory.sliding, motion, wished_Nm, torque_Nm), sigma, rate)
+        return FuzzyMemory(self.sliding.remember(memory.sliding, motion, demanded_Nm, torque_Nm), sigma, rate)
 
 
 def infer(rules: Rules, size: Any, motion: Any) -> Any:
@@ -96,5 +97,5 @@ def infer(rules: Rules, size: Any, motion: Any) -> Any:
 
 
 def _member(value: Any, centres: tuple[float, float, float], index: int) -> Any:
-    """How much a value belongs to the triangle around a centre, [0, 1]."""
+    """Membership [0, 1] of a value in the triangle around a centre."""
     return maximum(1.0 - abs(value - centres[index]) / (centres[1] - centres[0]), 0.0)

@@ -8,7 +8,7 @@ k = beta (df + eta) + (beta - 1) |-f_hat + dlambda_d/dt|
 
 In the text that we worked from, B lacks 1 - lambda (5.26), f_hat has the wrong sign and B_hat^-1 stands twice
 (5.33-5.35), sat is 1 inside the layer (5.47). B vanishes for a wheel that spins at standstill and all of it grows
-without bound towards V = 0: both are kept from zero here by floors, and the law is good for a robot that moves.
+without bound towards V = 0: floors hold both away from zero here, and the law is good for a robot that moves.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ohmward.checks import require_positive
 from ohmward.trace import clip, maximum, minimum
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.sliding_mode import Uncertainty
-from ohmward.traction.control.slip_law import Motion, Nothing
+from ohmward.traction.control.slip_law import Motion, NoMemory
 
 #: The least 1 - lambda that the law divides by.
 LEAST_GRIP = 0.05
@@ -40,7 +40,7 @@ class SlipRatioSlidingMode:
     """Settings of the law.
 
     Attributes:
-        uncertainty: what the gain has to outweigh.
+        uncertainty: that the gain has to outweigh.
         reaching_per_s: eta, > 0.
         layer: phi, as a slip ratio, > 0.
         floor_m_s: least V, > 0.
@@ -55,11 +55,11 @@ class SlipRatioSlidingMode:
         for name in ("reaching_per_s", "layer", "floor_m_s"):
             require_positive(f"slip_ratio_sliding_mode.{name}", getattr(self, name))
 
-    def init(self, zero: Any) -> Nothing:
-        """The law remembers nothing."""
-        return Nothing()
+    def init(self, zero: Any) -> NoMemory:
+        """The law has no memory."""
+        return NoMemory()
 
-    def torque_Nm(self, memory: Nothing, motion: Motion, wheel: DrivenWheel) -> Any:
+    def torque_Nm(self, memory: NoMemory, motion: Motion, wheel: DrivenWheel) -> Any:
         """Torque [N m] at the wheel without limits."""
         d = self.dynamics(motion, wheel)
         beta = self.uncertainty.inertia_factor
@@ -67,12 +67,12 @@ class SlipRatioSlidingMode:
         k = beta * (d.f_error + self.reaching_per_s) + (beta - 1) * abs(u)
         return (u - k * clip((d.slip_ratio - motion.slip_target) / self.layer, -1.0, 1.0)) / d.B
 
-    def remember(self, memory: Nothing, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> Nothing:
-        """Nothing to remember."""
+    def remember(self, memory: NoMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> NoMemory:
+        """The same: the law has no memory."""
         return memory
 
     def dynamics(self, motion: Motion, wheel: DrivenWheel) -> SlipDynamics:
-        """f, B and the bound of f, with V and 1 - lambda kept from zero."""
+        """f, B and the bound of f, with V and 1 - lambda held away from zero."""
         r, J, unsure = wheel.radius_m, wheel.inertia_kg_m2, self.uncertainty
         V = maximum(maximum(motion.rim_m_s, motion.travel_m_s), self.floor_m_s)
         slip = (motion.rim_m_s - motion.travel_m_s) / V

@@ -9,9 +9,9 @@ from ohmward.traction.control import Limits
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-3, 3), st.floats(0, 1))
-def test_size_and_rate_are_kept(wished, before, dt_s):
+def test_size_and_rate_are_kept(demanded, before, dt_s):
     limits = Limits(3.0, 50.0)
-    torque = limits.apply(wished, before, dt_s)
+    torque = limits.apply(demanded, before, dt_s)
     assert abs(torque) <= 3.0
     assert abs(torque - before) <= 50.0 * dt_s + 1e-12
 

@@ -196,5 +196,5 @@ def test_it_traces_and_the_compiled_step_is_the_same(law):
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match=r"slip_controller.reset_after_s must be > 0"):
-        controller(reset_after_s=0.0)
+    with pytest.raises(InputError, match=r"slip_controller.unreachable_after_s must be > 0"):
+        controller(unreachable_after_s=0.0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.filters.gate import choose
 from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
 from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.trace import clip, where
@@ -29,7 +30,6 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
-from ohmward.traction.control.slip_controller import choose_memory
 from ohmward.traction.control.slip_law import SlipLaw
 from ohmward.traction.robot.robot import Robot
 
@@ -243,7 +243,7 @@ def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
         due = state.age_s > CASCADE_S - 0.5 * dt_s
         fresh = outer.step(state.outer, command, m, CASCADE_S)
         kept = state.outer, state.reference_rad_s, state.report
-        after, reference, report = (choose_memory(due, new, old) for new, old in zip(fresh, kept, strict=True))
+        after, reference, report = (choose(due, new, old) for new, old in zip(fresh, kept, strict=True))
         motor, torque = drive.step(state.drive, reference, m.wheel_speed_rad_s, dt_s)
         age_s = where(due, 0.0, state.age_s) + dt_s
         return CascadeLoop(after, motor, reference, report, age_s), torque, report

@@ -1,7 +1,7 @@
 """Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
 
 from ohmward.traction.control.driven_wheel import DrivenWheel, driven_wheel
-from ohmward.traction.control.force_filter import Observer
+from ohmward.traction.control.force_filter import ForceFilter
 from ohmward.traction.control.limits import Limits
 from ohmward.traction.control.set_point_seeker import SetPoint, SetPointSeeker
 from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand, SpeedCommand
@@ -15,9 +15,9 @@ from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
 __all__ = [
     "ControlFlag",
     "DrivenWheel",
+    "ForceFilter",
     "Limits",
     "Measurement",
-    "Observer",
     "Report",
     "SetPoint",
     "SetPointSeeker",

@@ -1,4 +1,4 @@
-"""What a controller knows of its wheel."""
+"""Parameters of a driven wheel: radius, inertia, load and its share of the robot's mass."""
 
 from __future__ import annotations
 

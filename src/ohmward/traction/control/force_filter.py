@@ -1,8 +1,8 @@
-"""Force of the ground and acceleration of the body, from what every drive knows.
+"""Force of the ground and acceleration of the body, from the signals that every drive has.
 
 F_hat = (tau - J domega/dt) / r,   a_hat = dv/dt,   each through a lag of the first order.
 
-An estimator that runs as fast as the controller knows both better; what it gives is taken as it is.
+An estimator that runs as fast as the controller knows both better; its values are taken as they are.
 
 The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative, dt cancels, and
 dt = 0 is as good as any other.
@@ -18,13 +18,19 @@ from ohmward.trace import where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.signals import Measurement
 
-#: No wheel, robot or clock of a controller has more: rad/s, m/s, N, m/s^2, and seconds between two steps. It is a
-#: fault then, as no number is.
-FASTEST_RAD_S, FASTEST_M_S, MOST_N, MOST_M_S2, LONGEST_STEP_S = 1e5, 1e3, 1e7, 1e5, 60.0
+#: Larger values [rad/s, m/s, N, m/s^2] are faults, as nan is: no wheel or robot has them.
+FASTEST_RAD_S = 1e5
+FASTEST_M_S = 1e3
+MOST_N = 1e7
+MOST_M_S2 = 1e5
+#: A longer time [s] between two steps is a fault of the clock.
+LONGEST_STEP_S = 60.0
+#: Rates are taken over at least this time [s], so that a step of no time divides by something.
+SHORTEST_STEP_S = 1e-9
 
 
-class Observed(NamedTuple):
-    """What is believed of a wheel: the last usable speeds, and what follows from their change.
+class WheelEstimate(NamedTuple):
+    """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change.
 
     wheel_speed_rad_s, travel_speed_m_s: last usable ones, the latter brought up to now.
     force_N:          of the ground along x.
@@ -40,14 +46,14 @@ class Observed(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Observer:
-    """Lags and limits of belief.
+class ForceFilter:
+    """Lags, and limits of a usable measurement.
 
     Attributes:
         force_lag_s: of the force, > 0; a few steps of the controller.
         acceleration_lag_s: of the acceleration, > 0.
         oldest_s: an older travel speed is stale.
-        largest_std_m_s: a travel speed with a larger standard deviation is as good as none.
+        largest_std_m_s: a travel speed with a larger standard deviation is not used.
     """
 
     force_lag_s: float = 0.005
@@ -57,13 +63,13 @@ class Observer:
 
     def __post_init__(self) -> None:
         for name in ("force_lag_s", "acceleration_lag_s", "oldest_s", "largest_std_m_s"):
-            require_positive(f"observer.{name}", getattr(self, name))
+            require_positive(f"force_filter.{name}", getattr(self, name))
 
-    def init(self, first: Measurement) -> Observed:
-        """Before the first step: no force and no acceleration; a wheel that is not measured counts as at rest."""
+    def init(self, first: Measurement) -> WheelEstimate:
+        """Estimate before the first step: no force and no acceleration; a wheel that is not measured is at rest."""
         usable = self.usable(first)
         zero = where(usable, 0.0, 0.0)
-        return Observed(
+        return WheelEstimate(
             where(usable, first.wheel_speed_rad_s, 0.0),
             where(usable, first.travel_speed_m_s, 0.0),
             zero,
@@ -72,32 +78,34 @@ class Observer:
         )
 
     def usable(self, m: Measurement) -> Any:
-        """Whether a controller may act on a measurement."""
+        """True where a controller may act on a measurement."""
         possible = (abs(m.wheel_speed_rad_s) <= FASTEST_RAD_S) & (abs(m.travel_speed_m_s) <= FASTEST_M_S)
-        return (
-            possible & (m.age_s >= 0.0) & (m.age_s <= self.oldest_s) & (m.travel_speed_std_m_s <= self.largest_std_m_s)
-        )
+        recent = (m.age_s >= 0.0) & (m.age_s <= self.oldest_s)
+        return possible & recent & (m.travel_speed_std_m_s <= self.largest_std_m_s)
 
-    def observe(self, before: Observed, torque_Nm: Any, m: Measurement, wheel: DrivenWheel, dt_s: Any) -> Observed:
-        """What is believed after a step under `torque_Nm`; nothing is learned across a gap in the measurements."""
+    def update(
+        self, before: WheelEstimate, torque_Nm: Any, m: Measurement, wheel: DrivenWheel, dt_s: Any
+    ) -> WheelEstimate:
+        """Estimate after a step under `torque_Nm`; force and acceleration hold across a gap in the measurements."""
         usable = self.usable(m)
         omega = where(usable, m.wheel_speed_rad_s, before.wheel_speed_rad_s)
         v = where(usable, m.travel_speed_m_s + before.acceleration_m_s2 * m.age_s, before.travel_speed_m_s)
         impulse = torque_Nm * dt_s - wheel.inertia_kg_m2 * (omega - before.wheel_speed_rad_s)
-        force = (impulse / wheel.radius_m - before.force_N * dt_s) / (self.force_lag_s + dt_s)
-        change = v - before.travel_speed_m_s - before.acceleration_m_s2 * dt_s
-        learn = usable & (before.known > 0.5)
-        seen_N = before.force_N + where(learn, force, 0.0)
-        seen_m_s2 = before.acceleration_m_s2 + where(learn, change / (self.acceleration_lag_s + dt_s), 0.0)
-        return Observed(
+        force_change = (impulse / wheel.radius_m - before.force_N * dt_s) / (self.force_lag_s + dt_s)
+        speed_change = v - before.travel_speed_m_s - before.acceleration_m_s2 * dt_s
+        acceleration_change = speed_change / (self.acceleration_lag_s + dt_s)
+        continuous = usable & (before.known > 0.5)
+        filtered_N = before.force_N + where(continuous, force_change, 0.0)
+        filtered_m_s2 = before.acceleration_m_s2 + where(continuous, acceleration_change, 0.0)
+        return WheelEstimate(
             omega,
             v,
-            where(usable & (abs(m.force_N) <= MOST_N), m.force_N, seen_N),
-            where(usable & (abs(m.acceleration_m_s2) <= MOST_M_S2), m.acceleration_m_s2, seen_m_s2),
+            where(usable & (abs(m.force_N) <= MOST_N), m.force_N, filtered_N),
+            where(usable & (abs(m.acceleration_m_s2) <= MOST_M_S2), m.acceleration_m_s2, filtered_m_s2),
             where(usable, 1.0, 0.0),
         )
 
 
-def believable_step_s(dt_s: Any) -> Any:
-    """The time since the step before [s]; 0, in which nothing changes, where the clock says what cannot be."""
+def plausible_step_s(dt_s: Any) -> Any:
+    """The time since the step before [s]; 0, in which nothing changes, where the clock gives an impossible one."""
     return where((dt_s > 0.0) & (dt_s <= LONGEST_STEP_S), dt_s, 0.0)

@@ -1,4 +1,4 @@
-"""What a drive can do: torque, and how fast it may change."""
+"""Limits of a drive: torque, and its rate of change."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ SAME_TORQUE = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """Of the torque at the wheel.
+    """Limits of the torque at the wheel.
 
     Attributes:
         torque_Nm: largest size, > 0.
-        rate_Nm_per_s: largest change, > 0.
+        rate_Nm_per_s: largest rate of change, > 0.
     """
 
     torque_Nm: float
@@ -35,12 +35,12 @@ class Limits:
         constant = motor.wheel_constant_Nm_per_A
         return cls(constant * current_A, constant * rate_A_per_s)
 
-    def apply(self, wished_Nm: Any, before_Nm: Any, dt_s: Any) -> Any:
-        """The torque nearest to the wished one that may follow on `before_Nm`, which is within the limits."""
+    def apply(self, demanded_Nm: Any, before_Nm: Any, dt_s: Any) -> Any:
+        """The torque nearest to the demanded one that may follow `before_Nm`, which is within the limits."""
         change = self.rate_Nm_per_s * dt_s
-        return clip(clip(wished_Nm, before_Nm - change, before_Nm + change), -self.torque_Nm, self.torque_Nm)
+        return clip(clip(demanded_Nm, before_Nm - change, before_Nm + change), -self.torque_Nm, self.torque_Nm)
 
 
-def limited(wished_Nm: Any, torque_Nm: Any) -> Any:
-    """Whether the torque is another one than was asked for."""
-    return abs(wished_Nm - torque_Nm) > SAME_TORQUE
+def limited(demanded_Nm: Any, torque_Nm: Any) -> Any:
+    """True where the torque differs from the demanded one."""
+    return abs(demanded_Nm - torque_Nm) > SAME_TORQUE

@@ -1,4 +1,4 @@
-"""Finds the slip to hold while driving: of maximum traction, or of least energy.
+"""Extremum seeking of the slip to hold while driving: of maximum traction, or of least energy.
 
 Around the present slip the adhesion mu = F/N is a line, its slope the regression of mu on lambda over the last seconds:
 
@@ -30,7 +30,7 @@ _LEAST_ADHESION = 0.01
 
 
 class SeekerState(NamedTuple):
-    """Moments of slip and adhesion over the window, the set-point, and the time [s] that was learned from."""
+    """Moments of slip and adhesion over the window, the set-point, and the time [s] learned from."""
 
     slip: Any
     adhesion: Any
@@ -128,7 +128,7 @@ class SetPointSeeker:
         )
 
     def gradient(self, learned: SeekerState, slope: Any) -> Any:
-        """How fast the objective grows with slip."""
+        """Derivative of the objective with respect to slip."""
         if self.objective == "traction":
             return slope - self.least_slope
         mu, rho = maximum(learned.adhesion, _LEAST_ADHESION), self.resistance_ratio

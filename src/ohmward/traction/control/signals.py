@@ -1,4 +1,4 @@
-"""What goes into the controllers and what comes out of them.
+"""Inputs and outputs of the controllers: measurement, commands, report and flags.
 
 Every field is a number, or (n,) for n driven wheels: the controllers work element by element. x points forward.
 """
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 
 class ControlFlag(IntFlag):
-    """What a controller has to say about its step; `Report.flags` is their sum."""
+    """Conditions of a step of a controller; `Report.flags` is their sum."""
 
     STALE = 1  #: the measurement is too old, too uncertain or no number: torque goes to zero
     STOPPED = 2  #: too slow for slip to mean anything: a slip controller gives no torque, the speed controller holds
@@ -20,13 +20,13 @@ class ControlFlag(IntFlag):
 
 
 class Measurement(NamedTuple):
-    """What is known of a driven wheel.
+    """Measured or estimated motion of a driven wheel.
 
     wheel_speed_rad_s:    of the wheel, > 0 forward.
     travel_speed_m_s:     of the wheel's centre along the wheel, measured or estimated.
     age_s:                of the travel speed, >= 0.
     travel_speed_std_m_s: its standard deviation.
-    force_N:              of the ground on the wheel, from an estimator; nan where the controller has to see it itself.
+    force_N:              of the ground on the wheel, from an estimator; nan where there is none.
     acceleration_m_s2:    of the wheel's centre, likewise.
     """
 
@@ -61,13 +61,13 @@ class SpeedCommand(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What a controller saw and did.
+    """Slip, force and torque of a step, with flags.
 
     slip_ratio:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`.
     slip_target: slip ratio that is held now, or the bound.
     surface_m_s: distance from it as a slip speed, > 0 where slip is too large; see `surface`.
-    force_N:     of the ground on the wheel, along x, as observed.
-    wished_Nm:   torque without limits.
+    force_N:     of the ground on the wheel, along x, as estimated.
+    demanded_Nm: torque without limits.
     flags:       sum of `ControlFlag`.
     """
 
@@ -75,5 +75,5 @@ class Report(NamedTuple):
     slip_target: Any
     surface_m_s: Any
     force_N: Any
-    wished_Nm: Any
+    demanded_Nm: Any
     flags: Any

@@ -31,7 +31,7 @@ STEPS_PER_TIME_CONSTANT = 5.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Bounds of what a law does not know.
+    """Bounds of the errors of a law's model.
 
     Attributes:
         force_N: dF, of the ground's force, >= 0.
@@ -60,8 +60,8 @@ class SlidingMode:
     """Settings of the law.
 
     Attributes:
-        uncertainty: what the gain has to outweigh.
-        reaching_m_s2: eta, at least so fast sigma comes down outside the layer, > 0.
+        uncertainty: that the gain has to outweigh.
+        reaching_m_s2: eta, least rate at which sigma comes down outside the layer, > 0.
         time_constant_s: T, of sigma inside the layer, > 0.
         integral_per_s: k_i, >= 0.
     """
@@ -90,33 +90,33 @@ class SlidingMode:
         """Torque [N m] of the law with another gain k [m/s^2] and layer."""
         here = self.surface(motion)
         reached = clip((here.sigma + self.integral_per_s * memory.integral_m) / layer_m_s, -1.0, 1.0)
-        rate = wanted_rate(here, motion) - k * reached
+        rate = equivalent_rate(here, motion) - k * reached
         return wheel.radius_m * motion.force_N + wheel.inertia_kg_m2 / (here.gain * wheel.radius_m) * rate
 
-    def remember(self, memory: SlidingMemory, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> SlidingMemory:
-        """The integral goes on above the floor unless the torque is limited and sigma would push it further."""
+    def remember(self, memory: SlidingMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> SlidingMemory:
+        """The integral grows above the floor, unless the torque is limited and sigma would wind it up."""
         sigma = self.surface(motion).sigma
-        pushing = limited(wished_Nm, torque_Nm) & ((torque_Nm - wished_Nm) * sigma > 0.0)
-        integral = memory.integral_m + where(pushing, 0.0, sigma * motion.dt_s)
+        windup = limited(demanded_Nm, torque_Nm) & ((torque_Nm - demanded_Nm) * sigma > 0.0)
+        integral = memory.integral_m + where(windup, 0.0, sigma * motion.dt_s)
         rolling = maximum(abs(motion.rim_m_s), abs(motion.travel_m_s)) > motion.floor_m_s
         return SlidingMemory(where(rolling, integral, 0.0))
 
     def surface(self, motion: Motion) -> SlidingSurface:
-        """The surface of the slip that is wanted."""
+        """The surface of the target slip."""
         return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
 
     def gain_m_s2(self, here: SlidingSurface, motion: Motion, wheel: DrivenWheel) -> Any:
         """The least k that keeps the sliding condition."""
-        unsure, beta = self.uncertainty, self.uncertainty.inertia_factor
-        by_force = here.gain * wheel.radius_m**2 * unsure.force_N / wheel.inertia_kg_m2
-        by_inertia = (beta - 1) * abs(wanted_rate(here, motion))
-        return by_force + by_inertia + beta * (here.drift * unsure.acceleration_m_s2 + self.reaching_m_s2)
+        beta = self.uncertainty.inertia_factor
+        by_force = here.gain * wheel.radius_m**2 * self.uncertainty.force_N / wheel.inertia_kg_m2
+        by_inertia = (beta - 1) * abs(equivalent_rate(here, motion))
+        return by_force + by_inertia + beta * (here.drift * self.uncertainty.acceleration_m_s2 + self.reaching_m_s2)
 
     def layer_m_s(self, k: Any, dt_s: Any) -> Any:
         """Phi for the gain k."""
         return k * maximum(self.time_constant_s, STEPS_PER_TIME_CONSTANT * dt_s)
 
 
-def wanted_rate(here: SlidingSurface, motion: Motion) -> Any:
-    """What gain r domega/dt has to be for sigma to stay as it is [m/s^2]."""
+def equivalent_rate(here: SlidingSurface, motion: Motion) -> Any:
+    """The gain r domega/dt [m/s^2] that holds sigma constant."""
     return here.drift * motion.acceleration_m_s2 + here.reference_speed * motion.target_rate_per_s

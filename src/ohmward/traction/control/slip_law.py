@@ -1,4 +1,4 @@
-"""The one interface of the slip laws: torque from motion, and what to remember of it."""
+"""Interface of the slip laws: torque from motion, and the memory between steps."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from ohmward.traction.control.driven_wheel import DrivenWheel
 
 
 class Motion(NamedTuple):
-    """A wheel and the slip that it should have, along the direction that is commanded: a law knows no reverse.
+    """Motion of a wheel and the slip that it should have, along the commanded direction: a law knows no reverse.
 
     rim_m_s, travel_m_s: speeds of rim and of the wheel's centre.
-    acceleration_m_s2:   of the wheel's centre, as believed.
-    force_N:             of the ground on the wheel, as believed.
+    acceleration_m_s2:   of the wheel's centre, as estimated.
+    force_N:             of the ground on the wheel, as estimated.
     slip_target:         slip ratio in (-1, 1).
     target_rate_per_s:   its rate of change.
     floor_m_s:           v_0 of the surface, below which a slip speed is held instead of a slip ratio.
-    dt_s:                for how long the torque will be held.
+    dt_s:                time for which the torque will be held.
     launch:              l of the surface.
     """
 
@@ -42,10 +42,10 @@ class SlipLaw(Protocol):
         """Torque at the wheel without limits."""
         ...
 
-    def remember(self, memory: Any, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> Any:
-        """Memory after a step in which `torque_Nm` was given where the law wished for `wished_Nm`."""
+    def remember(self, memory: Any, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> Any:
+        """Memory after a step in which `torque_Nm` was given where the law demanded `demanded_Nm`."""
         ...
 
 
-class Nothing(NamedTuple):
+class NoMemory(NamedTuple):
     """The memory of a law without one."""

@@ -3,7 +3,7 @@
 tau = K_p e + K_i int e dt + K_d de/dt,   e = -sigma / V_f
 
 The error is that of the slip ratio, taken against v_0 below it; its derivative goes through a lag. The integral stops
-while the torque is limited and the error would push it further.
+while the torque is limited and the error would wind it up.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ class SlipPid:
         rate = self.rate_per_s(memory, error, motion.dt_s)
         return self.proportional_Nm * error + memory.integral_Nm + self.derivative_Nm_s * rate
 
-    def remember(self, memory: PidMemory, motion: Motion, wished_Nm: Any, torque_Nm: Any) -> PidMemory:
+    def remember(self, memory: PidMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> PidMemory:
         """The integral and the error after the step."""
         error = self.error(motion)
-        pushing = limited(wished_Nm, torque_Nm) & ((wished_Nm - torque_Nm) * error > 0.0)
-        more = where(pushing, 0.0, self.integral_Nm_per_s * error * motion.dt_s)
+        windup = limited(demanded_Nm, torque_Nm) & ((demanded_Nm - torque_Nm) * error > 0.0)
+        more = where(windup, 0.0, self.integral_Nm_per_s * error * motion.dt_s)
         return PidMemory(memory.integral_Nm + more, error, self.rate_per_s(memory, error, motion.dt_s))
 
     def error(self, motion: Motion) -> Any:
-        """e, missing slip ratio."""
+        """e: slip ratio that is lacking."""
         here = surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
         return -here.sigma / here.reference_speed
 

@@ -1,11 +1,11 @@
-"""Holds a speed within bounds of slip: the mode in which a robot drives.
+"""Speed controller within bounds of slip: the mode in which a robot drives.
 
 F = m [a_ref + 2 w e + w^2 int e dt],   e = v_ref - v,   tau = r F + J a_ref / r,   then between two bounds:
 
 tau(-lambda_max) <= tau <= tau(+lambda_max)
 
 The bounds are the torques with which the sliding mode law would hold the slips -lambda_max and +lambda_max. While the
-wheel grips they leave room; where the ground gives way the speed loop loses its say, continuously, and the law holds
+wheel grips they leave room; where the ground gives way they override the speed loop, continuously, and the law holds
 the slip at its bound until the speed needs less. While the torque is bounded v_ref goes no further than the speed
 itself, and the integral waits.
 
@@ -24,31 +24,30 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from ohmward.checks import require_positive
-from ohmward.trace import clip, maximum, minimum, sqrt, where
+from ohmward.filters.flags import flags_of
+from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.force_filter import Observed, Observer, believable_step_s
+from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.limits import Limits, limited
 from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 
-#: A shorter time [s] is no time to take a rate over.
-_SHORTEST = 1e-9
 #: A smaller bound of slip is below what any estimate of speed resolves, and would ask for a force beyond measure.
 _LEAST_BOUND = 1e-3
 
 
 class SpeedState(NamedTuple):
-    """What the controller carries from step to step.
+    """State of the speed controller.
 
-    seen:          what is believed of the wheel.
+    estimate:      of the wheel.
     torque_Nm:     given in the last step.
     reference_m_s: speed reached by the ramp.
     integral_m:    of the speed error.
     """
 
-    seen: Observed
+    estimate: WheelEstimate
     torque_Nm: Any
     reference_m_s: Any
     integral_m: Any
@@ -68,10 +67,10 @@ class SpeedController:
     """Settings; `init` and `step` are pure functions of them.
 
     Attributes:
-        wheel: what is known of each driven wheel.
+        wheel: parameters of each driven wheel.
         law: that holds the slip at its bounds.
         limits: of the torque.
-        observer: of force and acceleration, and what it takes as a measurement.
+        force_filter: estimates force and acceleration.
         acceleration_m_s2: a, most of the ramp, > 0.
         easing_m_s: v_e, the last part of a change of speed, over which it eases off, > 0.
         bandwidth_rad_s: w, of the speed loop, > 0.
@@ -82,7 +81,7 @@ class SpeedController:
     wheel: DrivenWheel
     law: SlidingMode
     limits: Limits
-    observer: Observer = field(default_factory=Observer)
+    force_filter: ForceFilter = field(default_factory=ForceFilter)
     acceleration_m_s2: float = 0.5
     easing_m_s: float = 0.25
     bandwidth_rad_s: float = 3.0
@@ -94,57 +93,66 @@ class SpeedController:
             require_positive(f"speed_controller.{name}", getattr(self, name))
 
     def init(self, first: Measurement) -> SpeedState:
-        """The state before the first step: no torque, and the ramp starts from the present speed."""
-        seen = self.observer.init(first)
-        zero = 0.0 * seen.wheel_speed_rad_s
-        return SpeedState(seen, zero, seen.travel_speed_m_s, zero)
+        """State before the first step: no torque, and the ramp starts from the present speed."""
+        estimate = self.force_filter.init(first)
+        zero = 0.0 * estimate.wheel_speed_rad_s
+        return SpeedState(estimate, zero, estimate.travel_speed_m_s, zero)
 
     def step(
         self, state: SpeedState, command: SpeedCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[SpeedState, Any, Report]:
-        """The state after the step, the torque [N m] to hold for the next `dt_s`, and what the controller saw."""
-        dt_s = believable_step_s(dt_s)
-        seen = self.observer.observe(state.seen, state.torque_Nm, measurement, self.wheel, dt_s)
-        known, understood = seen.known > 0.5, understandable(command)
-        acting = known & understood
-        rim = self.wheel.radius_m * seen.wheel_speed_rad_s
-        stopped = self.stopped(state, command, seen)
+        """State after the step, torque [N m] to hold for the next `dt_s`, and report."""
+        dt_s = plausible_step_s(dt_s)
+        estimate = self.force_filter.update(state.estimate, state.torque_Nm, measurement, self.wheel, dt_s)
+        known = estimate.known > 0.5
+        valid = is_speed(command)
+        acting = known & valid
+        rim = self.wheel.radius_m * estimate.wheel_speed_rad_s
+        stopped = self.stopped(state, command, estimate)
 
         acceleration = self.ramp_m_s2(state, command, dt_s)
-        error = state.reference_m_s - where(stopped, rim, seen.travel_speed_m_s)
-        wished = where(acting, self.speed_torque_Nm(acceleration, error, state.integral_m), 0.0)
-        bounds = self.bounds(command, seen, dt_s)
-        bounded = where(acting, between(wished, bounds), 0.0)
+        error = state.reference_m_s - where(stopped, rim, estimate.travel_speed_m_s)
+        demanded = where(acting, self.speed_torque_Nm(acceleration, error, state.integral_m), 0.0)
+        bounds = self.bounds(command, estimate, dt_s)
+        bounded = where(acting, between(demanded, bounds), 0.0)
         torque = self.limits.apply(bounded, state.torque_Nm, dt_s)
 
-        lacking = where(limited(wished, torque), wished - torque, 0.0)
+        lacking = where(limited(demanded, torque), demanded - torque, 0.0)
         waiting = lacking * acceleration > 0.0
-        ahead = (seen.travel_speed_m_s - state.reference_m_s) * acceleration > 0.0
-        held = where(ahead, seen.travel_speed_m_s, state.reference_m_s)
-        reference = where(waiting, held, state.reference_m_s + acceleration * dt_s)
+        reference = self.next_reference(state, estimate, waiting, acceleration, dt_s)
         integral = state.integral_m + where(waiting | (lacking * error > 0.0), 0.0, error * dt_s)
         after = SpeedState(
-            seen,
+            estimate,
             torque,
-            where(acting, reference, seen.travel_speed_m_s),
+            where(acting, reference, estimate.travel_speed_m_s),
             where(acting, integral, 0.0),
         )
-        flags = (
-            where(known, 0.0, float(ControlFlag.STALE))
-            + where(stopped & acting, float(ControlFlag.STOPPED), 0.0)
-            + where(limited(bounded, torque), float(ControlFlag.TORQUE_LIMITED), 0.0)
-            + where(limited(wished, bounded), float(ControlFlag.SLIP_BOUND), 0.0)
-            + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
+        flags = flags_of(
+            {
+                ControlFlag.STALE: logical_not(known),
+                ControlFlag.STOPPED: stopped & acting,
+                ControlFlag.TORQUE_LIMITED: limited(bounded, torque),
+                ControlFlag.SLIP_BOUND: limited(demanded, bounded),
+                ControlFlag.BAD_COMMAND: logical_not(valid),
+            }
         )
-        sigma = where(wished >= 0, bounds.upper_sigma, bounds.lower_sigma)
-        ratio = driving_slip_ratio(rim, seen.travel_speed_m_s)
-        return after, torque, Report(ratio, command.slip_bound, sigma, seen.force_N, wished, flags)
+        sigma = where(demanded >= 0, bounds.upper_sigma, bounds.lower_sigma)
+        ratio = driving_slip_ratio(rim, estimate.travel_speed_m_s)
+        return after, torque, Report(ratio, command.slip_bound, sigma, estimate.force_N, demanded, flags)
+
+    def next_reference(
+        self, state: SpeedState, estimate: WheelEstimate, waiting: Any, acceleration_m_s2: Any, dt_s: Any
+    ) -> Any:
+        """Reference speed after the step; while torque is lacking, no farther than the speed itself."""
+        ahead = (estimate.travel_speed_m_s - state.reference_m_s) * acceleration_m_s2 > 0.0
+        held = where(ahead, estimate.travel_speed_m_s, state.reference_m_s)
+        return where(waiting, held, state.reference_m_s + acceleration_m_s2 * dt_s)
 
     def ramp_m_s2(self, state: SpeedState, command: SpeedCommand, dt_s: Any) -> Any:
         """Acceleration of the reference towards the command."""
-        to_go = where(understandable(command), command.speed_m_s, 0.0) - state.reference_m_s
+        to_go = where(is_speed(command), command.speed_m_s, 0.0) - state.reference_m_s
         most = self.acceleration_m_s2 * minimum(1.0, sqrt(abs(to_go) / self.easing_m_s))
-        return clip(to_go / maximum(dt_s, _SHORTEST), -most, most)
+        return clip(to_go / maximum(dt_s, SHORTEST_STEP_S), -most, most)
 
     def speed_torque_Nm(self, acceleration_m_s2: Any, error_m_s: Any, integral_m: Any) -> Any:
         """Torque of the speed loop, critically damped; the wheel's own inertia takes part of it."""
@@ -152,21 +160,21 @@ class SpeedController:
         corrected = acceleration_m_s2 + 2 * w * error_m_s + w * w * integral_m
         return r * self.wheel.mass_kg * corrected + self.wheel.inertia_kg_m2 / r * acceleration_m_s2
 
-    def bounds(self, command: SpeedCommand, seen: Observed, dt_s: Any) -> Bounds:
+    def bounds(self, command: SpeedCommand, estimate: WheelEstimate, dt_s: Any) -> Bounds:
         """Torques that hold the slip at its bounds."""
-        bound = where(understandable(command), command.slip_bound, 0.5)
+        bound = where(is_speed(command), command.slip_bound, 0.5)
         motion = Motion(
-            self.wheel.radius_m * seen.wheel_speed_rad_s,
-            seen.travel_speed_m_s,
-            seen.acceleration_m_s2,
-            seen.force_N,
+            self.wheel.radius_m * estimate.wheel_speed_rad_s,
+            estimate.travel_speed_m_s,
+            estimate.acceleration_m_s2,
+            estimate.force_N,
             bound,
             0.0,
             self.creep_m_s / bound,
             dt_s,
         )
         below = motion._replace(slip_target=-bound)
-        memory = self.law.init(0.0 * seen.wheel_speed_rad_s)
+        memory = self.law.init(0.0 * estimate.wheel_speed_rad_s)
         return Bounds(
             self.law.torque_Nm(memory, below, self.wheel),
             self.law.torque_Nm(memory, motion, self.wheel),
@@ -174,19 +182,19 @@ class SpeedController:
             self.law.surface(motion).sigma,
         )
 
-    def stopped(self, state: SpeedState, command: SpeedCommand, seen: Observed) -> Any:
-        """Whether the robot shall stand and stands."""
-        fastest = maximum(abs(self.wheel.radius_m * seen.wheel_speed_rad_s), abs(seen.travel_speed_m_s))
+    def stopped(self, state: SpeedState, command: SpeedCommand, estimate: WheelEstimate) -> Any:
+        """True where the robot is to stand and stands."""
+        fastest = maximum(abs(self.wheel.radius_m * estimate.wheel_speed_rad_s), abs(estimate.travel_speed_m_s))
         return (command.speed_m_s == 0) & (state.reference_m_s == 0) & (fastest < self.stop_m_s)
 
 
-def understandable(command: SpeedCommand) -> Any:
-    """Whether the command is a speed and a bound of slip."""
+def is_speed(command: SpeedCommand) -> Any:
+    """True where the command is a finite speed with a bound of slip in its range."""
     return (abs(command.speed_m_s) < float("inf")) & (command.slip_bound >= _LEAST_BOUND) & (command.slip_bound < 1.0)
 
 
-def between(wished_Nm: Any, b: Bounds) -> Any:
+def between(demanded_Nm: Any, b: Bounds) -> Any:
     """The torque within its bounds; where they cross, far outside, the one on the side of the slip counts."""
-    from_above = minimum(maximum(wished_Nm, b.lower_Nm), b.upper_Nm)
-    from_below = maximum(minimum(wished_Nm, b.upper_Nm), b.lower_Nm)
+    from_above = minimum(maximum(demanded_Nm, b.lower_Nm), b.upper_Nm)
+    from_below = maximum(minimum(demanded_Nm, b.upper_Nm), b.lower_Nm)
     return where(b.upper_sigma + b.lower_sigma > 0.0, from_above, from_below)

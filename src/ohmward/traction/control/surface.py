@@ -1,4 +1,4 @@
-"""The sliding surface as a slip speed: no division, so it holds at rest.
+"""Sliding surface as a slip speed: no division, so it holds at rest.
 
 sigma = r omega - v - lambda_d V_f,   V_f = max(V, v_0, l v_0 - (l - 1) V),   V = max(|r omega|, |v|)
 
@@ -20,7 +20,7 @@ from ohmward.trace import maximum, where
 
 
 class SlidingSurface(NamedTuple):
-    """Where a wheel is with respect to a slip, and how that changes; speeds in m/s.
+    """Distance of a wheel from a slip, and the factors of its rate; speeds in m/s.
 
     sigma:           distance, > 0 where the slip is too large.
     reference_speed: V_f.

@@ -1,4 +1,4 @@
-"""Holds a slip with a drive that takes a wheel speed: the cascade for ordinary velocity-controlled motors.
+"""Wheel-speed cascade: holds a slip on ordinary motors that take a wheel speed.
 
 r omega_ref = v / (1 - lambda_d) driving,   v (1 + lambda_d) braking,   |lambda_d| v_0 away from v at least when driving
 
@@ -13,20 +13,21 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_positive
+from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.force_filter import Observed, Observer
+from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate
 from ohmward.traction.control.limits import limited
 from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
-from ohmward.traction.control.slip_controller import understandable
+from ohmward.traction.control.slip_controller import is_slip_ratio
 from ohmward.traction.control.surface import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 
 class CascadeState(NamedTuple):
-    """What the wheel is believed to do, and the wheel speed [rad/s] asked for in the last step."""
+    """Estimate of the wheel, and the wheel speed [rad/s] asked for in the last step."""
 
-    seen: Observed
+    estimate: WheelEstimate
     reference_rad_s: Any
 
 
@@ -35,16 +36,16 @@ class WheelSpeedCascade:
     """Settings; `init` and `step` are pure functions of them.
 
     Attributes:
-        wheel: what is known of each driven wheel.
-        observer: of the acceleration, and what it takes as a measurement.
+        wheel: parameters of each driven wheel.
+        force_filter: estimates the acceleration.
         floor_m_s: v_0, > 0.
-        lead_s: how far ahead the travel speed is predicted, >= 0.
-        wheel_acceleration_rad_s2: how fast the reference may change, > 0.
+        lead_s: time by which the travel speed is predicted ahead, >= 0.
+        wheel_acceleration_rad_s2: largest change of the reference, > 0.
         stop_m_s: below this speed braking has come to its end, > 0.
     """
 
     wheel: DrivenWheel
-    observer: Observer = field(default_factory=Observer)
+    force_filter: ForceFilter = field(default_factory=ForceFilter)
     floor_m_s: float = 0.2
     lead_s: float = 0.01
     wheel_acceleration_rad_s2: float = 200.0
@@ -56,39 +57,42 @@ class WheelSpeedCascade:
         require_between("wheel_speed_cascade.lead_s", self.lead_s, 0.0, math.inf)
 
     def init(self, first: Measurement) -> CascadeState:
-        """The state before the first step: the wheel's speed is its reference."""
-        seen = self.observer.init(first)
-        return CascadeState(seen, seen.wheel_speed_rad_s)
+        """State before the first step: the wheel's speed is its reference."""
+        estimate = self.force_filter.init(first)
+        return CascadeState(estimate, estimate.wheel_speed_rad_s)
 
     def step(
         self, state: CascadeState, command: SlipCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[CascadeState, Any, Report]:
-        """The state after the step, the wheel speed [rad/s] to ask for, and a report without force and torque."""
+        """State after the step, wheel speed [rad/s] to ask for, and a report without force and torque."""
         r = self.wheel.radius_m
-        seen = self.observer.observe(state.seen, 0.0, measurement, self.wheel, dt_s)
-        rim, v = r * seen.wheel_speed_rad_s, seen.travel_speed_m_s
-        known, understood = seen.known > 0.5, understandable(command)
+        estimate = self.force_filter.update(state.estimate, 0.0, measurement, self.wheel, dt_s)
+        rim, v = r * estimate.wheel_speed_rad_s, estimate.travel_speed_m_s
+        known = estimate.known > 0.5
+        valid = is_slip_ratio(command)
         stopped = (command.slip_ratio < 0) & (maximum(abs(rim), abs(v)) < self.stop_m_s)
-        acting = known & understood & logical_not(stopped)
+        acting = known & valid & logical_not(stopped)
 
         commanded = where(command.direction >= 0, 1.0, -1.0)
         direction = where(command.slip_ratio < 0, travel_direction(rim, v), commanded)
-        ahead = direction * (v + seen.acceleration_m_s2 * self.lead_s)
-        target = where(understood, command.slip_ratio, 0.0)
-        wished = where(acting, direction * rim_speed_m_s(ahead, target, self.floor_m_s) / r, 0.0)
+        ahead = direction * (v + estimate.acceleration_m_s2 * self.lead_s)
+        target = where(valid, command.slip_ratio, 0.0)
+        demanded = where(acting, direction * rim_speed_m_s(ahead, target, self.floor_m_s) / r, 0.0)
         change = self.wheel_acceleration_rad_s2 * dt_s
-        reference = clip(wished, state.reference_rad_s - change, state.reference_rad_s + change)
+        reference = clip(demanded, state.reference_rad_s - change, state.reference_rad_s + change)
 
-        flags = (
-            where(known, 0.0, float(ControlFlag.STALE))
-            + where(stopped & known, float(ControlFlag.STOPPED), 0.0)
-            + where(limited(wished, reference), float(ControlFlag.TORQUE_LIMITED), 0.0)
-            + where(understood, 0.0, float(ControlFlag.BAD_COMMAND))
+        flags = flags_of(
+            {
+                ControlFlag.STALE: logical_not(known),
+                ControlFlag.STOPPED: stopped & known,
+                ControlFlag.TORQUE_LIMITED: limited(demanded, reference),
+                ControlFlag.BAD_COMMAND: logical_not(valid),
+            }
         )
         sigma = surface(direction * rim, direction * v, target, self.floor_m_s).sigma
         ratio = driving_slip_ratio(rim, v)
         report = Report(ratio, target, sigma, math.nan * reference, math.nan * reference, flags)
-        return CascadeState(seen, reference), reference, report
+        return CascadeState(estimate, reference), reference, report
 
 
 def rim_speed_m_s(travel_m_s: Any, slip_target: Any, floor_m_s: float) -> Any:

@@ -1,4 +1,4 @@
-"""The speed loop of an ordinary drive: PI from wheel speed to torque, with anti-windup.
+"""Speed loop of an ordinary drive: PI from wheel speed to torque, with anti-windup.
 
 tau = K_p e + K_i int e dt,   e = omega_ref - omega
 
@@ -50,8 +50,8 @@ class WheelSpeedDrive:
     ) -> tuple[DriveState, Any]:
         """The state after the step and the torque [N m] to hold for the next `dt_s`."""
         error = reference_rad_s - wheel_speed_rad_s
-        wished = self.proportional_Nm_s * error + state.integral_Nm
-        torque = self.limits.apply(wished, state.torque_Nm, dt_s)
-        pushing = limited(wished, torque) & ((wished - torque) * error > 0.0)
-        integral = state.integral_Nm + where(pushing, 0.0, self.integral_Nm * error * dt_s)
+        demanded = self.proportional_Nm_s * error + state.integral_Nm
+        torque = self.limits.apply(demanded, state.torque_Nm, dt_s)
+        windup = limited(demanded, torque) & ((demanded - torque) * error > 0.0)
+        integral = state.integral_Nm + where(windup, 0.0, self.integral_Nm * error * dt_s)
         return DriveState(integral, torque), torque
