@@ -52,7 +52,7 @@ def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
 
 
 class LiveTime(NamedTuple):
-    """Seconds of one `SlipEstimator.update`."""
+    """Seconds of one `SlipEstimator.step`."""
 
     name: str
     lowering: str
@@ -66,14 +66,14 @@ def live_times() -> Iterator[LiveTime]:
         samples = [SlipSample(*(np.asarray(c)[k] for c in columns)) for k in range(UPDATES)]
         for lowering in ("python", "machine"):
             estimator = SlipEstimator(observer, lowering)
-            estimator.update(samples[0])
+            estimator.step(samples[0])
             live = partial(_update, estimator, samples)
             yield LiveTime(name, lowering, min(seconds(live) for _ in range(REPEATS)) / UPDATES)
 
 
 def _update(estimator: SlipEstimator, samples: list[SlipSample]) -> None:
     for sample in samples:
-        estimator.update(sample)
+        estimator.step(sample)
 
 
 def drive(observer: SpeedObserver) -> SlipSample:

@@ -17,7 +17,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import Track, observe
+from ohmward.traction.speed_observer.track import SlipRun, observe
 from real_data import columns
 
 DATA = "BorealTC Husky"
@@ -53,7 +53,7 @@ def rows() -> Iterator[Figure]:
         yield from terrain_figures(terrain, chosen)
 
 
-def terrain_figures(terrain: str, chosen: list[tuple[Run, Track]]) -> Iterator[Figure]:
+def terrain_figures(terrain: str, chosen: list[tuple[Run, SlipRun]]) -> Iterator[Figure]:
     data = f"{DATA}, {terrain.lower().replace('_', ' ')}"
     bad = sum(int(np.count_nonzero(~np.isfinite(t.estimates.speed_m_s + t.estimates.speed_std_m_s))) for _, t in chosen)
     yield at_most(data, METHOD, f"samples without a number, of {sum(len(r.log) for r, _ in chosen)}", bad, 0, "d")
@@ -72,7 +72,7 @@ def terrain_figures(terrain: str, chosen: list[tuple[Run, Track]]) -> Iterator[F
         yield at_most(data, "gyro against wheels", "turn that the wheels' turn gives", share, form=".2f")
 
 
-def flags(chosen: list[tuple[Run, Track]]) -> str:
+def flags(chosen: list[tuple[Run, SlipRun]]) -> str:
     """Every flag that occurs, those left out that say only that wheels are slower than gyros."""
     found = np.concatenate([t.estimates.flags.astype(int) for _, t in chosen])
     shares = {

@@ -30,7 +30,7 @@ from ohmward.traction.calibration import (
 from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, SlipTrack, slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, slip_on_floors
 from robotino_live import live, looking_ahead
 
 FOLDER = "robotino_slip_tpu"
@@ -148,7 +148,7 @@ def read_run(path: Path, number: float) -> Run:
     return Run(CalibrationDrive(log, motion_from_pose(log.time_s, *pose.T)), pose)
 
 
-def _judged(track: SlipTrack, run: Run, robot: Robot) -> Judged:
+def _judged(track: FloorRun, run: Run, robot: Robot) -> Judged:
     time_s = track.time_s
     rim, body = travel_speed(_smooth_rim(run, robot)), travel_speed(run.drive.motion)
     part = (time_s > START_S) & (time_s < time_s[-1] - STOP_S) & np.isfinite(track.travel_slip)

@@ -19,12 +19,11 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction.terrain.estimate import FloorEstimate
 from ohmward.traction.terrain.slip_on_floors import (
+    FloorRun,
     FloorState,
     SlipOnFloors,
-    SlipTrack,
     first_of,
     knows_motion,
-    track_of,
     wheel_samples,
     with_friction,
 )
@@ -38,7 +37,7 @@ class Seen(NamedTuple):
     combinations: np.ndarray
 
 
-def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, SlipTrack]:
+def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, FloorRun]:
     """The track of each log from samples that come one by one."""
     stepper = estimator.kernel.live(estimator.init(estimator.no_sample()))
     found = {}
@@ -47,11 +46,11 @@ def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, Sli
         stepper.state = estimator.init(first_of(samples))
         estimates = [stepper.step(WheelSample(*row)) for row in zip(*samples, strict=True)]
         columns = (np.array(values) for values in zip(*estimates, strict=True))
-        found[number] = track_of(log.time_s, FloorEstimate(*columns))
+        found[number] = FloorRun(log.time_s, FloorEstimate(*columns), 0.0)
     return found
 
 
-def looking_ahead(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, SlipTrack]:
+def looking_ahead(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, FloorRun]:
     """The track of each log with the floors smoothed over all of it."""
     blank = estimator.no_sample()
     state = estimator.init(blank)
@@ -64,7 +63,8 @@ def looking_ahead(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict
         _, (seen, filtered) = seeing.scan(estimator.init(first_of(samples)), samples)
         belief = smoothed(estimator, seen.combinations, samples.dt_s)
         _, ahead = concluding.scan(0.0, seen._replace(combinations=belief))
-        found[number] = track_of(log.time_s, ahead)._replace(crossings=track_of(log.time_s, filtered).crossings)
+        crossings = {name: getattr(filtered, name) for name in ("crossing", "drag_before", "drag_after")}
+        found[number] = FloorRun(log.time_s, ahead._replace(**crossings), 0.0)
     return found
 
 

@@ -34,7 +34,7 @@ from ohmward.simulate.closed_loop import drive_log, run
 from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import Track, observe
+from ohmward.traction.speed_observer.track import SlipRun, observe
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import energy_world
@@ -66,7 +66,7 @@ def estimate(log: Log, battery: Battery, name: str) -> SocEstimate:
     return SocEstimator(make_estimator(name, battery), initial_soc=1.0).run(log).estimates
 
 
-def drive_home() -> tuple[DriveLog, Track]:
+def drive_home() -> tuple[DriveLog, SlipRun]:
     """The log of the drive home, and what the observer makes of it."""
     log = drive_log(run(robot_drive()))
     return log, observe(make_observer(RLMA, log, hard_terrain("dry asphalt")).observer, log)
@@ -165,7 +165,7 @@ def error_figure(log: Log, filtered: SocEstimate, counted: SocEstimate) -> Figur
     )
 
 
-def speed_figure(log: DriveLog, track: Track) -> Figure:
+def speed_figure(log: DriveLog, track: SlipRun) -> Figure:
     """Truth, estimate with its band, and what the driven wheels alone would say."""
     t, e = log.time_s, track.estimates
     wheels = RLMA.wheel.radius_m * e.wheel_speed_rad_s.mean(axis=1)
@@ -183,7 +183,7 @@ def speed_figure(log: DriveLog, track: Track) -> Figure:
     )
 
 
-def slip_figure(log: DriveLog, track: Track) -> Figure:
+def slip_figure(log: DriveLog, track: SlipRun) -> Figure:
     """Slip speed of one wheel and its band, beside the truth."""
     t, e = log.time_s, track.estimates
     ratio, rim = log.extra["front_left_slip_true"], RLMA.wheel.radius_m * e.wheel_speed_rad_s[:, 0]

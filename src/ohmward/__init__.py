@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ohmward.logs import write_log as write_log
     from ohmward.logs import write_table as write_table
     from ohmward.simulate import make_robot_day as make_robot_day
+    from ohmward.traction.speed_observer.track import SlipEstimator as SlipEstimator
 
 __version__ = "0.1.0"
 
@@ -40,6 +41,7 @@ _HOMES = {
     "OhmwardError": "errors",
     "SocSample": "battery.soc.sample",
     "EstimatorSettings": "battery.soc.registry",
+    "SlipEstimator": "traction.speed_observer.track",
     "SocEstimator": "battery.soc.estimator",
     "available": "battery.soc.registry",
     "examine": "logs",

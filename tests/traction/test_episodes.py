@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.traction.episodes import immobilised_episodes, slip_episodes
 from ohmward.traction.speed_observer.estimate import SlipEstimate
-from ohmward.traction.speed_observer.track import Track
+from ohmward.traction.speed_observer.track import SlipRun
 
 TIME = 0.1 * np.arange(100)
 
@@ -14,7 +14,7 @@ def track(alarm, slip=0.0, ratio=0.0, stuck=0.0):
     wheels = np.ones((TIME.size, 2))
     blank = dict.fromkeys(SlipEstimate._fields, np.zeros(TIME.size))
     known = {"slipping": alarm * wheels, "slip_speed_m_s": slip * wheels, "slip_ratio": ratio * wheels}
-    return Track(TIME, SlipEstimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
+    return SlipRun(TIME, SlipEstimate(**(blank | known | {"immobilised": stuck * np.ones(TIME.size)})), 0.0)
 
 
 def alarm_of(*stretches):

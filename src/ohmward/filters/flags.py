@@ -1,16 +1,47 @@
-"""Flags of a sample: one number from conditions, and how often each occurred along a log."""
+"""Flags of a sample: one number from conditions, names for people, and how often each occurred along a log."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntFlag
-from functools import reduce
+from functools import cache, reduce
 from operator import add
 
 import numpy as np
 
 from ohmward.trace import where
 from ohmward.trace.expression import Scalar
+
+
+class SampleFlag(IntFlag):
+    """Base of the flags of a sample; printed by name: `NO_CURRENT|GAP`, and `0` without any."""
+
+    def __str__(self) -> str:
+        return "|".join(str(flag.name) for flag in self) or "0"
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}.{self}" if self else "0"
+
+    def __format__(self, spec: str) -> str:
+        return format(str(self), spec)
+
+
+class FlagTable(dict[float, SampleFlag]):
+    """Flags by the number that a compiled step returns: `table[32.0]`. Each is made when it first occurs."""
+
+    def __init__(self, kind: type[SampleFlag]):
+        super().__init__()
+        self.kind = kind
+
+    def __missing__(self, number: float) -> SampleFlag:
+        self[number] = self.kind(int(number))
+        return self[number]
+
+
+@cache
+def flag_table(kind: type[SampleFlag]) -> FlagTable:
+    """The table of a kind of flags, one for all estimators."""
+    return FlagTable(kind)
 
 
 def flags_of(conditions: Mapping[IntFlag, Scalar | bool]) -> Scalar:

@@ -14,7 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import Estimator, samples_of
+from ohmward.battery.soc.estimator import samples_of
+from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel

@@ -58,10 +58,12 @@ class SocOfRobot:
         self.battery, self.filter = battery, filter
         self.initial_soc, self.initial_soc_std = initial_soc, initial_soc_std
 
-    def estimator(self) -> SocEstimator:
-        """A new one."""
-        estimator = make_estimator(self.filter, parse_battery(self.battery))
-        return SocEstimator(estimator, self.initial_soc, self.initial_soc_std)
+    def estimator(self, snapshot: str | None = None) -> SocEstimator:
+        """A new one, or the one that goes on from a snapshot in JSON."""
+        settings = make_estimator(self.filter, parse_battery(self.battery))
+        if snapshot is not None:
+            return SocEstimator.restore(settings, json.loads(snapshot))
+        return SocEstimator(settings, self.initial_soc, self.initial_soc_std)
 
     def init(self, handle: Any) -> None:
         """Before the first row of a task."""
@@ -72,9 +74,7 @@ class SocOfRobot:
         import pandas
 
         frame = pandas.concat(list(rows)).sort_values("time_s", kind="stable")
-        estimator = self.estimator()
-        if self._state.exists():
-            estimator.restore(json.loads(self._state.get()[0]))
+        estimator = self.estimator(self._state.get()[0] if self._state.exists() else None)
         yield estimates(key[0], frame, estimator)
         self._state.update((json.dumps(estimator.snapshot()),))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import scan
-from ohmward.trace.live import Live, MachineLive, PythonLive
+from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
 from ohmward.trace.lower import lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
@@ -95,17 +95,20 @@ class Kernel:
             self._worth(samples, WORTH_LANE_STEPS),
         )
 
-    def live(self, state: Any) -> Live:
+    def live(self, state: Any, flags: FlagTable = None) -> Live:
         """The step as an object that keeps its state: `live(state).step(sample) -> output`.
 
         In machine code where llvmlite is installed; it is compiled now, or found in the cache.
+
+        flags: what stands in the output's field `flags` for the number that the step returns there; None leaves it.
         """
+        structure = self.program.step_structure.state
 
         def in_machine_code() -> Live:
-            return MachineLive(self.machine, self.program.step_structure.state, state)
+            return MachineLive(self.machine, structure, state, flags)
 
         def in_python() -> Live:
-            return PythonLive(self, state)
+            return PythonLive(self, structure, state, flags)
 
         return self._run(in_machine_code, in_python, worth=not llvm_machine_code.reason_for_none())
 

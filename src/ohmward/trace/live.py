@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,44 +10,69 @@ import numpy as np
 from ohmward.trace import scan
 from ohmward.trace.lower import python_source
 from ohmward.trace.lower.llvm_run import MachineStep, OneStep
-from ohmward.trace.structure import Structure
+from ohmward.trace.structure import Structure, flatten
+
+#: What stands in the output's field `flags` for the number that the step returned there; None leaves the number.
+FlagTable = Mapping[float, Any] | None
 
 
 class Live(Protocol):
     """A step that remembers.
 
-    state: after the last sample, a tree of plain numbers and arrays; what is assigned to it goes on from there.
+    state: after the last sample, a tree of plain numbers and arrays; an assigned one is where the next step starts.
     """
 
     state: Any
 
     def step(self, sample: Any) -> Any:
-        """The output after one more sample."""
+        """Output after one more sample."""
+        ...
+
+    def is_finite(self) -> bool:
+        """True where every number of the state is finite."""
         ...
 
 
 class PythonLive:
-    """On Python floats."""
+    """On Python floats.
 
-    def __init__(self, call: Callable[[Any, Any], tuple[Any, Any]], state: Any):
+    structure: of the state.  flags: see `Kernel.live`.
+    """
+
+    def __init__(self, call: Callable[[Any, Any], tuple[Any, Any]], structure: Structure, state: Any, flags: FlagTable):
         self._call = call
+        self._structure = structure
+        self._flags = flags
         self.state = state
 
     def step(self, sample: Any) -> Any:
-        """The output after one more sample."""
+        """Output after one more sample."""
         self.state, output = self._call(self.state, sample)
-        return output
+        if self._flags is None:
+            return output
+        values = list(output)
+        place = output._fields.index("flags")
+        values[place] = self._flags[values[place]]
+        return type(output)(*values)
+
+    def is_finite(self) -> bool:
+        """True where every number of the state is finite."""
+        values = flatten(self._structure, self.state)
+        return all(np.isfinite(value).all() for value in values)
 
 
 class MachineLive:
-    """In machine code: the state stays where it is used, only sample and output are moved."""
+    """In machine code: the state stays where it is used, only sample and output are moved.
 
-    def __init__(self, step: MachineStep, structure: Structure, state: Any):
+    structure: of the state.  flags: see `Kernel.live`.
+    """
 
+    def __init__(self, step: MachineStep, structure: Structure, state: Any, flags: FlagTable):
         self._structure = structure
-        self._code = OneStep(step, np.array(scan.state_row(structure, state), dtype=float))
+        code = OneStep(step, np.array(scan.state_row(structure, state), dtype=float))
         program, size = step.program, step.state_size
-        self.step = python_source.compile_live(program, size, self._code, self._code.sample, self._code.output)
+        self._code = code
+        self.step = python_source.compile_live(program, size, code.run, code.sample, code.output, flags)
 
     @property
     def state(self) -> Any:
@@ -57,3 +82,7 @@ class MachineLive:
     @state.setter
     def state(self, state: Any) -> None:
         self._code.state[:] = scan.state_row(self._structure, state)
+
+    def is_finite(self) -> bool:
+        """True where every number of the state is finite."""
+        return bool(np.isfinite(self._code.state).all())

@@ -14,14 +14,14 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.trace.structure import Structure, flatten, leaves, scalar_names, shaped, structure_of
 
-#: Of the layout of the dict; raised when old snapshots can no longer be read.
-VERSION = 1
+#: Of the layout of the dict; raised when old snapshots can no longer be read. Those of version 1 had no checksum.
+VERSION = 2
 
 _ADVICE = "start a new estimator from the first sample instead"
 
 
 def take(estimator: Any, state: Any, time_s: float) -> dict[str, Any]:
-    """The state after the sample at `time_s`, as a dict that `json.dumps` writes; a number that is none is None.
+    """Snapshot of the state after the sample at `time_s`, as a dict that `json.dumps` writes; NaN becomes None.
 
     Raises:
         InputError: `state` is None, there is none before the first sample.
@@ -30,12 +30,13 @@ def take(estimator: Any, state: Any, time_s: float) -> dict[str, Any]:
         raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
     structure = structure_of(state, "state")
     values = [x for leaf in flatten(structure, state) for x in np.asarray(leaf, dtype=float).ravel().tolist()]
-    return {
-        "version": VERSION,
-        "estimator": identity(estimator),
-        "time_s": _to_json(time_s),
-        "state": dict(zip(scalar_names(structure), map(_to_json, values), strict=True)),
-    }
+    return sealed(
+        {
+            "estimator": identity(estimator),
+            "time_s": to_json(time_s),
+            "state": dict(zip(scalar_names(structure), map(to_json, values), strict=True)),
+        }
+    )
 
 
 def resume(estimator: Any, example: Any, snapshot: Mapping[str, Any]) -> tuple[Any, float]:
@@ -44,22 +45,70 @@ def resume(estimator: Any, example: Any, snapshot: Mapping[str, Any]) -> tuple[A
     Raises:
         InputError: the snapshot is of another version, of another estimator or of one with other settings, or damaged.
     """
-    found = {key: snapshot.get(key) for key in ("version", "estimator", "time_s", "state")}
-    if found["version"] != VERSION:
-        raise InputError(f"snapshot version must be {VERSION}, got {found['version']!r}; {_ADVICE}")
-    if found["estimator"] != identity(estimator):
-        raise InputError(
-            f"the snapshot is of {found['estimator']!r}, but the estimator is {identity(estimator)!r}: another kind, "
-            f"model or settings; {_ADVICE}"
-        )
+    require_version(snapshot)
+    require_identity(estimator, snapshot)
     structure = structure_of(example, "state")
-    return shaped(structure, _values(structure, found["state"])), _from_json("time_s", found["time_s"])
+    values = _values(structure, snapshot.get("state"))
+    time_s = from_json("time_s", snapshot.get("time_s"))
+    require_seal(snapshot)
+    return shaped(structure, values), time_s
+
+
+def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a snapshot with its version and its checksum."""
+    return {"version": VERSION, **content, "checksum": _checksum({"version": VERSION, **content})}
+
+
+def require_version(snapshot: Any) -> None:
+    """Raise InputError for something else than a snapshot of this version."""
+    if not isinstance(snapshot, Mapping):
+        raise InputError(f"a snapshot must be the dict that snapshot() returned, got {type(snapshot).__name__}")
+    if snapshot.get("version") != VERSION:
+        raise InputError(f"snapshot version must be {VERSION}, got {snapshot.get('version')!r}; {_ADVICE}")
+
+
+def require_identity(estimator: Any, snapshot: Mapping[str, Any]) -> None:
+    """Raise InputError for a snapshot of another estimator or other settings."""
+    here, there = identity(estimator), snapshot.get("estimator")
+    if there != here:
+        raise InputError(
+            f"the snapshot is of {there!r}, but the estimator is {here!r}: another kind, model or settings; {_ADVICE}"
+        )
+
+
+def require_seal(snapshot: Mapping[str, Any]) -> None:
+    """Raise InputError where the content is not what the checksum was made of."""
+    content = {name: value for name, value in snapshot.items() if name != "checksum"}
+    if snapshot.get("checksum") != _checksum(content):
+        raise InputError(f"the snapshot is damaged: its checksum does not fit its content; {_ADVICE}")
 
 
 def identity(estimator: Any) -> str:
     """Kind and settings of an estimator (a dataclass) as a short text: its name and a digest of every field."""
     settings = json.dumps(asdict(estimator), sort_keys=True, default=lambda a: np.asarray(a).tolist())
     return f"{type(estimator).__name__}-{sha256(settings.encode()).hexdigest()[:16]}"
+
+
+def to_json(value: float) -> float | None:
+    """A number for JSON, which has no NaN."""
+    return None if math.isnan(value) else float(value)
+
+
+def from_json(name: str, value: Any) -> float:
+    """A number from JSON.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"snapshot {name} must be a number, got {value!r}; {_ADVICE}")
+    return float(value)
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
 def _values(structure: Structure, state: Any) -> list[float]:
@@ -69,17 +118,4 @@ def _values(structure: Structure, state: Any) -> list[float]:
         raise InputError(f"snapshot state must hold {', '.join(names)}, in this order; {_ADVICE}")
     if any(leaf.boolean for _, leaf in leaves(structure)):
         raise InputError("a state of conditions cannot be resumed; store them as 0.0 and 1.0")
-    return [_from_json(name, state[name]) for name in names]
-
-
-def _to_json(value: float) -> float | None:
-    """JSON has no NaN."""
-    return None if math.isnan(value) else float(value)
-
-
-def _from_json(name: str, value: Any) -> float:
-    if value is None:
-        return math.nan
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"snapshot {name} must be a number, got {value!r}; {_ADVICE}")
-    return float(value)
+    return [from_json(name, state[name]) for name in names]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.traction.speed_observer.track import Track
+from ohmward.traction.speed_observer.track import SlipRun
 
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5
@@ -35,7 +35,7 @@ class ImmobilisedEpisode(NamedTuple):
     end_s: float
 
 
-def slip_episodes(track: Track, wheels: Sequence[str]) -> list[SlipEpisode]:
+def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
     """The slip episodes in order of time; wheels: names of the driven wheels."""
     found = []
     for k, wheel in enumerate(wheels):
@@ -47,7 +47,7 @@ def slip_episodes(track: Track, wheels: Sequence[str]) -> list[SlipEpisode]:
     return sorted(found, key=lambda episode: episode.start_s)
 
 
-def immobilised_episodes(track: Track) -> list[ImmobilisedEpisode]:
+def immobilised_episodes(track: SlipRun) -> list[ImmobilisedEpisode]:
     """When the robot was stuck, in order of time."""
     runs = _runs(track.time_s, track.estimates.immobilised > 0.5)
     return [ImmobilisedEpisode(float(track.time_s[first]), float(track.time_s[last])) for first, last in runs]

@@ -10,7 +10,8 @@ import pytest
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.estimator import Estimator, SocEstimator, samples_of
+from ohmward.battery.soc.estimator import SocEstimator, samples_of
+from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -85,8 +86,7 @@ def test_a_restart_from_a_snapshot_goes_on_to_the_bit(estimator):
     before = SocEstimator(estimator, 0.8)
     before.run(LOG.select(slice(0, 400)))
     stored = json.dumps(before.snapshot(), allow_nan=False)
-    after = SocEstimator(estimator)
-    after.restore(json.loads(stored))
+    after = SocEstimator.restore(estimator, json.loads(stored))
     rest = LOG.select(slice(400, None))
     np.testing.assert_array_equal(live(after, rest), live(before, rest))
 
@@ -95,9 +95,10 @@ def test_a_snapshot_tells_what_it_holds():
     estimator = SocEstimator(ESTIMATORS["ekf"], 0.8)
     estimator.run(LOG)
     taken = estimator.snapshot()
-    assert taken["version"] == 1
+    assert taken["version"] == 2
     assert taken["estimator"].startswith("TheveninFilter-")
     assert taken["time_s"] == LOG.time_s[-1]
+    assert len(taken["checksum"]) == 16
     assert taken["state"]["belief.mean[0]"] == estimator.state.belief.mean[0]
 
 
@@ -118,24 +119,28 @@ def damaged(change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda s: s.update(version=0), "snapshot version must be 1, got 0; start a new estimator"),
-        (lambda s: s.clear(), "snapshot version must be 1, got None"),
+        (lambda s: s.update(version=0), "snapshot version must be 2, got 0; start a new estimator"),
+        (lambda s: s.clear(), "snapshot version must be 2, got None"),
         (lambda s: s.update(estimator="RcKalman-1"), "the snapshot is of 'RcKalman-1', but the estimator is 'Thevenin"),
         (lambda s: s.update(state=None), r"snapshot state must hold belief\.mean\[0\]"),
         (lambda s: s["state"].pop("rest_s"), "snapshot state must hold"),
         (lambda s: s["state"].update({"rest_s": "3"}), r"snapshot rest_s must be a number, got '3'"),
         (lambda s: s.update(time_s=True), "snapshot time_s must be a number, got True"),
+        (lambda s: s.update(version=1), "snapshot version must be 2, got 1; start a new estimator"),
+        (lambda s: s["state"].update({"belief.mean[0]": 0.5}), "damaged: its checksum does not fit its content; start"),
+        (lambda s: s.update(time_s=0.0), "damaged: its checksum does not fit its content"),
+        (lambda s: s.pop("checksum"), "damaged: its checksum does not fit its content"),
     ],
 )
 def test_a_snapshot_that_does_not_fit_is_refused(change, message):
     with pytest.raises(InputError, match=message):
-        SocEstimator(ESTIMATORS["ekf"]).restore(damaged(change))
+        SocEstimator.restore(ESTIMATORS["ekf"], damaged(change))
 
 
 @pytest.mark.parametrize("other", [TheveninFilter(NMC, NOISE), TheveninFilter(LFP, NOISE), ESTIMATORS["coulomb"]])
 def test_a_snapshot_of_another_battery_or_setting_is_refused(other):
     with pytest.raises(InputError, match="another kind, model or settings"):
-        SocEstimator(other).restore(damaged(lambda s: None))
+        SocEstimator.restore(other, damaged(lambda s: None))
 
 
 def test_the_identity_is_that_of_equal_settings():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.estimator import Estimator
+from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter

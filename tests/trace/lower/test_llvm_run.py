@@ -102,7 +102,7 @@ def test_sample_by_sample_is_the_whole_log():
     live = OneStep(step, START)
     for k in range(30):
         live.sample[:] = [c[k] for c in columns]
-        live()
+        live.run()
         np.testing.assert_array_equal(live.output, wanted[:, k])
     np.testing.assert_array_equal(live.state, after)
 

@@ -74,7 +74,7 @@ each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.key
 
 
 def live_estimates(estimator, log):
-    estimates = map(estimator.update, rows(samples_of(log, estimator.observer)))
+    estimates = map(estimator.step, rows(samples_of(log, estimator.observer)))
     return SlipEstimate(*map(np.array, zip(*estimates, strict=True)))
 
 
@@ -108,25 +108,25 @@ def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observe
 
 def test_live_samples_run_in_machine_code_where_it_is_installed():
     live = SlipEstimator(OBSERVER)
-    live.update(rows(samples_of(drive(), OBSERVER))[0])
+    live.step(rows(samples_of(drive(), OBSERVER))[0])
     assert type(live._live).__name__ == "MachineLive"
 
 
 @pytest.mark.parametrize("lowering", ["python", "machine"])
 def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
     live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER))[0]
-    live.update(sample)
+    live.step(sample)
     before = live.snapshot()
     with pytest.raises(InputError, match=r"wheel_speed_rad_s must have the shape \(4,\) .* got \(3,\)"):
-        live.update(sample._replace(wheel_speed_rad_s=np.zeros(3)))
+        live.step(sample._replace(wheel_speed_rad_s=np.zeros(3)))
     assert live.snapshot() == before
-    live.update(sample)
+    live.step(sample)
 
 
 def test_the_clock_stands_where_a_step_cannot_be_true():
     live, sample = SlipEstimator(OBSERVER), rows(samples_of(drive(), OBSERVER))[0]
     for dt_s in (0.5, math.nan, math.inf, -1.0, 1e9, 0.25):
-        live.update(sample._replace(dt_s=dt_s))
+        live.step(sample._replace(dt_s=dt_s))
     assert live.time_s == 0.75
     json.dumps(live.snapshot(), allow_nan=False)
 
@@ -136,11 +136,11 @@ def test_a_live_restart_goes_on_to_the_bit(lowering):
     samples = rows(samples_of(faulty_drive(60), OBSERVER))
     before = SlipEstimator(OBSERVER, lowering)
     for sample in samples[:30]:
-        before.update(sample)
-    after = SlipEstimator(OBSERVER, lowering)
-    after.restore(json.loads(json.dumps(before.snapshot(), allow_nan=False)))
+        before.step(sample)
+    taken = json.loads(json.dumps(before.snapshot(), allow_nan=False))
+    after = SlipEstimator.restore(OBSERVER, taken, lowering=lowering)
     for sample in samples[30:]:
-        for found, expected in zip(after.update(sample), before.update(sample), strict=True):
+        for found, expected in zip(after.step(sample), before.step(sample), strict=True):
             assert_array_equal(found, expected)
     assert after.snapshot() == before.snapshot()
 
@@ -169,8 +169,8 @@ def test_a_restart_from_a_snapshot_goes_on_to_the_bit():
     log = drive()
     before = SlipEstimator(OBSERVER)
     before.run(log.select(slice(0, 25)))
-    after = SlipEstimator(SpeedObserver(scene(RLMA, FLOOR), method="ekf"))
-    after.restore(json.loads(json.dumps(before.snapshot(), allow_nan=False)))
+    alike = SpeedObserver(scene(RLMA, FLOOR), method="ekf")
+    after = SlipEstimator.restore(alike, json.loads(json.dumps(before.snapshot(), allow_nan=False)))
     rest = log.select(slice(25, None))
     assert_array_equal(after.run(rest).estimates.speed_m_s, before.run(rest).estimates.speed_m_s)
 
@@ -181,7 +181,7 @@ def test_a_snapshot_of_other_settings_is_refused():
         before.snapshot()
     before.run(drive())
     with pytest.raises(InputError, match="another kind, model or settings"):
-        SlipEstimator(SpeedObserver(scene(RLMA, FLOOR), method="ekf", gap_s=0.2)).restore(before.snapshot())
+        SlipEstimator.restore(SpeedObserver(scene(RLMA, FLOOR), method="ekf", gap_s=0.2), before.snapshot())
 
 
 def test_a_log_of_a_robot_with_other_wheels_is_refused():

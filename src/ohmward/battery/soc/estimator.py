@@ -1,153 +1,147 @@
-"""For people: an estimator that remembers its state. `update` takes live samples, `run` takes a whole log."""
+"""State of charge for people: an estimator that remembers. `update` takes live samples, `run` takes a whole log."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
+from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
+from ohmward.battery.soc.protocol import Estimator
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
-from ohmward.filters.flags import count_flags
+from ohmward.filters.estimator import LiveEstimator, Progress, number
+from ohmward.filters.run import Run
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel, snapshot
-from ohmward.trace.live import Live
-
-Progress = Callable[[int, int], None]
-
-#: A sample that is late by more than this is not late: the clock was set.
-CLOCK_SET_S = 60.0
+from ohmward.trace import Kernel
 
 
-class Estimator(Protocol):
-    """What every estimator of the battery offers: pure functions of frozen settings."""
+class SocRun(Run[SocEstimate]):
+    """Estimates for a whole log, every field an array (T,)."""
 
-    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> Any:
-        """State before the first sample; `soc` None is unknown."""
-        ...
-
-    def step(self, state: Any, sample: SocSample) -> tuple[Any, SocEstimate]:
-        """The state after a sample, and what is known then."""
-        ...
+    flag_type = SocFlag
 
 
-class SocRun(NamedTuple):
-    """An estimator's answer to a whole log.
-
-    estimates: every field an array (T,), as the log's samples.
-    seconds: what it took, compilation included.
-    """
-
-    estimates: SocEstimate
-    seconds: float
-
-    def counts(self) -> dict[str, int]:
-        """How many samples carry each flag, by name; flags that never occur are left out."""
-        return count_flags(self.estimates.flags, SocFlag)
-
-
-class SocEstimator:
+class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     """State of charge, live or from logs.
 
-    >>> estimator = SocEstimator(TheveninFilter(model, noise), initial_soc=0.8)     # doctest: +SKIP
+    >>> estimator = SocEstimator(load_battery("battery.toml"), initial_soc=0.8)     # doctest: +SKIP
     >>> estimator.update(time_s=0.0, current_A=-3.2, voltage_V=12.9).soc            # doctest: +SKIP
     0.801
 
     Args:
-        estimator: settings, as `TheveninFilter`; `ohmward.battery.make_estimator` finds one by name.
+        battery: identified or generic; or settings of an estimator, as `make_estimator` or `TheveninFilter` gives them.
         initial_soc: in [0, 1]; None takes it from the first voltage.
         initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
-        lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+        filter: name of the estimator of a battery, see `ohmward.available`.
     """
+
+    flag_type = SocFlag
+    known = SocEstimate._fields.index("soc"), SocEstimate._fields.index("soc_std")
+    longest_step_s = LONGEST_STEP_S
 
     def __init__(
         self,
-        estimator: Estimator,
+        battery: Battery | Estimator,
         initial_soc: float | None = None,
         initial_soc_std: float = 0.03,
         lowering: str | None = None,
+        filter: str = DEFAULT,
     ):
-        if initial_soc is not None and not 0.0 <= initial_soc <= 1.0:
+        if initial_soc is not None and not 0.0 <= number("initial_soc", initial_soc) <= 1.0:
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
-        self.estimator = estimator
+        super().__init__(estimator_of(battery, filter), lowering)
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
-        self.lowering = lowering
-        self.time_s = math.nan
-        self._state: Any = None
-        self._live: Live | None = None
-        self._kernel: Kernel | None = None
+        self.title = _title(battery, filter)
 
-    @property
-    def state(self) -> Any:
-        """The estimator's state after the last sample; None before the first."""
-        return self._state if self._live is None else self._live.state
+    @classmethod
+    def restore(cls, battery: Battery | Estimator, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot; options: as those of the one that took it.
+
+        Raises:
+            InputError: the snapshot is of another version, another estimator or other settings, or damaged.
+        """
+        return cls(battery, **options)._resume(snapshot)
 
     def update(
-        self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float = math.nan
+        self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float | None = math.nan
     ) -> SocEstimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `SocFlag`.
+        """Estimate after one live sample. A bad one is survived and flagged, see `SocFlag`; None and nan are missing.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than `CLOCK_SET_S`, the clock was set, and time goes on from there.
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
         current_A: > 0 charges.
+
+        Raises:
+            InputError: something else than a number.
         """
-        started = self._state is not None
-        dt_s = time_s - self.time_s if started else 0.0
-        sample = SocSample(float(dt_s), float(current_A), float(voltage_V), float(temperature_degC))
-        if not started:
-            self._start(sample)
-        if math.isfinite(time_s) and not self.time_s - CLOCK_SET_S <= time_s < self.time_s:
-            self.time_s = time_s
-        if self._live is None:
-            self._live = self.kernel.live(self._state)
-        return self._live.step(sample)
+        if not float is type(time_s) is type(current_A) is type(voltage_V) is type(temperature_degC):
+            time_s = number("time_s", time_s)
+            current_A = number("current_A", current_A)
+            voltage_V = number("voltage_V", voltage_V)
+            temperature_degC = number("temperature_degC", temperature_degC)
+        before_s = self.time_s
+        dt_s = 0.0 if self._state is None else time_s - before_s
+        clock_s = time_s if before_s <= time_s < math.inf else self._clock(time_s)
+        return self._advance((dt_s, current_A, voltage_V, temperature_degC), clock_s)
 
     def run(self, log: Log, progress: Progress | None = None) -> SocRun:
-        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
-        began = time.perf_counter()
+        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
+
+        progress: called now and then with (steps done, T).
+        """
         samples = samples_of(log, self.time_s)
-        if self.state is None:
-            self._start(SocSample(*(float(column[0]) for column in samples)))
-        after, estimates = self.kernel.scan(self.state, samples, progress)
-        self._go_on_from(after)
-        self.time_s = float(log.time_s[-1])
-        return SocRun(estimates, time.perf_counter() - began)
+        first = SocSample(*(float(column[0]) for column in samples))
+        return SocRun(log.time_s, *self._scan(samples, first, float(log.time_s[-1]), progress))
 
-    def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+    def init(self, first: SocSample) -> Any:
+        """State before the first sample."""
+        return self.settings.init(first, self.initial_soc, self.initial_soc_std)
 
-        Raises:
-            InputError: there is no state before the first sample.
-        """
-        return snapshot.take(self.estimator, self.state, self.time_s)
+    def init_again(self, sample: SocSample) -> Any:
+        """State before a sample of which nothing is known: what was said of the start no longer holds."""
+        return self.settings.init(sample)
 
-    def restore(self, taken: Mapping[str, Any]) -> None:
-        """Go on from a snapshot.
+    def no_sample(self) -> SocSample:
+        """A sample in which nothing was measured."""
+        return SocSample(0.0, math.nan, math.nan, math.nan)
 
-        Raises:
-            InputError: it is of another version, another estimator or other settings, or damaged.
-        """
-        example = self.estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
-        state, self.time_s = snapshot.resume(self.estimator, example, taken)
-        self._go_on_from(state)
+    def compiled(self) -> Kernel:
+        """The step, compiled."""
+        example = self.settings.init(self.no_sample())
+        return Kernel(self.settings.step, example, self.no_sample(), lowering=self.lowering)
 
-    @property
-    def kernel(self) -> Kernel:
-        """The compiled step."""
-        if self._kernel is None:
-            example = SocSample(0.0, 0.0, 0.0, 0.0)
-            self._kernel = Kernel(self.estimator.step, self._state, example, lowering=self.lowering)
-        return self._kernel
+    def __repr__(self) -> str:
+        now = f", soc {self.last.soc:.3f} ± {self.last.soc_std:.3f}" if self.last else ""
+        return f"SocEstimator({self.title}{now})"
 
-    def _start(self, first: SocSample) -> None:
-        self._go_on_from(self.estimator.init(first, self.initial_soc, self.initial_soc_std))
 
-    def _go_on_from(self, state: Any) -> None:
-        self._state, self._live = state, None
+def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
+    """The estimator of that name for a battery; one that is given is taken as it is.
+
+    Raises:
+        InputError: neither a battery nor an estimator, or no estimator of that name.
+    """
+    if isinstance(battery, Battery):
+        return make_estimator(filter, battery)
+    if hasattr(battery, "step") and hasattr(battery, "init"):
+        return battery
+    raise InputError(
+        f"battery must be a Battery or an estimator, got {type(battery).__name__}; "
+        "load_battery(path) reads one, identify(logs, capacity_Ah=...) makes one"
+    )
+
+
+def _title(battery: Battery | Estimator, filter: str) -> str:
+    if isinstance(battery, Battery):
+        return f"{filter.lower()}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
+    return type(battery).__name__
 
 
 def samples_of(log: Log, before_s: float = math.nan) -> SocSample:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.estimator import Estimator
+from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rc_kalman import RcKalman
 from ohmward.battery.soc.rc_soc import RcSoc
 from ohmward.battery.soc.rest_ocv import RestOcv

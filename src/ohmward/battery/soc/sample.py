@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from enum import IntFlag
 from typing import Any, NamedTuple
+
+from ohmward.filters.flags import SampleFlag
 
 
 class SocSample(NamedTuple):
@@ -44,7 +45,7 @@ class SocEstimate(NamedTuple):
     flags: Any
 
 
-class SocFlag(IntFlag):
+class SocFlag(SampleFlag):
     """What happened at a sample. None of it stops an estimator."""
 
     NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
@@ -56,3 +57,4 @@ class SocFlag(IntFlag):
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
+    RESTARTED = 512  # the state was no longer a number: a new one was started from this sample

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot, Terrain
     from ohmward.traction.speed_observer.estimate import SlipEstimate
-    from ohmward.traction.speed_observer.track import Track
+    from ohmward.traction.speed_observer.track import SlipRun
 
 _EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml
@@ -54,7 +54,7 @@ class SlipTask(NamedTuple):
 class SlipAnswer(NamedTuple):
     """The track of the drive, everything that was assumed for it, and what learnt floors say besides."""
 
-    track: Track
+    track: SlipRun
     notes: list[str]
     on_floors: OnFloors | None = None
 
@@ -199,7 +199,7 @@ def driven_wheels(robot: Robot) -> list[str]:
     return [place.name for place in robot.places[: robot.driven]]
 
 
-def scores(task: SlipTask, track: Track) -> dict[str, Any]:
+def scores(task: SlipTask, track: SlipRun) -> dict[str, Any]:
     """Errors against the truth; every figure None without one."""
     from ohmward.traction.score import DriveScore, score_drive
 
@@ -301,7 +301,7 @@ def errors(figures: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def estimate_table(task: SlipTask, track: Track) -> dict[str, np.ndarray]:
+def estimate_table(task: SlipTask, track: SlipRun) -> dict[str, np.ndarray]:
     """Columns (T,) of the estimates file, by name."""
     e = track.estimates
     columns = {

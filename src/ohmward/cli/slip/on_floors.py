@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from ohmward.logs import DriveLog
     from ohmward.traction import Robot
-    from ohmward.traction.speed_observer.track import Track
-    from ohmward.traction.terrain.slip_on_floors import SlipTrack
+    from ohmward.traction.speed_observer.track import SlipRun
+    from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 
 #: What `ohmward slip --json` says of floors.
@@ -27,18 +27,18 @@ FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped")
 class OnFloors(NamedTuple):
     """The drive as the floors explain it, the floors' names, and the wheels'."""
 
-    track: SlipTrack
+    track: FloorRun
     floors: tuple[str, ...]
     wheels: tuple[str, ...]
 
 
-def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tuple[Track, OnFloors, list[str]]:
+def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tuple[SlipRun, OnFloors, list[str]]:
     """Slip of a drive on the floors of a file; the track, what else is known, and notes.
 
     Raises:
         InputError: no floors in the file, no such filter, or a driven wheel without encoder or motor current.
     """
-    from ohmward.traction.speed_observer.track import Track
+    from ohmward.traction.speed_observer.track import SlipRun
     from ohmward.traction.terrain.as_estimates import as_estimates
     from ohmward.traction.terrain.file import load_floors
     from ohmward.traction.terrain.slip_on_floors import slip_on_floors
@@ -55,7 +55,7 @@ def observe_on_floors(robot: Robot, log: DriveLog, path: str, name: str) -> tupl
         f"warning: {n} samples with {flag.replace('_', ' ')}" for flag, n in track.counts().items() if flag in FAULTS
     ]
     places = tuple(p.name for p in robot.places[: robot.driven])
-    shown = Track(log.time_s, as_estimates(track, robot), time.perf_counter() - began)
+    shown = SlipRun(log.time_s, as_estimates(track, robot), time.perf_counter() - began)
     return shown, OnFloors(track, estimator.recognition.names, places), notes
 
 

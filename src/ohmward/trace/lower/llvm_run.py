@@ -169,26 +169,26 @@ class MachineStep:
 
 
 class OneStep:
-    """A step that has its state, sample and output in memory of its own: (n,) of float64 each."""
+    """A step that has its state, sample and output in memory of its own: (n,) of float64 each.
+
+    run: takes `sample` into `state` and `output`.
+    """
 
     def __init__(self, step: MachineStep, state: np.ndarray):
         self.state = np.array(state, dtype=float)
         self.sample = np.zeros(step.columns)
         self.output = np.zeros(len(step.program.outputs) - step.state_size)
-        self._columns = _Arrays(list(self.sample[:, None]))
-        self._results = _Arrays(list(self.output[:, None]))
-        addresses = [*self._columns.addresses, *self._results.addresses]
-        self._call = partial(
+        columns = _Arrays(list(self.sample[:, None]))
+        results = _Arrays(list(self.output[:, None]))
+        addresses = [*columns.addresses, *results.addresses]
+        self.run = partial(
             step.function(1, (False,) * step.columns),
             ctypes.c_void_p(self.state.ctypes.data),
             ctypes.c_int64(_DOUBLE),
             *map(ctypes.c_void_p, addresses),
             *map(ctypes.c_int64, (0, 1, 0, 1)),  # steps and lanes: from 0 to 1
         )
-
-    def __call__(self) -> None:
-        """Take `sample` into `state` and `output`."""
-        self._call()
+        self.run.__dict__["memory"] = self.state, columns, results  # must live as long as whoever may call it
 
 
 class _Arrays:

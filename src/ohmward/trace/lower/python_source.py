@@ -9,7 +9,7 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from itertools import count
 from typing import Any, NamedTuple
@@ -184,15 +184,19 @@ def scan_source(code: Body, state_size: int) -> str:
     return "\n".join(["def scan(state, columns, emit):", *_indent(lines, 1)])
 
 
-def live_source(program: Program, state_size: int) -> str:
-    """`live(sample) -> output` around machine code that has its samples, outputs and state in memory of its own."""
+def live_source(program: Program, state_size: int, flags: bool) -> str:
+    """`live(sample) -> output` around machine code that has its samples, outputs and state in memory of its own.
+
+    flags: the output's field `flags` is looked up in the table `_flags`.
+    """
     _, sample, output = program.step_structure
     inputs = input_names(program)[state_size:]
     results = [f"y{i}" for i in range(len(program.outputs) - state_size)]
-    kinds = (leaf.boolean for _, leaf in leaves(output) for _ in range(leaf.size))
-    typed = iter([f"{y} != 0.0" if boolean else y for y, boolean in zip(results, kinds, strict=True)])
+    kinds = ((name, leaf.boolean) for name, leaf in leaves(output) for _ in range(leaf.size))
+    named = zip(results, kinds, strict=True)
+    typed = iter([_typed(y, boolean, flags and name == "flags") for y, (name, boolean) in named])
     lines = [
-        *_unpack(sample, "_sample", iter(inputs)),
+        *_unpack(sample, "_sample", iter(inputs), "{}"),
         f"_write(_inputs, 0, {', '.join(inputs)})",
         "_run()",
         *([f"{_row(results)} = _read(_outputs)"] if results else []),
@@ -209,16 +213,27 @@ def _guarded(code: Body) -> list[str]:
     return ["try:", *_indent(code.lines, 1), "except _ERRORS:", f"    {twin}"]
 
 
-def _unpack(structure: Structure, source: str, names: Iterator[str]) -> list[str]:
-    """Lines that give every scalar of an argument its name, as a Python float or bool."""
+def _typed(name: str, boolean: bool, flag: bool) -> str:
+    """A number from machine code as what it stands for."""
+    if flag:
+        return f"_flags[{name}]"
+    return f"{name} != 0.0" if boolean else name
+
+
+def _unpack(structure: Structure, source: str, names: Iterator[str], number: str = "float({})") -> list[str]:
+    """Lines that give every scalar of an argument its name, as a Python float or bool.
+
+    number: makes a float of a bare number; "{}" where the user of the names does.
+    """
     if isinstance(structure, Leaf):
         kind = structure.dtype.__name__
         if not structure.shape:
-            return [f"{next(names)} = {kind}({source})"]
+            convert = "bool({})" if structure.boolean else number
+            return [f"{next(names)} = {convert.format(source)}"]
         return [f"{_nested(structure.shape, names)} = asarray({source}, {kind}).tolist()"]
     parts = [f"{source}_{i}" for i in range(len(structure.children))]
     children = zip(structure.children, parts, strict=True)
-    return [f"{_row(parts)} = {source}", *(line for child, part in children for line in _unpack(child, part, names))]
+    return [f"{_row(parts)} = {source}", *(line for child, p in children for line in _unpack(child, p, names, number))]
 
 
 def _nested(shape: tuple[int, ...], names: Iterator[str]) -> str:
@@ -258,9 +273,18 @@ def compile_call(program: Program) -> Callable[..., Any]:
 
 
 def compile_live(
-    program: Program, state_size: int, run: Callable[[], None], inputs: np.ndarray, outputs: np.ndarray
+    program: Program,
+    state_size: int,
+    run: Callable[[], None],
+    inputs: np.ndarray,
+    outputs: np.ndarray,
+    flags: Mapping[float, Any] | None,
 ) -> Callable[..., Any]:
-    """The function of `live_source`; run: one step of the machine code from inputs to outputs (n,) of float64."""
+    """The function of `live_source`.
+
+    run: one step of the machine code from inputs to outputs (n,) of float64.
+    flags: values for the output's field `flags`; None leaves it a number.
+    """
     types = {f"_structure{i}": t for i, t in enumerate(_types(program.step_structure.output))}
     samples, results = len(program.inputs) - state_size, len(program.outputs) - state_size
     namespace = {
@@ -271,8 +295,9 @@ def compile_live(
         "_run": run,
         "_inputs": inputs,
         "_outputs": outputs,
+        "_flags": flags,
     }
-    return _compile(live_source(program, state_size), "live", namespace)
+    return _compile(live_source(program, state_size, flags is not None), "live", namespace)
 
 
 def compile_scan(program: Program, state_size: int) -> Callable[..., Any]:

@@ -81,5 +81,18 @@ def soft_terrain(name: str, radius_m: float, width_m: float) -> Terrain:
     return Terrain(name, ground, CompactionResistance(ground), "Project Chrono, SCM demonstrations")
 
 
+def terrain_named(name: str, radius_m: float, width_m: float) -> Terrain:
+    """A ground by name, hard or soft, under wheels of this size.
+
+    Raises:
+        InputError: there is none of that name; lists all.
+    """
+    if name in SOILS:
+        return soft_terrain(name, radius_m, width_m)
+    if name in ADHESION or name in ROADS:
+        return hard_terrain(name)
+    raise _unknown(name, [*ADHESION, *ROADS, *SOILS])
+
+
 def _unknown(name: Any, known: list[str]) -> InputError:
     return InputError(f"terrain must be one of {', '.join(known)}; got {name!r}")

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
+from pathlib import Path
 
+from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
+
+#: Robots that need no file.
+PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO}
 
 #: What `kind` in the table [chassis] may be.
 CHASSIS: Mapping[str, type] = {"differential": Differential, "skid-steer": SkidSteer, "omni": Omni}
@@ -31,11 +36,17 @@ def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
 
 
 def load_robot(path: str | PathLike[str]) -> Robot:
-    """The robot in a file.
+    """The robot in a file, or a packaged one by its name, see `PACKAGED`.
 
     Raises:
         InputError: the file cannot be read or says something that a robot cannot be; names file, key, rule and fix.
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"a robot must be a Robot, or the path or name of one, got {type(path).__name__}")
+    if robot := PACKAGED.get(str(path).lower()):
+        return robot
+    if not Path(path).suffix and not Path(path).exists():
+        raise InputError(f"robot must be a robot file or one of {', '.join(PACKAGED)}, got {str(path)!r}")
     return _FILE.load(path)
 
 

@@ -47,11 +47,6 @@ def is_step(dt_s: Any) -> Any:
     return (dt_s >= 0.0) & (dt_s <= LONGEST_STEP_S)
 
 
-def clock_after(time_s: float, dt_s: float) -> float:
-    """The clock [s] of an estimator after a live sample; it begins at 0, and stands where `dt_s` is no step."""
-    return (0.0 if math.isnan(time_s) else time_s) + (dt_s if is_step(dt_s) else 0.0)
-
-
 def sanitize(
     sample: SlipSample, before_A: np.ndarray, gap_s: float, current_limit_A: float, wheel_speed_limit_rad_s: float
 ) -> CleanSlipSample:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from enum import IntFlag
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from ohmward.filters.flags import SampleFlag
 
 
 class SlipSample(NamedTuple):
@@ -77,7 +78,7 @@ class SlipEstimate(NamedTuple):
     flags: Any
 
 
-class SlipFlag(IntFlag):
+class SlipFlag(SampleFlag):
     """What happened at a sample. None of it stops an observer."""
 
     BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
@@ -92,3 +93,4 @@ class SlipFlag(IntFlag):
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
     SPEED_UNOBSERVED = 1024  # nothing shows the speed: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
+    RESTARTED = 4096  # the state was no longer a number: a new one was started from this sample

@@ -104,7 +104,8 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     force = knows_force(robot, log)
     noise = noise_of(rolling, log, force)
     if not force:
-        noise = replace(noise, speed_walk=unknown_push_walk(rolling, log, terrain))
+        rim_m_s = rolling.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
+        noise = replace(noise, speed_walk=unknown_push_walk(rolling, rim_m_s, terrain))
     if scrubs:
         noise = replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK)
     push_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
@@ -184,13 +185,12 @@ def unknown_torque_Nm(robot: Robot, step_s: float) -> float:
     return UNKNOWN_PUSH * load_N * robot.wheel.radius_m * math.sqrt(max(PUSH_S / max(step_s, _SAME), 1.0))
 
 
-def unknown_push_walk(robot: Robot, log: DriveLog, terrain: Terrain) -> float:
+def unknown_push_walk(robot: Robot, rim_m_s: float, terrain: Terrain) -> float:
     """Walk of the speed [m/s over the root of a second] where nobody knows what pushes the robot, and for how long.
 
     A lasting push a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a walk q of
     the speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both the same: white torque alone would forget.
     """
-    rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
     load_N = robot.mass_kg * GRAVITY / len(robot.places)
     gripping = contact(rim_m_s + SMALL_SLIP_M_S, rim_m_s, load_N)
     slope_s_per_m = float(terrain.traction.force_N(gripping)) / load_N / SMALL_SLIP_M_S

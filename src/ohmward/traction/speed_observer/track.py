@@ -1,49 +1,36 @@
-"""An observer over a recorded drive, and for people one that remembers its state."""
+"""Speed and slip for people: an observer that remembers. `update` takes live samples, `run` takes a whole drive."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial, reduce
-from typing import Any, NamedTuple
+from typing import Any, Self
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.flags import count_flags
+from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
+from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel, maximum, snapshot
-from ohmward.trace.live import Live
-from ohmward.trace.structure import check
+from ohmward.trace import Kernel, maximum
+from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import clock_after
+from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.speed_observer.default_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.slow_channel import held
 from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 
-Progress = Callable[[int, int], None]
+
+class SlipRun(Run[SlipEstimate]):
+    """Estimates for a whole drive, every field (T,) of the body or (T, driven) of the wheels."""
+
+    flag_type = SlipFlag
 
 
-class Track(NamedTuple):
-    """An observer's answer to a whole drive.
-
-    time_s: (T,) the log's.
-    estimates: every field with time (T,) in front: (T,) of the body, (T, driven) of the wheels.
-    seconds: what it took, compilation included.
-    """
-
-    time_s: np.ndarray
-    estimates: SlipEstimate
-    seconds: float
-
-    def counts(self) -> dict[str, int]:
-        """How many samples carry each flag, by name; flags that never occur are left out."""
-        return count_flags(self.estimates.flags, SlipFlag)
-
-
-def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> Track:
-    """What the observer knows at every sample of a drive.
+def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = None) -> SlipRun:
+    """Estimates at every sample of a drive.
 
     progress: called now and then with (steps done, T).
 
@@ -53,87 +40,115 @@ def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = 
     return SlipEstimator(observer).run(log, progress)
 
 
-class SlipEstimator:
+class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
     """Speed and slip, live or from logs.
 
-    >>> estimator = SlipEstimator(SpeedObserver(scene(RLMA, hard_terrain("gravel"))))    # doctest: +SKIP
-    >>> estimator.update(Sample(0.01, np.array([1.0, 1.0, nan, nan]), np.array([0.5, 0.5]))).speed_m_s
+    >>> estimator = SlipEstimator("rlma", terrain="gravel")                                          # doctest: +SKIP
+    >>> estimator.update(time_s=0.0, wheel_speed_rad_s=[1.0, 1.0], current_A=[0.5, 0.5]).speed_m_s   # doctest: +SKIP
     0.119
 
     Args:
-        observer: settings; `make_observer` finds some for a robot and a log.
-        lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
+        robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino". Or the settings of an
+            observer; `make_observer` finds some for a robot and a log, whose noise it measures.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+        terrain: ground that is believed at first, by name; its friction is estimated.
+        filter: "ekf", "aekf", "ukf" or "aukf".
     """
 
-    def __init__(self, observer: SpeedObserver, lowering: str | None = None):
+    flag_type = SlipFlag
+    known = SlipEstimate._fields.index("speed_m_s"), SlipEstimate._fields.index("speed_std_m_s")
+    longest_step_s = LONGEST_STEP_S
+
+    def __init__(
+        self,
+        robot: Robot | SpeedObserver | str,
+        lowering: str | None = None,
+        terrain: Terrain | str = DEFAULT_TERRAIN,
+        filter: str = DEFAULT_FILTER,
+    ):
+        observer = robot if isinstance(robot, SpeedObserver) else default_observer(robot, terrain, filter)
+        super().__init__(observer, lowering)
         self.observer = observer
-        self.lowering = lowering
-        self.time_s = math.nan
-        self._state: ObserverState | None = None
-        self._live: Live | None = None
-        self._kernel: Kernel | None = None
 
-    @property
-    def state(self) -> ObserverState | None:
-        """The observer's state after the last sample; None before the first. What is assigned goes on from there."""
-        return self._state if self._live is None else self._live.state
-
-    @state.setter
-    def state(self, state: ObserverState | None) -> None:
-        self._state, self._live = state, None
-
-    def update(self, sample: SlipSample) -> SlipEstimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `SlipFlag`.
+    @classmethod
+    def restore(cls, robot: Robot | SpeedObserver | str, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot; options: as those of the one that took it.
 
         Raises:
-            InputError: the sample has other wheels or motors than the observer's robot.
+            InputError: the snapshot is of another version, another robot, ground or other settings, or damaged.
         """
-        if self._live is None:
-            if self._state is None:
-                self.state = self.observer.init(sample)
-            self._live = self.kernel.live(self._state)
-        try:
-            estimate = self._live.step(sample)
-        except (TypeError, ValueError):
-            check(self.kernel.program.argument_structure, (self.state, sample))
-            raise
-        self.time_s = clock_after(self.time_s, sample.dt_s)
-        return estimate
+        return cls(robot, **options)._resume(snapshot)
 
-    def run(self, log: DriveLog, progress: Progress | None = None) -> Track:
-        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start."""
-        began = time.perf_counter()
+    def update(
+        self,
+        time_s: float,
+        wheel_speed_rad_s: PerWheel,
+        current_A: PerWheel | None = None,
+        yaw_rate_rad_s: float | None = None,
+        acceleration_m_s2: float | None = None,
+        pitch_rad: float | None = None,
+        speed_m_s: float | None = None,
+        speed_std_m_s: float | None = None,
+        speed_age_s: float = 0.0,
+    ) -> SlipEstimate:
+        """Estimate after one live sample. A bad one is survived and flagged, see `SlipFlag`; None and nan are missing.
+
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+        wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.
+        current_A: (driven,) of the motors, > 0 drives forward.
+        All others: see `SlipSample`. What the observer has no noise for is not used.
+
+        Raises:
+            InputError: something else than a number, or not one for each wheel or motor.
+        """
+        robot = self.observer.scene.robot
+        others = {
+            "yaw_rate_rad_s": yaw_rate_rad_s,
+            "acceleration_m_s2": acceleration_m_s2,
+            "pitch_rad": pitch_rad,
+            "speed_m_s": speed_m_s,
+            "speed_std_m_s": speed_std_m_s,
+            "speed_age_s": speed_age_s,
+        }
+        time_s = number("time_s", time_s)
+        sample = SlipSample(
+            self._since_last(time_s),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, len(robot.places), robot.driven),
+            numbers("current_A", current_A, robot.driven),
+            *(number(name, value) for name, value in others.items()),
+        )
+        return self._advance(sample, self._clock(time_s))
+
+    def run(self, log: DriveLog, progress: Progress | None = None) -> SlipRun:
+        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
+
+        progress: called now and then with (steps done, T).
+
+        Raises:
+            InputError: the log is of a robot with other wheels.
+        """
         samples = samples_of(log, self.observer, self.time_s)
-        if self.state is None:
-            self.state = self.observer.init(first_of(samples))
-        self.state, estimates = self.kernel.scan(self.state, samples, progress)
-        self.time_s = float(log.time_s[-1])
-        return Track(log.time_s, estimates, time.perf_counter() - began)
+        return SlipRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 
-    def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+    def init(self, first: SlipSample) -> ObserverState:
+        """State before the first sample."""
+        return self.observer.init(first)
 
-        Raises:
-            InputError: there is no state before the first sample.
-        """
-        return snapshot.take(self.observer, self.state, self.time_s)
+    def no_sample(self) -> SlipSample:
+        """A sample in which nothing was measured."""
+        return self.observer.no_sample()
 
-    def restore(self, taken: Mapping[str, Any]) -> None:
-        """Go on from a snapshot.
+    def compiled(self) -> Kernel:
+        """The step, compiled."""
+        nothing = self.no_sample()
+        step = partial(considered_step, self.observer)
+        return Kernel(step, self.observer.init(nothing), nothing, lowering=self.lowering)
 
-        Raises:
-            InputError: it is of another version, another robot, ground or other settings, or damaged.
-        """
-        example = self.observer.init(self.observer.no_sample())
-        self.state, self.time_s = snapshot.resume(self.observer, example, taken)
-
-    @property
-    def kernel(self) -> Kernel:
-        """The compiled step."""
-        if self._kernel is None:
-            step = partial(considered_step, self.observer)
-            self._kernel = Kernel(step, self._state, self.observer.no_sample(), lowering=self.lowering)
-        return self._kernel
+    def __repr__(self) -> str:
+        robot, ground = self.observer.scene.robot, self.observer.scene.terrains[0]
+        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        return f"SlipEstimator({self.observer.method}, {robot.name} on {ground.name}{now})"
 
 
 def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> SlipSample:

@@ -8,10 +8,10 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
-from ohmward.traction.terrain.slip_on_floors import SlipTrack
+from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 
-def as_estimates(track: SlipTrack, robot: Robot, test: SlipAlarm | None = None) -> SlipEstimate:
+def as_estimates(track: FloorRun, robot: Robot, test: SlipAlarm | None = None) -> SlipEstimate:
     """The track as estimates (T, ...); what is no question here is as assumed: radius, level ground, friction.
 
     test: what slip is allowed.

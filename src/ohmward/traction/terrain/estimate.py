@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from enum import IntFlag
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from ohmward.filters.flags import SampleFlag
 
 
 class FloorEstimate(NamedTuple):
@@ -43,7 +44,7 @@ class FloorEstimate(NamedTuple):
     flags: Any
 
 
-class FloorFlag(IntFlag):
+class FloorFlag(SampleFlag):
     """What happened at a sample. None of it stops the estimator."""
 
     BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
@@ -52,3 +53,4 @@ class FloorFlag(IntFlag):
     NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
     ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
     MOTION_UNKNOWN = 32  # the wheels hardly turn, or nobody knows how: no slip ratio, no floor recognised
+    RESTARTED = 64  # the state was no longer a number: a new one was started from this sample

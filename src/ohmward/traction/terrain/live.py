@@ -1,118 +1,97 @@
-"""For people: slip on floors that remembers its state. `update` takes live samples, `run` takes logs."""
+"""Slip on floors for people: an estimator that remembers. `update` takes live samples, `run` takes logs."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
-import numpy as np
-
-from ohmward.errors import InputError
+from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel, snapshot
-from ohmward.trace.live import Live
-from ohmward.traction.speed_observer.clean_sample import clock_after
-from ohmward.traction.terrain.estimate import FloorEstimate
-from ohmward.traction.terrain.slip_on_floors import (
-    FloorState,
-    SlipOnFloors,
-    SlipTrack,
-    first_of,
-    track_of,
-    wheel_samples,
-)
+from ohmward.trace import Kernel
+from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
+from ohmward.traction.terrain.slip_on_floors import FloorRun, FloorState, SlipOnFloors, first_of, wheel_samples
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: With more combinations of floors the step is not compiled to machine code by itself: it would take half a minute.
 MOST_COMPILED = 216
 
 
-class FloorSlipEstimator:
+class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
     """Slip on floors, live or from logs, in machine code where it is installed.
 
     >>> estimator = FloorSlipEstimator(slip_on_floors(robot, load_floors("floors.toml").floor))    # doctest: +SKIP
-    >>> estimator.update(WheelSample(0.03, np.array([-2.1, 0.0, 2.1]), np.array([-1.0, 0.1, 1.1]))).travel_slip
+    >>> estimator.update(0.0, [-2.1, 0.0, 2.1], [-1.0, 0.1, 1.1]).travel_slip                      # doctest: +SKIP
     0.214
 
     The first sample waits for the compilation, some seconds; later starts find it in the cache.
 
     Args:
         floors: settings, of `slip_on_floors`.
-        lowering: "python", "machine" or "auto", see `ohmward.trace.Kernel`; results differ in their last digits.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
     """
 
+    flag_type = FloorFlag
+    known = FloorEstimate._fields.index("speed_m_s"), FloorEstimate._fields.index("speed_std_m_s")
+    longest_step_s = LONGEST_STEP_S
+
     def __init__(self, floors: SlipOnFloors, lowering: str | None = None):
-        self.floors = floors
         if lowering is None and len(floors.recognition.combinations) > MOST_COMPILED:
             lowering = "python"
-        self.lowering = lowering
-        self.time_s = math.nan
-        self._state: FloorState | None = None
-        self._live: Live | None = None
-        self._kernel: Kernel | None = None
+        super().__init__(floors, lowering)
+        self.floors = floors
 
-    @property
-    def state(self) -> FloorState | None:
-        """After the last sample; None before the first."""
-        return self._state if self._live is None else self._live.state
-
-    def update(self, sample: WheelSample) -> FloorEstimate:
-        """What is known after one live sample. A bad sample is survived and flagged, see `FloorFlag`.
+    @classmethod
+    def restore(cls, floors: SlipOnFloors, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot; options: as those of the one that took it.
 
         Raises:
-            InputError: not one speed and one current for each driven wheel.
+            InputError: the snapshot is of another version, another robot, other floors or settings, or damaged.
         """
-        sample = self._shaped(sample)
-        if self._live is None:
-            state = self.floors.init(sample) if self._state is None else self._state
-            self._live = self.kernel.live(state)
-        self.time_s = clock_after(self.time_s, sample.dt_s)
-        return self._live.step(sample)
+        return cls(floors, **options)._resume(snapshot)
 
-    def run(self, log: DriveLog) -> SlipTrack:
+    def update(self, time_s: float, wheel_speed_rad_s: PerWheel, current_A: PerWheel) -> FloorEstimate:
+        """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
+
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+        wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
+
+        Raises:
+            InputError: something else than a number, or not one for each driven wheel.
+        """
+        driven, time_s = self.floors.wheels.robot.driven, number("time_s", time_s)
+        sample = WheelSample(
+            self._since_last(time_s),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, driven),
+            numbers("current_A", current_A, driven),
+        )
+        return self._advance(sample, self._clock(time_s))
+
+    def run(self, log: DriveLog, progress: Progress | None = None) -> FloorRun:
         """Slip and floors along a log, from this estimator's state on; a new one starts at the log's start.
+
+        progress: called now and then with (steps done, T).
 
         Raises:
             InputError: a driven wheel without encoder or motor current.
         """
         samples = wheel_samples(log, self.floors.wheels.robot.driven, self.time_s)
-        state = self.floors.init(first_of(samples)) if self.state is None else self.state
-        after, estimates = self.kernel.scan(state, samples)
-        self._state, self._live, self.time_s = after, None, float(log.time_s[-1])
-        return track_of(log.time_s, estimates)
+        return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 
-    def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+    def init(self, first: WheelSample) -> FloorState:
+        """State before the first sample."""
+        return self.floors.init(first)
 
-        Raises:
-            InputError: there is no state before the first sample.
-        """
-        return snapshot.take(self.floors, self.state, self.time_s)
+    def no_sample(self) -> WheelSample:
+        """A sample in which nothing was measured."""
+        return self.floors.no_sample()
 
-    def restore(self, taken: Mapping[str, Any]) -> None:
-        """Go on from a snapshot.
+    def compiled(self) -> Kernel:
+        """The step, compiled."""
+        return self.floors.compiled(self.lowering)
 
-        Raises:
-            InputError: it is of another version, another robot, other floors or settings, or damaged.
-        """
-        example = self.floors.init(self.floors.no_sample())
-        self._state, self.time_s = snapshot.resume(self.floors, example, taken)
-        self._live = None
-
-    def _shaped(self, sample: WheelSample) -> WheelSample:
-        robot = self.floors.wheels.robot
-        speed, current = (np.asarray(values, dtype=float) for values in sample[1:])
-        if speed.shape != (robot.driven,) or current.shape != (robot.driven,):
-            raise InputError(
-                f"a sample must have {robot.driven} wheel speeds and {robot.driven} motor currents, one for each "
-                f"driven wheel of {robot.name!r}, got {speed.size} and {current.size}; nan stands for what did not come"
-            )
-        return WheelSample(float(sample.dt_s), speed, current)
-
-    @property
-    def kernel(self) -> Kernel:
-        """The compiled step."""
-        if self._kernel is None:
-            self._kernel = self.floors.compiled(self.lowering)
-        return self._kernel
+    def __repr__(self) -> str:
+        names = ", ".join(self.floors.recognition.names)
+        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        return f"FloorSlipEstimator({self.floors.wheels.robot.name} on {names}{now})"

@@ -13,6 +13,7 @@ acceleration of the body, which the forces carry besides the drag, is that of th
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.flags import count_flags
+from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, exp, maximum, sqrt, where
 from ohmward.traction.robot.robot import Robot
@@ -66,32 +67,17 @@ class FloorState(NamedTuple):
     encoders: EncoderWatch
 
 
-class SlipTrack(NamedTuple):
-    """What is known along a log of T samples: every field of `FloorEstimate` with time in front, but for `crossings`.
+class FloorRun(Run[FloorEstimate]):
+    """Slip and floors along a log of T samples: every field of `FloorEstimate` with time in front."""
 
-    time_s: (T,).
-    crossings: wheels that came to another floor.
-    """
+    flag_type = FloorFlag
 
-    time_s: np.ndarray
-    rim: np.ndarray
-    motion: np.ndarray
-    motion_std: np.ndarray
-    speed_m_s: np.ndarray
-    speed_std_m_s: np.ndarray
-    travel_slip: np.ndarray
-    travel_slip_std: np.ndarray
-    slip_ratio: np.ndarray
-    slip_ratio_std: np.ndarray
-    force_N: np.ndarray
-    floor_probability: np.ndarray
-    crossing_delay_s: np.ndarray
-    flags: np.ndarray
-    crossings: list[Crossing]
-
-    def counts(self) -> dict[str, int]:
-        """How many samples carry each flag, by name; flags that never occur are left out."""
-        return count_flags(self.flags, FloorFlag)
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Changes to another floor under a wheel."""
+        e = self.estimates
+        rows = np.flatnonzero(e.crossing)
+        return [Crossing(float(self.time_s[k]), float(e.drag_before[k]), float(e.drag_after[k])) for k in rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +143,16 @@ class SlipOnFloors:
         sample = self.no_sample()
         return Kernel(self.step, self.init(sample), sample, lowering=lowering)
 
-    def run(self, log: DriveLog) -> SlipTrack:
+    def run(self, log: DriveLog) -> FloorRun:
         """Slip and floors along a log.
 
         Raises:
             InputError: a driven wheel without encoder or motor current.
         """
+        began = time.perf_counter()
         samples = wheel_samples(log, self.wheels.robot.driven)
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
-        return track_of(log.time_s, estimates)
+        return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
     def conclude(self, belief: WheelBelief, probability: np.ndarray, moving: Any) -> FloorEstimate:
         """Slip and speed from forces and floors (wheels, floors)."""
@@ -265,13 +252,3 @@ def wheel_samples(log: DriveLog, driven: int, before_s: float = math.nan) -> Whe
 def first_of(samples: WheelSample) -> WheelSample:
     """The first of the samples (T, ...)."""
     return WheelSample(0.0, samples.wheel_speed_rad_s[0], samples.current_A[0])
-
-
-def track_of(time_s: np.ndarray, estimates: FloorEstimate) -> SlipTrack:
-    """The track of estimates (T, ...)."""
-    e = estimates
-    found = [
-        Crossing(float(time_s[k]), float(e.drag_before[k]), float(e.drag_after[k])) for k in np.flatnonzero(e.crossing)
-    ]
-    fields = {name: getattr(e, name) for name in SlipTrack._fields[1:-1]}
-    return SlipTrack(time_s, **fields, crossings=found)

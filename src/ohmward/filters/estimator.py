@@ -1,0 +1,247 @@
+"""The live shell of an estimator: its state, its clock and its compiled step; the same for charge, slip and terrain.
+
+An estimator proper is a frozen dataclass with pure `init` and `step`. The shell remembers the state between samples.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.filters.flags import SampleFlag, flag_table
+from ohmward.filters.sanitize import is_step
+from ohmward.trace import Kernel, snapshot
+from ohmward.trace.live import Live
+from ohmward.trace.structure import check, flatten, structure_of
+
+Progress = Callable[[int, int], None]
+
+#: Measured values of wheels or motors, in their order; None or nan where there is none.
+PerWheel = Sequence[float | None] | np.ndarray
+
+#: A sample that is late by more than this is not late: the clock was set.
+CLOCK_SET_S = 60.0
+
+S = TypeVar("S", bound=tuple[Any, ...])
+E = TypeVar("E", bound=tuple[Any, ...])
+
+
+class LiveEstimator(ABC, Generic[S, E]):
+    """Base of the estimators for people; S is the record of a sample, E that of an estimate.
+
+    A running estimator can be copied and pickled, and the copy goes on to the bit.
+
+    Attributes:
+        settings: the estimator proper.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+        time_s: of the last sample; nan before the first.
+        last: estimate after the last sample; None before the first.
+    """
+
+    #: Kind of the flags of an estimate, which are its last field; one of them is RESTARTED.
+    flag_type: ClassVar[type[SampleFlag]]
+    #: Places in an estimate of a quantity that is always known, and of its standard deviation.
+    known: ClassVar[tuple[int, int]]
+    #: A longer step between two samples is a clock that was set [s].
+    longest_step_s: ClassVar[float]
+
+    def __init__(self, settings: Any, lowering: str | None = None):
+        self.settings = settings
+        self.lowering = lowering
+        self.time_s = math.nan
+        self.last: E | None = None
+        self._state: Any = None
+        self._live: Live | None = None
+        self._kernel: Kernel | None = None
+        self._no_flags = flag_table(self.flag_type)[0.0]
+
+    @abstractmethod
+    def init(self, first: S) -> Any:
+        """State before the first sample, which it looks at."""
+
+    def init_again(self, sample: S) -> Any:
+        """State before a sample after the last state was lost."""
+        return self.init(sample)
+
+    @abstractmethod
+    def compiled(self) -> Kernel:
+        """The step, compiled."""
+
+    @abstractmethod
+    def no_sample(self) -> S:
+        """A sample in which nothing was measured."""
+
+    @property
+    def kernel(self) -> Kernel:
+        """The step, compiled when it is first asked for."""
+        if self._kernel is None:
+            self._kernel = self.compiled()
+        return self._kernel
+
+    @property
+    def state(self) -> Any:
+        """The state after the last sample; None before the first. The next step starts from an assigned one."""
+        return self._state if self._live is None else self._live.state
+
+    @state.setter
+    def state(self, state: Any) -> None:
+        self._state, self._live = state, None
+
+    def step(self, sample: S) -> E:
+        """Estimate after one live sample, for callers that have a record of it, with `dt_s` instead of a time.
+
+        The clock begins at 0, and stands where `dt_s` is no step in time. A bad sample is survived and flagged.
+
+        Raises:
+            InputError: something else than numbers, or of another shape than this estimator was made for.
+        """
+        before_s = 0.0 if math.isnan(self.time_s) else self.time_s
+        dt_s = sample.dt_s  # type: ignore[attr-defined]
+        return self._advance(sample, before_s + dt_s if is_step(dt_s, self.longest_step_s) else before_s)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+
+        Raises:
+            InputError: there is no state before the first sample.
+        """
+        return snapshot.take(self.settings, self.state, self.time_s)
+
+    def _resume(self, taken: Any) -> Self:
+        """This estimator with the state of a snapshot."""
+        example = self.init(self.no_sample())
+        self.state, self.time_s = snapshot.resume(self.settings, example, taken)
+        return self
+
+    def _since_last(self, time_s: float) -> float:
+        """Time since the sample before [s]; 0 for the first."""
+        return 0.0 if self._state is None else time_s - self.time_s
+
+    def _clock(self, time_s: float) -> float:
+        """The clock after a sample at `time_s`.
+
+        A late one leaves it; one that is earlier by more than `CLOCK_SET_S` sets it, and time goes on from there.
+        """
+        late = self.time_s - CLOCK_SET_S <= time_s < self.time_s
+        return time_s if math.isfinite(time_s) and not late else self.time_s
+
+    def _advance(self, sample: Any, clock_s: float) -> E:
+        """Estimate after one live sample (dt_s, ...), and the clock then."""
+        live = self._live
+        first = live is None
+        if live is None:
+            live = self._wake(sample)
+        try:
+            estimate = live.step(sample)
+        except (TypeError, ValueError, struct.error):
+            check(self.kernel.program.argument_structure, (self.state, sample))
+            raise
+        value, std = self.known
+        if first or estimate[-1] is not self._no_flags or not estimate[value] + estimate[std] < math.inf:
+            estimate = self._examined(estimate, sample)
+        self.last = estimate
+        self.time_s = clock_s
+        return estimate
+
+    def _examined(self, estimate: E, sample: Any) -> E:
+        """The estimate; where the state is no longer a number, that of a new start from this sample.
+
+        To look at the state costs an eighth of a step. A filter whose belief is no number has no measurement inside
+        its gate, and flags that; so it is enough to look where there is a flag.
+        """
+        if self._live is None or self._live.is_finite():
+            return estimate
+        self.state = self.init_again(self._record(sample))
+        estimate = self._wake(sample).step(sample)
+        return estimate._replace(flags=estimate[-1] | self.flag_type["RESTARTED"])  # type: ignore[attr-defined]
+
+    def _wake(self, sample: S) -> Live:
+        """The live step, from the state or, where there is none, from this sample on."""
+        if self._state is None:
+            self._state = self.init(self._record(sample))
+        self._live = self.kernel.live(self._state, flag_table(self.flag_type))
+        return self._live
+
+    def _record(self, sample: Any) -> S:
+        """The sample by name; raises InputError where it is of another shape."""
+        nothing = self.no_sample()
+        check(structure_of(nothing, "sample"), sample, "sample")
+        return type(nothing)(*sample)
+
+    def _scan(self, samples: S, first: S, end_s: float, progress: Progress | None) -> tuple[E, float]:
+        """Estimates along samples (T, ...), and the seconds that they took; a new estimator starts from `first`.
+
+        A log in which the state is lost is done once more sample by sample, so that it starts again as it does live.
+        """
+        began = time.perf_counter()
+        if self.state is None:
+            self.state = self.init(first)
+        after, estimates = self.kernel.scan(self.state, samples, progress)
+        if _is_finite(after):
+            self.state = after
+        else:
+            found = [self._advance(row, end_s) for row in zip(*samples, strict=True)]
+            estimates = type(estimates)(*(np.array(column, dtype=float) for column in zip(*found, strict=True)))
+        self.time_s = end_s
+        *values, flags = (column[-1] for column in estimates)
+        self.last = type(estimates)(*values, flag_table(self.flag_type)[flags])
+        return estimates, time.perf_counter() - began
+
+    def __copy__(self) -> Self:
+        """Another estimator in the same state; the settings and the compiled step never change and are shared."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__ | {"_state": self.state, "_live": None})
+        return other
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self.__copy__()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled; the other process compiles the step again, or finds it in its cache."""
+        return self.__dict__ | {"_state": self.state, "_live": None, "_kernel": None}
+
+
+def number(name: str, value: Any) -> float:
+    """A measured value as a float; None, for none, becomes nan.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if value is None:
+        return math.nan
+    if not isinstance(value, str | bytes) and np.ndim(value) == 0:
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            pass
+    raise InputError(f"{name} must be a number, or None where it was not measured, got {value!r:.80}")
+
+
+def numbers(name: str, values: Any, *counts: int) -> np.ndarray:
+    """Measured values as an array of the first count; None is missing, and so are all beyond the last one given.
+
+    Raises:
+        InputError: something else than numbers, or of another count than those allowed.
+    """
+    given = np.full(counts[-1], math.nan) if values is None else np.asarray(values)
+    if given.ndim != 1 or len(given) not in counts:
+        raise InputError(
+            f"{name} must have the shape {' or '.join(f'({n},)' for n in counts)}, one number for each wheel or motor "
+            f"(nan where there is none), got {given.shape}"
+        )
+    if given.dtype.kind not in "fiu":
+        given = np.array([number(f"{name}[{k}]", value) for k, value in enumerate(given.tolist())])
+    if len(given) == counts[0]:
+        return given
+    return np.concatenate([given, np.full(counts[0] - len(given), math.nan)])
+
+
+def _is_finite(state: Any) -> bool:
+    return all(np.isfinite(leaf).all() for leaf in flatten(structure_of(state, "state"), state))

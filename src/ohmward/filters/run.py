@@ -1,0 +1,88 @@
+"""Estimates along a whole log: the same object for charge, slip and range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+
+import ohmward
+from ohmward.errors import OhmwardError
+from ohmward.filters.flags import count_flags
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+E = TypeVar("E", bound=tuple[Any, ...])
+
+
+@dataclass(frozen=True, eq=False)
+class Run(Generic[E]):
+    """An estimator's answer to a whole log; the fields of the estimates are attributes too: `run.soc`.
+
+    Attributes:
+        time_s: (T,) the log's.
+        estimates: every field with time in front: (T,), or (T, wheels).
+        seconds: computing time, compilation included.
+    """
+
+    time_s: np.ndarray
+    estimates: E
+    seconds: float
+
+    #: Meaning of the flags.
+    flag_type: ClassVar[type[IntFlag]]
+
+    def __getattr__(self, name: str) -> Any:
+        """A field of the estimates."""
+        if name.startswith("_") or name == "estimates":
+            raise AttributeError(name)
+        return getattr(self.estimates, name)
+
+    def __dir__(self) -> list[str]:
+        """What there is, the fields of the estimates included."""
+        return sorted({*super().__dir__(), *_fields(self.estimates)})
+
+    @property
+    def flags(self) -> np.ndarray:
+        """(T,) sums of flag values, as integers."""
+        return _fields(self.estimates)["flags"].astype(int)
+
+    def counts(self) -> dict[str, int]:
+        """Number of samples that carry each flag, by name; flags that never occur are left out."""
+        return count_flags(self.flags, self.flag_type)
+
+    def to_pandas(self) -> DataFrame:
+        """A row for each sample, indexed by `time_s`; flags are integers, arrays are columns `name_0`, `name_1`, ...
+
+        Raises:
+            OhmwardError: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise OhmwardError("to_pandas needs pandas, which is not installed; pip install pandas") from error
+        data = {**dict(columns(self.estimates)), "flags": self.flags}
+        return pandas.DataFrame(data, index=pandas.Index(self.time_s, name="time_s"))
+
+    def plot(self) -> Any:
+        """Figures of the estimates with their 95 % bands: shown by a notebook, written by `plot().save("x.html")`."""
+        return ohmward.plot(self)
+
+
+def columns(estimates: Any, prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """Name and values (T,) of every number of the estimates."""
+    for name, values in _fields(estimates).items():
+        if isinstance(values, tuple):
+            yield from columns(values, f"{prefix}{name}_")
+            continue
+        table = np.asarray(values)
+        for index in np.ndindex(table.shape[1:]):
+            yield "_".join([prefix + name, *map(str, index)]), table[(slice(None), *index)]
+
+
+def _fields(estimates: Any) -> dict[str, Any]:
+    return estimates._asdict()
