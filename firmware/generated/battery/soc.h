@@ -16,6 +16,7 @@ extern "C" {
 #define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
 #define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired */
 #define SOC_DIVERGED 256 /* the voltage has contradicted the estimate for too long: SoC was declared unknown */
+#define SOC_RESTARTED 512 /* in Python: the state was no longer a number, a new one was started from this sample */
 
 typedef struct {
     float belief_mean[3]; /* (n,) */

@@ -8,16 +8,16 @@ void slip_start(slip_state *state, const slip_sample *sample)
 {
     (void)sample;
     memset(state, 0, sizeof *state);
-    state->seen_known = 1.0f;
+    state->estimate_known = 1.0f;
 }
 
 void slip_step(slip_state *state, const slip_sample *sample, slip_output *output)
 {
-    const float t0 = state->seen_wheel_speed_rad_s;
-    const float t1 = state->seen_travel_speed_m_s;
-    const float t2 = state->seen_force_N;
-    const float t3 = state->seen_acceleration_m_s2;
-    const float t4 = state->seen_known;
+    const float t0 = state->estimate_wheel_speed_rad_s;
+    const float t1 = state->estimate_travel_speed_m_s;
+    const float t2 = state->estimate_force_N;
+    const float t3 = state->estimate_acceleration_m_s2;
+    const float t4 = state->estimate_known;
     const float t5 = state->memory_integral_m;
     const float t6 = state->torque_Nm;
     const float t7 = state->slip_target;
@@ -38,9 +38,9 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const bool t22 = t21 <= 1000.0f;
     const bool t23 = t20 && t22;
     const bool t24 = 0e+00f <= t14;
-    const bool t25 = t23 && t24;
-    const bool t26 = t14 <= 0.1f;
-    const bool t27 = t25 && t26;
+    const bool t25 = t14 <= 0.1f;
+    const bool t26 = t24 && t25;
+    const bool t27 = t23 && t26;
     const bool t28 = t15 <= 0.1f;
     const bool t29 = t27 && t28;
     const float t30 = t29 ? t12 : t0;
@@ -219,22 +219,24 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float t203 = t201 / t202;
     const float t204 = t200 ? NAN : t203;
     const float t205 = t198 * t204;
-    const float t206 = t69 ? 0e+00f : 1.0f;
-    const bool t207 = t69 && t76;
-    const float t208 = t207 ? 2.0f : 0e+00f;
-    const float t209 = t206 + t208;
-    const float t210 = t183 ? 4.0f : 0e+00f;
-    const float t211 = t209 + t210;
-    const bool t212 = 0.2f < t190;
-    const float t213 = t212 ? 16.0f : 0e+00f;
-    const float t214 = t211 + t213;
-    const float t215 = t68 ? 0e+00f : 32.0f;
-    const float t216 = t214 + t215;
-    state->seen_wheel_speed_rad_s = t30;
-    state->seen_travel_speed_m_s = t33;
-    state->seen_force_N = t54;
-    state->seen_acceleration_m_s2 = t65;
-    state->seen_known = t66;
+    const bool t206 = !t69;
+    const float t207 = t206 ? 1.0f : 0e+00f;
+    const bool t208 = t69 && t76;
+    const float t209 = t208 ? 2.0f : 0e+00f;
+    const float t210 = t207 + t209;
+    const float t211 = t183 ? 4.0f : 0e+00f;
+    const float t212 = t210 + t211;
+    const bool t213 = 0.2f < t190;
+    const float t214 = t213 ? 16.0f : 0e+00f;
+    const float t215 = t212 + t214;
+    const bool t216 = !t68;
+    const float t217 = t216 ? 32.0f : 0e+00f;
+    const float t218 = t215 + t217;
+    state->estimate_wheel_speed_rad_s = t30;
+    state->estimate_travel_speed_m_s = t33;
+    state->estimate_force_N = t54;
+    state->estimate_acceleration_m_s2 = t65;
+    state->estimate_known = t66;
     state->memory_integral_m = t179;
     state->torque_Nm = t166;
     state->slip_target = t180;
@@ -245,6 +247,6 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     output->report_slip_target = t107;
     output->report_surface_m_s = t144;
     output->report_force_N = t54;
-    output->report_wished_Nm = t158;
-    output->report_flags = t216;
+    output->report_demanded_Nm = t158;
+    output->report_flags = t218;
 }

@@ -15,16 +15,16 @@ extern "C" {
 #define SLIP_BAD_COMMAND 32 /* the command is no number or out of its range: torque goes to zero */
 
 typedef struct {
-    float seen_wheel_speed_rad_s; /* last usable ones, the latter brought up to now */
-    float seen_travel_speed_m_s; /* last usable ones, the latter brought up to now */
-    float seen_force_N; /* of the ground along x */
-    float seen_acceleration_m_s2; /* of the wheel's centre */
-    float seen_known; /* 1 where the last measurement was usable, else 0 */
+    float estimate_wheel_speed_rad_s; /* last usable ones, the latter brought up to now */
+    float estimate_travel_speed_m_s; /* last usable ones, the latter brought up to now */
+    float estimate_force_N; /* of the ground along x */
+    float estimate_acceleration_m_s2; /* of the wheel's centre */
+    float estimate_known; /* 1 where the last measurement was usable, else 0 */
     float memory_integral_m;
     float torque_Nm; /* given in the last step */
     float slip_target; /* slip ratio reached by the ramp */
     float direction; /* 1 forward, -1 reverse, 0 before the first step */
-    float limited_s; /* how long the limit of the torque has kept the slip away from its target */
+    float limited_s; /* time for which the limit of the torque has held the slip away from its target */
 } slip_state;
 
 typedef struct {
@@ -34,7 +34,7 @@ typedef struct {
     float measurement_travel_speed_m_s; /* of the wheel's centre along the wheel, measured or estimated */
     float measurement_age_s; /* of the travel speed, >= 0 */
     float measurement_travel_speed_std_m_s; /* its standard deviation */
-    float measurement_force_N; /* of the ground on the wheel, from an estimator; nan where the controller has to see it itself */
+    float measurement_force_N; /* of the ground on the wheel, from an estimator; nan where there is none */
     float measurement_acceleration_m_s2; /* of the wheel's centre, likewise */
     float dt_s; /* time since the step before [s], > 0 */
 } slip_sample;
@@ -44,8 +44,8 @@ typedef struct {
     float report_slip_ratio; /* driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR` */
     float report_slip_target; /* slip ratio that is held now, or the bound */
     float report_surface_m_s; /* distance from it as a slip speed, > 0 where slip is too large; see `surface` */
-    float report_force_N; /* of the ground on the wheel, along x, as observed */
-    float report_wished_Nm; /* torque without limits */
+    float report_force_N; /* of the ground on the wheel, along x, as estimated */
+    float report_demanded_Nm; /* torque without limits */
     float report_flags; /* sum of `ControlFlag` */
 } slip_output;
 

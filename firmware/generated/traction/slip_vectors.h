@@ -177,7 +177,7 @@ static inline bool slip_is_right(unsigned t, const slip_output *output)
     same = same && is(output->report_slip_target, *bits++);
     same = same && is(output->report_surface_m_s, *bits++);
     same = same && is(output->report_force_N, *bits++);
-    same = same && is(output->report_wished_Nm, *bits++);
+    same = same && is(output->report_demanded_Nm, *bits++);
     same = same && is(output->report_flags, *bits++);
     return same;
 }

@@ -57,4 +57,4 @@ class SocFlag(SampleFlag):
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
-    RESTARTED = 512  # the state was no longer a number: a new one was started from this sample
+    RESTARTED = 512  # in Python: the state was no longer a number, a new one was started from this sample

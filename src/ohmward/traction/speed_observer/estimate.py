@@ -93,4 +93,4 @@ class SlipFlag(SampleFlag):
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
     SPEED_UNOBSERVED = 1024  # nothing shows the speed: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
-    RESTARTED = 4096  # the state was no longer a number: a new one was started from this sample
+    RESTARTED = 4096  # in Python: the state was no longer a number, a new one was started from this sample

@@ -53,4 +53,4 @@ class FloorFlag(SampleFlag):
     NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
     ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
     MOTION_UNKNOWN = 32  # the wheels hardly turn, or nobody knows how: no slip ratio, no floor recognised
-    RESTARTED = 64  # the state was no longer a number: a new one was started from this sample
+    RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample
