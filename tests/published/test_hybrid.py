@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from battery.examples import NMC, drive, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
@@ -10,7 +11,6 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
 from ohmward.published.hybrid import Hybrid, _surer
-from ohmward.trace import Kernel
 
 NOISE = BatteryNoise()
 CAPACITANCE_F = rc.capacitance_for(NMC.capacity_Ah, NMC.ocv)
@@ -19,7 +19,7 @@ RC = RcModel(0.97 * CAPACITANCE_F, 0.03 * CAPACITANCE_F, 0.03, 0.03, 0.06, NMC.o
 
 def run(estimator, columns, soc):
     state = estimator.init(SocSample(*(float(c[0]) for c in columns)), soc)
-    return Kernel(estimator.step, state, SocSample(0.0, 0.0, 0.0, 0.0)).scan(state, columns)
+    return kernel_of(estimator, state, SocSample(0.0, 0.0, 0.0, 0.0)).scan(state, columns)
 
 
 def test_the_surer_of_two_is_taken_whole_and_moves_what_is_correlated():
@@ -44,7 +44,7 @@ def test_without_a_rest_it_is_the_thevenin_filter():
     columns = samples(truth, 0.0, NOISE)
     thevenin = TheveninFilter(NMC, NOISE)
     start = thevenin.init(SocSample(*(float(c[0]) for c in columns)), 0.8)
-    _, alone = Kernel(thevenin.step, start, SocSample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
+    _, alone = kernel_of(thevenin, start, SocSample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
     unsure = BatteryNoise(model_std_V=(0.2, 0.2))
     _, both = run(Hybrid(thevenin, RcKalman(RC, unsure)), columns, 0.8)
     assert both.soc == pytest.approx(alone.soc, abs=1e-12)

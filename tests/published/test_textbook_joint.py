@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from battery.rc_examples import EVEN, drive
+from kernels import kernel_of
 from ohmward.battery.models import rc
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
@@ -14,7 +15,7 @@ from ohmward.filters import adaptive
 from ohmward.filters.belief import unpack
 from ohmward.published.rc_joint import Nominal
 from ohmward.published.textbook_joint import LEAST, TextbookJoint
-from ohmward.trace import Kernel, trace
+from ohmward.trace import trace
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 JOINT = TextbookJoint(Nominal(1.3 * TRUE.c_bulk_F, 0.8 * TRUE.c_surface_F, 1.2 * TRUE.r_ohm, 0.8 * TRUE.r_terminal_ohm))
@@ -48,7 +49,7 @@ def rows(samples):
 def run(joint, samples, lowering="python"):
     first = SocSample(*(float(column[0]) for column in samples))
     state = joint.init(first)
-    return Kernel(joint.step, state, EXAMPLE, lowering=lowering).scan(state, samples)
+    return kernel_of(joint, state, EXAMPLE, lowering=lowering).scan(state, samples)
 
 
 def test_the_model_is_an_euler_step_of_the_circuit():

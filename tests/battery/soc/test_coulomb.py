@@ -2,19 +2,19 @@ import numpy as np
 import pytest
 
 from battery.examples import NMC, STRAIGHT, row, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
-from ohmward.trace import Kernel
 
 QUIET = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.0)
 
 
 def scan(estimator, columns, soc=None, soc_std=0.03):
     state = estimator.init(row(columns, 0), soc, soc_std)
-    return Kernel(estimator.step, state, row(columns, 0)).scan(state, columns)
+    return kernel_of(estimator, state, row(columns, 0)).scan(state, columns)
 
 
 def constant(current_A, hours, dt_s=10.0, soc=1.0):
@@ -70,7 +70,7 @@ def test_the_claimed_sigma_is_the_spread_of_many_sensors():
     )
     current = (1 + gain) * one.current_A[:, None] + offset + noise.current_std_A * rng.standard_normal((3601, lanes))
     state = estimator.init(row(one, 0), 0.8)
-    kernel = Kernel(estimator.step, state, row(one, 0))
+    kernel = kernel_of(estimator, state, row(one, 0))
     spread = 0.05 * rng.standard_normal(lanes)
     state = state._replace(soc=0.8 + spread, white_variance=0.05**2)
     _, estimates = kernel.scan_lanes(state, one._replace(current_A=current))

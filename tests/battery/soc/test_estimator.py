@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
@@ -17,7 +18,7 @@ from ohmward.battery.soc.sample import SocFlag
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel, snapshot
+from ohmward.trace import snapshot
 
 NOISE = BatteryNoise()
 TRUTH = simulate(LFP, drive(np.random.default_rng(1), 900, rest_every=3), 0.8)
@@ -51,7 +52,7 @@ def test_a_log_at_once_is_its_samples_one_by_one(estimator, lowering):
 @each
 def test_compiled_is_with_floats(estimator):
     state = estimator.init(row(COLUMNS, 0), 0.8)
-    kernel = Kernel(estimator.step, state, row(COLUMNS, 0))
+    kernel = kernel_of(estimator, state, row(COLUMNS, 0))
     compiled = state
     for k in range(60):
         state, expected = estimator.step(state, row(COLUMNS, k))
@@ -64,7 +65,7 @@ def test_lanes_are_logs(estimator):
     offsets = np.array([0.0, 0.05, -0.05])
     lanes = COLUMNS._replace(current_A=COLUMNS.current_A[:, None] + offsets)
     state = estimator.init(row(COLUMNS, 0), 0.8)
-    kernel = Kernel(estimator.step, state, row(COLUMNS, 0))
+    kernel = kernel_of(estimator, state, row(COLUMNS, 0))
     _, together = kernel.scan_lanes(state, lanes)
     for lane, offset in enumerate(offsets):
         _, alone = kernel.scan(state, COLUMNS._replace(current_A=COLUMNS.current_A + offset))

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.protocol import Estimator
@@ -17,7 +18,6 @@ from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
-from ohmward.trace import Kernel
 
 NOISE = BatteryNoise()
 NAN, INF = math.nan, math.inf
@@ -31,16 +31,13 @@ ESTIMATORS: dict[str, Estimator] = {
     "coulomb": CoulombCounting(NMC, NOISE),
     "ocv": RestOcv(NMC, NOISE),
 }
-KERNELS: dict[str, Kernel] = {}
 
 
 def run(name, columns):
     """Estimates (T,) of the estimator of this name over columns (T,)."""
     estimator = ESTIMATORS[name]
     state = estimator.init(row(columns, 0), 0.9)
-    if name not in KERNELS:
-        KERNELS[name] = Kernel(estimator.step, state, row(columns, 0), lowering="machine")
-    return KERNELS[name].scan(state, columns)
+    return kernel_of(estimator, state, row(columns, 0), lowering="machine").scan(state, columns)
 
 
 def broken(where, **changes):
@@ -176,7 +173,7 @@ def test_after_an_hour_off_sigma_covers_what_may_have_happened(model, inside_A):
     columns = columns._replace(dt_s=np.diff(truth.time_s[keep], prepend=0.0))
     estimator = TheveninFilter(model, NOISE)
     state = estimator.init(row(columns, 0), 0.8)
-    _, estimates = Kernel(estimator.step, state, row(columns, 0)).scan(state, columns)
+    _, estimates = kernel_of(estimator, state, row(columns, 0)).scan(state, columns)
     error = estimates.soc - truth.soc[keep]
     assert np.all(np.abs(error) < 3 * estimates.soc_std)
 

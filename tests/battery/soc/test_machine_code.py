@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from battery.examples import NMC, drive, simulate
+from kernels import kernel_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel
 
 pytest.importorskip("llvmlite")
 
@@ -56,7 +56,7 @@ def scanned(name: str, lowering: str) -> tuple[dict[str, np.ndarray], np.ndarray
     """Estimates by field, and the scalars of the last state."""
     estimator = make_estimator(name, BATTERY, EstimatorSettings(idle_current_A=0.0))
     state = estimator.init(SocSample(*(float(c[0]) for c in SAMPLES)))
-    kernel = Kernel(estimator.step, state, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+    kernel = kernel_of(estimator, state, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
     after, estimates = kernel.scan(state, SAMPLES)
     return estimates._asdict(), np.array(flat(after))
 

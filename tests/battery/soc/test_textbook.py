@@ -8,6 +8,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
@@ -16,7 +17,6 @@ from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
 from ohmward.errors import InputError
 from ohmward.filters import unscented
 from ohmward.filters.belief import unpack
-from ohmward.trace import Kernel
 
 NOISE = BatteryNoise(current_offset_std_A=0.0)
 FIRST = SocSample(0.0, 0.0, 3.7, 25.0)
@@ -69,7 +69,7 @@ def test_compiled_is_with_floats(method):
     columns = samples(simulate(NMC, drive(np.random.default_rng(3), 60), 0.9), 0.0, NOISE)
     filter_ = TextbookFilter(NMC, NOISE, method)
     state = compiled = filter_.init(row(columns, 0), 0.8)
-    kernel = Kernel(filter_.step, state, row(columns, 0))
+    kernel = kernel_of(filter_, state, row(columns, 0))
     for k in range(40):
         state, expected = filter_.step(state, row(columns, k))
         compiled, found = kernel(compiled, row(columns, k))

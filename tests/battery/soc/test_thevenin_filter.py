@@ -8,6 +8,7 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from battery.examples import LFP, NMC, STRAIGHT, drive, row, samples, simulate
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.coulomb import CoulombCounting
@@ -15,7 +16,7 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
-from ohmward.trace import Kernel, linearize
+from ohmward.trace import linearize
 
 METHODS = ["ekf", "ukf"]
 NOISE = BatteryNoise()
@@ -37,7 +38,7 @@ PLAIN = BatteryNoise(
 def scan(settings, columns, soc=None, soc_std=0.03):
     """Last state, and estimates (T,) of an estimator over columns (T,)."""
     state = settings.init(row(columns, 0), soc, soc_std)
-    return Kernel(settings.step, state, row(columns, 0)).scan(state, columns)
+    return kernel_of(settings, state, row(columns, 0)).scan(state, columns)
 
 
 def test_reduces_to_a_kalman_filter_written_by_hand():

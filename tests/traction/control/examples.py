@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from kernels import kernel_of
 from ohmward.traction import RLMA
 from ohmward.traction.control import Limits, Measurement, SlidingMode, Uncertainty, driven_wheel
 from ohmward.traction.control.slip_law import Motion
@@ -41,9 +42,10 @@ def drive(controller, command, law, duration_s, dt_s=1e-3, start=None, pull_N=0.
     """Truth, torque and report of every step; command: of time."""
     x = start or Truth()
     state = controller.init(measured(x))
+    step = kernel_of(controller, state, command(0.0), measured(x), dt_s)
     steps = []
     for k in range(round(duration_s / dt_s)):
-        state, torque, report = controller.step(state, command(k * dt_s), measured(x), dt_s)
+        state, torque, report = step(state, command(k * dt_s), measured(x), dt_s)
         x = turn(x, torque, law, dt_s, pull_N)
         steps.append((x, float(torque), report))
     return steps

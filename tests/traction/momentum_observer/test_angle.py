@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
-from ohmward.trace import Kernel
 from ohmward.traction import RLMA, scene
 from ohmward.traction.momentum_observer.angle import count_angle, edge_angle
 from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
@@ -59,7 +59,7 @@ def spinning(rng=None, until_s=0.2):
 
 def wheel_speeds(observer_, samples):
     state = observer_.init()
-    step = Kernel(observer_.step, state, observer_.no_sample())
+    step = kernel_of(observer_, state, observer_.no_sample())
     found = []
     for sample in samples:
         state, estimate = step(state, sample)
@@ -109,7 +109,7 @@ def test_edges_tell_the_speed_of_a_wheel_better_than_counts():
 def test_compiled_and_plain_steps_agree_with_edges():
     plain = observer()
     state = plain.init()
-    step = Kernel(plain.step, state, plain.no_sample())
+    step = kernel_of(plain, state, plain.no_sample())
     for sample in spinning(np.random.default_rng(1))[1][:30]:
         compiled = step(state, sample)
         state, estimate = plain.step(state, sample)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.errors import InputError
-from ohmward.trace import Kernel
 from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.momentum_observer.estimate import MomentumFlag
 from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
@@ -74,7 +74,7 @@ def samples(truth, rng=None, offset=0.0, grade_rad=0.0, pitch_offset=0.0, accele
 
 def follow(observer_, rows):
     state, estimates = observer_.init(), []
-    step = Kernel(observer_.step, state, observer_.no_sample())
+    step = kernel_of(observer_, state, observer_.no_sample())
     for row in rows:
         state, estimate = step(state, row)
         estimates.append(estimate)
@@ -197,7 +197,7 @@ def test_an_external_speed_and_passive_wheels_are_used():
 def test_compiled_and_plain_steps_agree():
     plain = observer()
     state = plain.init()
-    step = Kernel(plain.step, state, plain.no_sample())
+    step = kernel_of(plain, state, plain.no_sample())
     for row in list(samples(world(lambda t: 20.0), np.random.default_rng(1)))[290:330]:
         compiled = step(state, row)
         state, estimate = plain.step(state, row)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kernels import kernel_of
 from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
 from ohmward.simulate.robot_sensors import RobotSensors, record
-from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.encoder import wheel_speeds
@@ -82,7 +82,7 @@ def observed(observer, samples):
     """Estimates (T, ...)."""
     at_rest = observer.no_sample()._replace(wheel_speed_rad_s=np.zeros(4), current_A=np.zeros(2))
     state = observer.init(at_rest)
-    return Kernel(observer.step, state, at_rest).scan(state, samples)[1]
+    return kernel_of(observer, state, at_rest).scan(state, samples)[1]
 
 
 class Runs(NamedTuple):

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.filters.consistency import BAND_95
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.observing import make_observer
-from ohmward.trace import Kernel
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def coverage_95(run, **noise):
     observer = replace(observer, noise=replace(observer.noise, **noise))
     first = type(samples)(*(np.asarray(values)[0] for values in samples))
     state = observer.init(first)
-    _, e = Kernel(observer.step, state, first).scan(state, samples)
+    _, e = kernel_of(observer, state, first).scan(state, samples)
     return np.mean(abs(e.speed_m_s - run.rows.truth.speed_m_s) < BAND_95 * e.speed_std_m_s)
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.filters.belief import Belief
 from ohmward.filters.kalman import correct_state
-from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.encoders import true_share, with_part_of_gain
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -42,7 +42,7 @@ def test_a_wheel_that_goes_on_to_surprise_teaches_its_friction_and_does_not_drag
     samples.wheel_speed_rad_s[200:, 0] = 0.0
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=ObserverNoise(gyro_std_rad_s=0.01))
     first = at_rest(observer)._replace(wheel_speed_rad_s=np.full(4, CRUISE_RAD_S), current_A=np.full(2, CRUISE_A))
-    _, e = Kernel(observer.step, observer.init(first), first).scan(observer.init(first), samples)
+    _, e = kernel_of(observer, observer.init(first), first).scan(observer.init(first), samples)
     assert e.flags[200].astype(int) & SlipFlag.GROUND_CHANGED
     assert e.friction_ratio[205, 0] < 0.1
     assert e.speed_m_s[200:210] == pytest.approx(e.speed_m_s[199], abs=0.015)

@@ -1,16 +1,16 @@
 """What sensors and clocks do to the observer, and what it says then. The truth is a steady 0.5 m/s unless said."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
-from ohmward.trace import Kernel
-from ohmward.traction import RobotInput, next_state
 from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
-from .examples import DT_S, RLMA_ON_FLOOR, log, observed
+from .examples import DT_S, RLMA_ON_FLOOR, log, observed, plant
 
 OMEGA = 0.5 / 0.12
 #: What rolling at 0.5 m/s takes from each motor.
@@ -141,13 +141,13 @@ def test_standstill_is_zero_speed_whatever_was_believed():
     assert abs(e.speed_m_s[-1]) < 1e-3 and e.speed_std_m_s[-1] < 1e-3
 
 
+@cache
 def weaving(steps=600):
     """Encoders (T, 2), currents (T, 2) and true states (T, 4) of a robot that accelerates and weaves."""
     time_s, rng = DT_S * np.arange(steps), np.random.default_rng(0)
     steer = 3.0 * np.sin(2 * time_s)
     current_A = (CRUISE_A + np.where(time_s < 1, 2.5, 0.0))[:, None] + steer[:, None] * np.array([-1.0, 1.0])
-    kernel = Kernel(lambda x, u: (next_state(x, RobotInput(u), RLMA_ON_FLOOR, DT_S),) * 2, np.zeros(4), np.zeros(2))
-    _, x = kernel.scan(np.zeros(4), current_A)
+    _, x = plant(RLMA_ON_FLOOR).scan(np.zeros(4), current_A)
     return x[:, 2:] + 0.05 * rng.standard_normal((steps, 2)), current_A, x
 
 

@@ -9,7 +9,7 @@ import pytest
 from ohmward.filters import unpack
 from ohmward.filters.belief import PackedBelief
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, Differential, RobotInput, RollingResistance, Terrain, next_state, scene
+from ohmward.traction import EULER, Differential, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer import encoders
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
@@ -18,7 +18,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
-from .examples import DT_S, LOW, RLMA_ON_FLOOR, at_rest, log, observed
+from .examples import DT_S, LOW, RLMA_ON_FLOOR, at_rest, log, observed, plant
 
 SUBSTEPS = 400
 CURRENTS_A = np.array([2.0, 3.0])
@@ -38,10 +38,8 @@ def floor(stiffness_s_per_m):
 
 def mean_speed(place, x, current_A):
     """Mean of the wheels' speeds over a step (driven,), by 400 implicit steps."""
-    seen = [np.array(x)]
-    for _ in range(SUBSTEPS):
-        seen.append(next_state(seen[-1], RobotInput(current_A), place, DT_S / SUBSTEPS, EULER))
-    return np.trapezoid(np.array(seen)[:, 2:], axis=0) / SUBSTEPS
+    _, after = plant(place, DT_S / SUBSTEPS, EULER).scan(x, np.tile(current_A, (SUBSTEPS, 1)))
+    return np.trapezoid(np.vstack([x, after])[:, 2:], axis=0) / SUBSTEPS
 
 
 @pytest.mark.parametrize("stiffness_s_per_m", [1e-3, 1.0, 5.0, 20.0, 100.0])
@@ -95,8 +93,7 @@ def test_the_noise_of_a_torque_moves_its_wheel_by_its_derivative():
 def wavy_drive(rng, noise_A):
     """Samples of a robot that drives in waves of 3 s, and its true states (T, 4); noise_A: of its currents."""
     current, x = 0.36 + np.sin(2.0 * DT_S * np.arange(1500)), np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
-    kernel = Kernel(lambda x, i: (next_state(x, RobotInput(i * np.ones(2)), RLMA_ON_FLOOR, DT_S),) * 2, x, 0.0)
-    _, truth = kernel.scan(x, current)
+    _, truth = plant(RLMA_ON_FLOOR).scan(x, np.column_stack([current, current]))
     samples = log(truth[:, 2], current)
     samples.wheel_speed_rad_s[:, :2] += 0.02 * rng.standard_normal((1500, 2))
     samples.current_A[:] += noise_A * rng.standard_normal((1500, 2))

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction import EULER, RobotInput, Terrain, next_state, scene
+from ohmward.traction import EULER, RobotInput, Terrain, scene
 from ohmward.traction.dynamics.quasi_static import wheel_slip
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
 
-from .examples import FLOOR, LOW, SCENES
+from .examples import FLOOR, LOW, SCENES, plant
 
 
 def step_of(place, dt_s=0.01, states=KNOWN_GROUND):
@@ -32,7 +32,7 @@ def test_it_is_the_implicit_euler_step_while_the_wheels_grip(name):
     current = np.linspace(0.6, 1.0, place.robot.driven)
     for _ in range(30):
         ours = one(ours, current)
-        reference = next_state(reference, RobotInput(current), place, 0.01, EULER)
+        reference, _ = plant(place, method=EULER)(reference, current)
     assert ours == pytest.approx(reference, rel=0.06, abs=5e-3)  # rolling resistance sets in explicitly
     assert np.abs(reference).max() > 0.3
 
@@ -43,7 +43,7 @@ def test_into_full_spin_and_back_it_keeps_the_speed_of_the_body():
     ours, reference = np.zeros(n), np.zeros(n)
     for current in np.repeat([3.0, 20.0, -20.0, 2.0], 20):
         ours = one(ours, np.full(2, current))
-        reference = next_state(reference, RobotInput(np.full(2, current)), place, 0.01, EULER)
+        reference, _ = plant(place, method=EULER)(reference, np.full(2, current))
         assert ours[0] == pytest.approx(reference[0], abs=0.006)
     assert ours[2:] == pytest.approx(reference[2:], abs=0.02)
 

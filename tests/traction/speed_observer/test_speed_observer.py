@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.errors import InputError
 from ohmward.filters import unpack
 from ohmward.filters.belief import Belief, PackedBelief
 from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
-from ohmward.traction import RobotInput, RollingResistance, SkidSteer, next_state, scene
+from ohmward.traction import RollingResistance, SkidSteer, scene
 from ohmward.traction.speed_observer.clean_sample import sanitize
 from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.fusion import gated
@@ -20,7 +21,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 
-from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed
+from .examples import DT_S, FLOOR, RLMA_ON_FLOOR, SCENES, at_rest, log, observed, plant
 
 FULL = ObserverNoise(
     gyro_std_rad_s=0.01,
@@ -50,7 +51,7 @@ def test_every_robot_and_method_follows_its_wheels(name, method):
     sample = blank._replace(
         dt_s=np.full(300, DT_S), wheel_speed_rad_s=np.tile(speeds, (300, 1)), current_A=np.zeros((300, n))
     )
-    kernel = Kernel(observer.step, observer.init(at_rest(observer)), at_rest(observer))
+    kernel = kernel_of(observer, observer.init(at_rest(observer)), at_rest(observer))
     _, e = kernel.scan(observer.init(blank._replace(wheel_speed_rad_s=speeds, current_A=np.zeros(n))), sample)
     assert e.speed_m_s[-1] == pytest.approx(0.3, abs=0.01)
     assert e.yaw_rate_rad_s[-1] == pytest.approx(0.2, abs=0.05)
@@ -63,7 +64,7 @@ def test_compiled_it_does_what_it_does_with_floats():
     sample = SlipSample(
         0.01, np.array([1.0, 1.3, 0.9, np.nan]), np.array([2.0, np.nan]), 0.1, 0.4, 0.01, 0.11, np.nan, 0.0
     )
-    kernel = Kernel(observer.step, state, sample)
+    kernel = kernel_of(observer, state, sample)
     plain, compiled = observer.step(state, sample), kernel(state, sample)
     np.testing.assert_allclose(flat(compiled), flat(plain), rtol=1e-9, atol=1e-12)
 
@@ -105,14 +106,13 @@ def test_lasting_states_return_to_their_prior_and_no_further():
     assert np.all(np.diff(e.speed_std_m_s) > 0)
 
 
-def drawn(observer, rng, torque_of, steps, blind=False):
-    """NEES (steps,) of a robot that the observer's own model drew, noise included."""
-    model, noise = observer.model, observer.noise
+def drawn(observer, own, rng, torque_of, steps, blind=False):
+    """NEES (steps,) of a robot that the observer's own model `own` drew, noise included."""
+    noise = observer.noise
     state = observer.init(at_rest(observer))
     prior = unpack(state.belief)
     x = prior.mean + np.linalg.cholesky(prior.cov) @ rng.standard_normal(len(prior.mean))
-    kernel = Kernel(observer.step, state, at_rest(observer))
-    own = Kernel(lambda x, s, c: advance(model, observer, x, s, c), x, at_rest(observer), np.zeros(2))
+    kernel = kernel_of(observer, state, at_rest(observer))
     statistic = []
     for k in range(steps):
         current = np.full(2, torque_of(k * DT_S) / 0.517)
@@ -127,17 +127,25 @@ def drawn(observer, rng, torque_of, steps, blind=False):
     return statistic
 
 
-def advance(model, observer, x, sample, current_A):
-    reading = sanitize(sample, current_A, observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
-    return model.next_state(x, reading), model.process_noise(x, reading)
+def own_model(observer):
+    """Compiled (state, sample, current_A) -> mean and process noise of the next state, by the observer's model."""
+    model = observer.model
+
+    def advance(x, sample, current_A):
+        limits = (observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
+        clean = sanitize(sample, current_A, *limits)
+        return model.next_state(x, clean), model.process_noise(x, clean)
+
+    mean = unpack(observer.init(at_rest(observer)).belief).mean
+    return Kernel(advance, mean, at_rest(observer), np.zeros(2))
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])
 def test_nees_of_the_four_states_on_known_ground(method):
     noise = ObserverNoise(encoder_lag_share=0.0, speed_std_m_s=0.05)
     observer = SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, noise, method=method, rest_hold_s=np.inf)
-    rng = np.random.default_rng(2)
-    runs = np.array([drawn(observer, rng, lambda t: 1.0 + np.sin(4 * t), 100) for _ in range(20)])
+    rng, own = np.random.default_rng(2), own_model(observer)
+    runs = np.array([drawn(observer, own, rng, lambda t: 1.0 + np.sin(4 * t), 100) for _ in range(20)])
     lower, upper = mean_bounds(4, 20, 0.999)
     assert np.all((lower < runs[:, 9::30].mean(axis=0)) & (runs[:, 9::30].mean(axis=0) < upper))
 
@@ -166,8 +174,8 @@ def test_an_external_speed_shows_the_radius():
 def test_on_level_ground_the_rolling_resistance_is_learnt():
     twice = scene(RLMA_ON_FLOOR.robot, FLOOR._replace(rolling=RollingResistance(a1=0.015, a3_s_per_m=0.0)))
     current = 0.8 + 0.5 * np.sin(np.arange(1500) * DT_S)
-    kernel = Kernel(lambda x, i: (next_state(x, RobotInput(i * np.ones(2)), twice, DT_S),) * 2, np.zeros(4), 0.0)
-    _, truth = kernel.scan(np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12]), current)
+    start = np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
+    _, truth = plant(twice).scan(start, np.column_stack([current, current]))
     noise = ObserverNoise(pitch_std_rad=0.001, speed_std_m_s=0.02)
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=noise)
     samples = log(truth[:, 2], current, pitch_rad=np.zeros(1500), speed_m_s=truth[:, 0])

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from kernels import kernel_of
 from ohmward.errors import InputError
-from ohmward.trace import Kernel
 from ohmward.traction.terrain.wheel_filter import METHODS, WheelFilter, WheelSample, WheelState
 from traction.terrain.drives import OMNI, SOFT, omni_drive, steady
 
@@ -13,7 +13,7 @@ def run(method, drive, **settings):
     samples = WheelSample(np.diff(log.time_s, prepend=0.0), log.wheel_speed_rad_s, log.motor_current_A)
     first = WheelSample(0.0, log.wheel_speed_rad_s[0], log.motor_current_A[0])
     state = wheels.init(first)
-    return Kernel(wheels.step, state, first).scan(state, samples)
+    return kernel_of(wheels, state, first).scan(state, samples)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from ohmward.trace import Kernel
+from kernels import kernel_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
 from ohmward.traction.terrain.floor import slip_belief
 from ohmward.traction.terrain.recognition import MIXED_SHARE, UNSEEN_SHARE
@@ -23,7 +23,7 @@ def whole_log(estimator, log):
     dt = np.diff(t, prepend=t[0])
     samples = WheelSample(dt, log.wheel_speed_rad_s, log.motor_current_A)
     first = WheelSample(0.0, *(values[0] for values in samples[1:]))
-    _, belief = Kernel(wheels.step, wheels.init(first), first).scan(wheels.init(first), samples)
+    _, belief = kernel_of(wheels, wheels.init(first), first).scan(wheels.init(first), samples)
     turning = belief.rim @ robot.rolling.T / robot.wheel.radius_m
     std = np.hypot(belief.force_std_N, undetermined_force_std(robot, turning))
     before = np.searchsorted(t, t - RATE_S)
