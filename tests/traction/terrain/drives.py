@@ -1,6 +1,7 @@
 """Drives of an omni robot on floors, from the equations of `floors`, solved another way: by fixed-point iteration."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import CalibrationDrive
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, slip_on_floors
 
 DT_S = 0.03
 OMNI = replace(
@@ -20,6 +22,12 @@ OMNI = replace(
 )
 SMOOTH = Floor("smooth", 0.7, 30.0, 0.01, 0.04, 0.1, 0.1, 0.0, 0.005, 0.1, 0.02, 40)
 SOFT = Floor("soft", 1.4, 3.0, 0.1, 0.22, 0.1, 0.03, -0.5, 0.01, 0.08, 0.04, 40)
+
+
+@cache
+def on_floors(floors: tuple[Floor, ...], method: str = "ukf") -> SlipOnFloors:
+    """The estimator of slip of the robot OMNI, compiled once for all tests."""
+    return slip_on_floors(OMNI, floors, method)
 
 
 def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
 from ohmward.traction.terrain.crossing import CrossingSample, CrossingTest, crossing_test
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors
-from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
+from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 TEST = CrossingTest(ripple_share=0.02, ripple_growth=0.0)
 SPEED_M_S = 0.1
@@ -129,14 +128,14 @@ def test_a_stop_and_another_direction_start_anew():
 @pytest.mark.parametrize("before, after, sign", [(SMOOTH, SOFT, 1), (SOFT, SMOOTH, -1)])
 def test_one_wheel_on_another_floor_is_found_within_a_second(before, after, sign):
     drive = omni_drive([before] * 3, 20.0, rng=np.random.default_rng(7), later=[before, after, before])
-    (crossing,) = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(drive.log).crossings
+    (crossing,) = on_floors((SMOOTH, SOFT)).run(drive.log).crossings
     assert 4.0 < crossing.time_s < 5.0
     assert sign * (crossing.drag_after - crossing.drag_before) > 0
 
 
 def test_one_floor_has_no_crossing():
     drive = omni_drive([SOFT] * 3, 20.0, seconds=30.0, rng=np.random.default_rng(8))
-    assert slip_on_floors(OMNI, (SMOOTH, SOFT)).run(drive.log).crossings == []
+    assert on_floors((SMOOTH, SOFT)).run(drive.log).crossings == []
 
 
 def test_what_counts_is_a_share_of_what_sets_the_nearest_floors_apart():

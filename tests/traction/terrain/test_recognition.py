@@ -8,8 +8,7 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.terrain.demand import drag_columns, static_loads
 from ohmward.traction.terrain.recognition import UNSEEN_SHARE, Recognition
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors
-from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
+from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 MOVING = slice(60, None)
 
@@ -17,7 +16,7 @@ MOVING = slice(60, None)
 @pytest.mark.parametrize("under", [(0, 0, 0), (1, 1, 1), (0, 1, 0), (1, 0, 1)])
 def test_the_floor_under_each_wheel_is_found(under):
     floors = [(SMOOTH, SOFT)[k] for k in under]
-    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(omni_drive(floors, 20.0, rng=np.random.default_rng(4)).log)
+    track = on_floors((SMOOTH, SOFT)).run(omni_drive(floors, 20.0, rng=np.random.default_rng(4)).log)
     found = track.floor_probability[MOVING].mean(axis=0).argmax(axis=1)
     np.testing.assert_array_equal(found, under)
     np.testing.assert_allclose(track.floor_probability.sum(axis=-1), 1.0, rtol=1e-12)
@@ -25,7 +24,7 @@ def test_the_floor_under_each_wheel_is_found(under):
 
 def test_a_floor_that_asks_for_other_forces_than_all_known_ones_was_never_met():
     carpet = replace(SOFT, rolling=0.3, roller=0.5)
-    track = slip_on_floors(OMNI, (SMOOTH,)).run(omni_drive([carpet] * 3, 20.0, rng=np.random.default_rng(5)).log)
+    track = on_floors((SMOOTH,)).run(omni_drive([carpet] * 3, 20.0, rng=np.random.default_rng(5)).log)
     assert track.floor_probability[MOVING, :, -1].min() > 0.99
 
 

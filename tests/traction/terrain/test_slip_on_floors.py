@@ -7,8 +7,8 @@ from ohmward.errors import InputError
 from ohmward.traction.score import DriveTruth, score_drive
 from ohmward.traction.terrain.as_estimates import as_estimates
 from ohmward.traction.terrain.demand import inertial_forces
-from ohmward.traction.terrain.slip_on_floors import RATE_S, followed, slip_on_floors
-from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
+from ohmward.traction.terrain.slip_on_floors import RATE_S, followed
+from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 LATE = slice(100, None)
 
@@ -17,7 +17,7 @@ LATE = slice(100, None)
 @pytest.mark.parametrize("direction_deg", [0.0, 20.0, 90.0, 215.0])
 def test_slip_is_found_from_currents_alone(method, direction_deg):
     drive = omni_drive([SOFT] * 3, direction_deg, rng=np.random.default_rng(9))
-    track = slip_on_floors(OMNI, (SMOOTH, SOFT), method).run(drive.log)
+    track = on_floors((SMOOTH, SOFT), method).run(drive.log)
     true = 1 - np.hypot(*drive.motion[LATE, :2].mean(axis=0)) / 0.15
     assert 0.1 < true < 0.45
     assert track.travel_slip[LATE].mean() == pytest.approx(true, abs=0.02)
@@ -25,8 +25,8 @@ def test_slip_is_found_from_currents_alone(method, direction_deg):
 
 def test_the_band_on_a_floor_never_met_holds_and_is_wide():
     drive = omni_drive([SOFT] * 3, 20.0, rng=np.random.default_rng(10))
-    known = slip_on_floors(OMNI, (SOFT,)).run(drive.log)
-    unseen = slip_on_floors(OMNI, (SMOOTH,)).run(drive.log)
+    known = on_floors((SOFT,)).run(drive.log)
+    unseen = on_floors((SMOOTH,)).run(drive.log)
     true = 1 - np.hypot(*drive.motion[LATE, :2].mean(axis=0)) / 0.15
     for track in (known, unseen):
         assert abs(track.travel_slip[LATE].mean() - true) < 1.96 * track.travel_slip_std[LATE].mean()
@@ -34,7 +34,7 @@ def test_the_band_on_a_floor_never_met_holds_and_is_wide():
 
 
 def test_speed_over_ground_is_what_the_slip_leaves_of_the_rims():
-    track = slip_on_floors(OMNI, (SOFT,)).run(omni_drive([SOFT] * 3, 20.0).log)
+    track = on_floors((SOFT,)).run(omni_drive([SOFT] * 3, 20.0).log)
     rim = np.hypot(track.rim[LATE, 0], track.rim[LATE, 1])
     np.testing.assert_allclose(track.speed_m_s[LATE], rim * (1 - track.travel_slip[LATE]), rtol=1e-12)
     np.testing.assert_allclose(np.hypot(*track.motion[LATE, :2].T), track.speed_m_s[LATE], rtol=1e-12)
@@ -42,7 +42,7 @@ def test_speed_over_ground_is_what_the_slip_leaves_of_the_rims():
 
 def test_as_estimates_of_an_observer_it_is_scored_like_one():
     drive = omni_drive([SOFT] * 3, 20.0, rng=np.random.default_rng(11))
-    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(drive.log)
+    track = on_floors((SMOOTH, SOFT)).run(drive.log)
     truth = DriveTruth(drive.motion[:, 0], drive.motion[:, 2], drive.motion[:, 1])
     score = score_drive(OMNI, as_estimates(track, OMNI), truth)
     assert score.speed_rmse_m_s < 0.01
@@ -54,7 +54,7 @@ def test_numbers_that_are_missing_are_missed_no_longer_than_they_are():
     current = log.motor_current_A.copy()
     current[[0, 50, 51]] = np.nan
     holed = replace(log, motor_current_A=current)
-    estimator = slip_on_floors(OMNI, (SOFT,))
+    estimator = on_floors((SOFT,))
     np.testing.assert_allclose(estimator.run(holed).travel_slip[LATE], estimator.run(log).travel_slip[LATE], atol=1e-5)
 
 
@@ -63,11 +63,11 @@ def test_a_wheel_without_any_current_is_refused():
     current = log.motor_current_A.copy()
     current[:, 1] = np.nan
     with pytest.raises(InputError, match="needs the motor current of every driven wheel"):
-        slip_on_floors(OMNI, (SOFT,)).run(replace(log, motor_current_A=current))
+        on_floors((SOFT,)).run(replace(log, motor_current_A=current))
 
 
 def test_the_slip_on_doubtful_floors_is_that_of_floors_drawn_by_their_probability():
-    floors, rng = slip_on_floors(OMNI, (SMOOTH, SOFT)), np.random.default_rng(8)
+    floors, rng = on_floors((SMOOTH, SOFT)), np.random.default_rng(8)
     p = rng.dirichlet([1.0, 1.0, 4.0], 3)
     share, std = np.array([0.4, -0.3, 0.35]), np.array([0.02, 0.03, 0.01])
     mean, cov = floors.mixture(share, std, p)
@@ -101,7 +101,7 @@ def test_a_body_that_speeds_up_needs_its_mass_times_the_acceleration_besides():
     push_N = np.where((speed > 0.5) & (speed < 2.5), 0.5, 0.0) * [np.cos(np.radians(20)), np.sin(np.radians(20)), 0.0]
     current = steady.log.motor_current_A + inertial_forces(OMNI, push_N) * 0.036 / (0.8 * 16 * 0.0514)
     log = replace(steady.log, wheel_speed_rad_s=speed * steady.log.wheel_speed_rad_s, motor_current_A=current)
-    track = slip_on_floors(OMNI, (SMOOTH, SOFT)).run(log)
+    track = on_floors((SMOOTH, SOFT)).run(log)
     assert track.crossings == []
     assert track.floor_probability[60:, :, 0].min() > 0.9
 
@@ -109,6 +109,6 @@ def test_a_body_that_speeds_up_needs_its_mass_times_the_acceleration_besides():
 def test_standing_wheels_have_no_slip_ratio():
     log = omni_drive([SOFT] * 3, 20.0).log
     still = replace(log, wheel_speed_rad_s=np.zeros((len(log), 3)), motor_current_A=np.zeros((len(log), 3)))
-    track = slip_on_floors(OMNI, (SOFT,)).run(still)
+    track = on_floors((SOFT,)).run(still)
     assert np.isnan(track.travel_slip).all()
     np.testing.assert_allclose(track.speed_m_s, 0.0, atol=1e-9)
