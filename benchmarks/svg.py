@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ohmward.report.axis import XAxis, linear_ticks, log_ticks, shared_x, tick_labels
-from ohmward.report.decimate import DOT_PX, envelope, samples
+from ohmward.report.decimate import DOT_PX, envelope
 from ohmward.report.figure import Figure, Side
 from ohmward.report.palette import MEANING, SHADES, SURFACES, Theme, colours
 from ohmward.runs import runs
@@ -166,7 +166,7 @@ def _bands(figure: Figure, x: Scale, y: Scale) -> Iterable[str]:
 
 def _series(figure: Figure, x: Scale, y: dict[Side, Scale]) -> Iterable[str]:
     for series, colour in zip(figure.series, colours([s.role for s in figure.series]), strict=True):
-        kept = samples(series, figure.log_y, int(x.end), figure.height_px)
+        kept = series.visible(int(x.end), figure.height_px, figure.log_y)
         points = np.stack([x.px(series.x[kept]), y[series.axis].px(series.y[kept])], axis=1)
         draw = {"points": _dots, "step": _stairs}.get(series.style, _polyline)
         path = "".join(draw(points[i:j]) for i, j in runs(np.isfinite(points[:, 1])))

@@ -31,6 +31,16 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8 with line feeds; the file is whole or as it was.
+
+    Raises:
+        OhmwardError: see `replacing`.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
 def _sync(path: Path) -> None:
     """Wait until the file or folder is on the disk; not every system can sync a folder."""
     if path.is_dir() and os.name == "nt":

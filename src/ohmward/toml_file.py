@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
-from ohmward.atomic import replacing
+from ohmward.atomic import write_text
 from ohmward.errors import InputError
 
 T = TypeVar("T")
@@ -48,9 +48,7 @@ class TomlFile(Generic[T]):
         Raises:
             OhmwardError: the file cannot be written.
         """
-        text = self.dump(value)
-        with replacing(Path(path)) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(Path(path), self.dump(value))
 
     def load(self, path: str | PathLike[str]) -> T:
         """What the file holds.

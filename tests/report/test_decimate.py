@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ohmward.report import decimate
-from ohmward.report.decimate import FINEST, column_edges, envelope, finest, m4, samples, scatter
+from ohmward.report.decimate import FINEST, column_edges, envelope, finest, m4, scatter
 from ohmward.report.figure import Band, Series
 from ohmward.report.payload import COLUMNS as DRAWN
 
@@ -146,7 +146,7 @@ def test_a_cloud_keeps_its_extremes_and_a_dot_near_every_sample(x, y):
 def test_points_are_thinned_as_a_cloud_and_on_the_axis_that_shows_them():
     x = np.arange(40_000.0) % 200
     y = 10.0 ** np.linspace(-6, 0, x.size)
-    linear, log = (samples(Series(x, y, "s", "points"), log_y, 800, 100) for log_y in (False, True))
+    linear, log = (Series(x, y, "s", "points").visible(800, 100, log_y) for log_y in (False, True))
     lowest_tenth = np.sort(y)[: y.size // 10].max()
     x, y = np.sort(x), y[np.argsort(x, kind="stable")]
     assert (y[linear] < lowest_tenth).sum() < (y[log] < lowest_tenth).sum() / 2
@@ -156,4 +156,4 @@ def test_points_are_thinned_as_a_cloud_and_on_the_axis_that_shows_them():
 def test_lines_are_thinned_by_m4(style):
     x = np.arange(1000.0)
     series = Series(x, np.sin(x), "s", style)
-    assert samples(series, False, 50, 100).tolist() == m4(x, np.sin(x), 50).tolist()
+    assert series.visible(50, 100).tolist() == m4(x, np.sin(x), 50).tolist()

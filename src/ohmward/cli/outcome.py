@@ -84,10 +84,7 @@ def write_page(page: Page, path: str) -> None:
     Raises:
         OhmwardError: the disk refused.
     """
-    from ohmward.atomic import replacing
-
-    with replacing(Path(path)) as temporary:
-        temporary.write_text(page.html(), encoding="utf-8", newline="\n")
+    page.write(path)
 
 
 def _try_folder(option: str, file: Path) -> None:

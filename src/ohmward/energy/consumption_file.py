@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.atomic import write_text
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.errors import InputError
@@ -30,10 +31,7 @@ def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
     Raises:
         OhmwardError: the file cannot be written.
     """
-    from ohmward.atomic import replacing
-
-    with replacing(Path(path)) as temporary:
-        temporary.write_text(dump_consumption(c), encoding="utf-8")
+    write_text(Path(path), dump_consumption(c))
 
 
 def load_consumption(path: str | PathLike[str]) -> Consumption:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward import __version__
-from ohmward.atomic import replacing
+from ohmward.atomic import write_text
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import flag_comments, member_comments
 from ohmward.export.template import filled, template, templates
@@ -137,8 +137,7 @@ def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
     paths = []
     for name, text in files.items():
         paths.append(folder / name)
-        with replacing(paths[-1]) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
+        write_text(paths[-1], text)
     return paths
 
 

@@ -1,4 +1,4 @@
-"""Axes: the x axis that figures share, nice ticks and their labels, how many decimals a number needs."""
+"""Axes: the x axis that figures share, nice ticks and their labels, the decimals of numbers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ohmward.report.figure import TIME, Figure
 
 
 class AxisUnit(NamedTuple):
-    """A unit of time: its name and its length."""
+    """Unit of time: its name and its length."""
 
     name: str
     seconds: float
 
 
 class XAxis(NamedTuple):
-    """An x axis: its label, its extent in its own unit, and that unit in the unit of the data."""
+    """X axis: its label, its extent in its own unit, and that unit in the unit of the data."""
 
     label: str
     low: float
@@ -29,9 +29,9 @@ class XAxis(NamedTuple):
 
 
 def shared_x(figures: Sequence[Figure]) -> XAxis:
-    """The x axis that holds all figures; with `TIME`, in the unit that suits their duration.
+    """X axis of all figures; with `TIME`, in the unit that suits their duration.
 
-    Raises: InputError when there are none, or when they do not have one x_label.
+    Raises: InputError when there are no figures, or when they do not have one x_label.
     """
     if not figures:
         raise InputError("a plot needs at least one figure, got none")
@@ -55,7 +55,7 @@ def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
 
 
 def time_unit(duration_s: float) -> AxisUnit:
-    """The unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
+    """Unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
     if duration_s < 180:
         return AxisUnit("s", 1.0)
     return AxisUnit("min", 60.0) if duration_s < 3 * 3600 else AxisUnit("h", 3600.0)
@@ -86,7 +86,7 @@ def log_ticks(low: float, high: float) -> np.ndarray:
 
 
 def tick_labels(ticks: np.ndarray, log: bool = False) -> list[str]:
-    """The ticks as text: as many decimals as their step needs, an exponent for very large or small ones."""
+    """Ticks as text: the decimals that their step needs, an exponent for very large or small ones."""
     if ticks.size == 0:
         return []
     largest = float(np.abs(ticks).max())
@@ -105,14 +105,14 @@ def _compact(value: float) -> str:
 
 
 def decimals(resolution: float) -> int:
-    """Decimals that show multiples of `resolution` > 0 of the form m 10^k; negative for tens, hundreds, ..."""
+    """Decimals for multiples of `resolution` > 0 of the form m 10^k; negative for tens, hundreds, ..."""
     return -math.floor(math.log10(resolution) + 1e-9)
 
 
 def value_decimals(values: np.ndarray, digits: int = 4) -> int:
     """Decimals that show `digits` digits of the central 98 % of the variation of the values (n,), NaN left out.
 
-    A constant is shown with `digits` digits of itself; a lone spike does not coarsen the rest.
+    Of a constant, decimals that show `digits` digits of itself; a lone spike does not coarsen the rest.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0:

@@ -1,4 +1,4 @@
-"""The building blocks of a page as HTML text; every text that comes in is escaped."""
+"""Building blocks of a page as HTML text; every text is escaped."""
 
 from __future__ import annotations
 
@@ -57,12 +57,13 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = 
     classes = [' class="number"' if _all_numbers(column) else "" for column in zip(*rows, strict=True)]
     classes = classes or [""] * len(header)
     head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))
-    body = "".join(
-        f"<tr>{''.join(f'<td{c}>{escape(_text(cell))}</td>' for cell, c in zip(row, classes, strict=True))}</tr>"
-        for row in rows
-    )
+    body = "".join(f"<tr>{_row(row, classes)}</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f'<div class="scroll"><table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _row(row: Sequence[Cell], classes: Sequence[str]) -> str:
+    return "".join(f"<td{c}>{escape(_text(cell))}</td>" for cell, c in zip(row, classes, strict=True))
 
 
 def plot(figures: Sequence[Figure]) -> str:

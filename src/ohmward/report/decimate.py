@@ -1,4 +1,4 @@
-"""Fewer samples that draw the same picture: what a screen of so many pixel columns can show, and no spike less.
+"""Decimation: fewer samples that draw the same picture on a screen of so many pixel columns, spikes included.
 
 M4 of Jugel, Jerzak, Hackenbroich and Markl, "M4: A Visualization-Oriented Time Series Data Aggregation",
 VLDB 2014: the first, last, lowest and highest sample of each pixel column draw the same line as all samples.
@@ -7,25 +7,14 @@ VLDB 2014: the first, last, lowest and highest sample of each pixel column draw 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from ohmward.report.figure import Series
 
 DOT_PX: Final = 4
 """Diameter of a sample drawn as a point."""
 FINEST: Final = 8000
-"""Columns that a figure keeps of a long line: what a page or a picture shows of it is what it would show of all."""
-
-
-def samples(series: Series, log_y: bool, width_px: int, height_px: int) -> np.ndarray:
-    """Indices of the samples that draw `series` in an area of this size as all of them would."""
-    if series.style != "points":
-        return m4(series.x, series.y, width_px)
-    y = np.log10(series.y) if log_y and series.axis == "left" else series.y
-    return scatter(series.x, y, width_px // DOT_PX, height_px // DOT_PX)
+"""Columns for which a figure keeps the samples of a long line: more than any page or picture shows."""
 
 
 def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
@@ -41,9 +30,9 @@ def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
 
 
 def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A line (x, y) of at most 5 samples for each of `FINEST` columns, its ends among them.
+    """Line (x, y) of at most 5 samples for each of `FINEST` columns, its ends among them.
 
-    Where `FINEST` is 2^k times the columns that are drawn, `m4` finds the same samples in it as in all.
+    If `FINEST` is 2^k times the number of columns drawn, `m4` finds the same samples in it as in all.
     """
     kept = m4(x, y, FINEST)
     if kept.size == x.size:
@@ -55,11 +44,11 @@ def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def envelope(
     x: np.ndarray, low: np.ndarray, high: np.ndarray, columns: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A band that contains the given one, as (x, low, high) of at most 2 columns samples.
+    """Band (x, low, high) of at most 2 columns samples that contains the given one.
 
     x: (n,) ascending; low, high: (n,).  Each column spans from its first to its last x, from its lowest low to its
     highest high; a column without any finite sample is NaN, a gap narrower than a column closes.
-    A band of at most 2 columns samples is kept whole.
+    A band of at most 2 columns samples is unchanged.
     """
     if x.size <= 2 * columns:
         return x, low, high
@@ -71,9 +60,9 @@ def envelope(
 
 
 def scatter(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> np.ndarray:
-    """Indices (k,) of samples that dot the same cells of a columns by rows grid, the lowest and the highest included.
+    """Indices (k,) of samples with dots in the same cells of a grid as all, the lowest and the highest included.
 
-    x, y: (n,), samples whose y is NaN are left out; k <= columns rows + 2.  So many samples are kept whole.
+    x, y: (n,), samples whose y is NaN are left out; k <= columns rows + 2. No more samples than cells are all kept.
     """
     seen = np.flatnonzero(~np.isnan(y))
     if seen.size <= columns * rows:
@@ -103,6 +92,6 @@ def _column_samples(y: np.ndarray) -> list[int]:
 
 
 def _cells(values: np.ndarray, count: int) -> np.ndarray:
-    """Which of `count` equal cells between the lowest and the highest value each of them is in."""
+    """Number of the cell of each value, of `count` equal cells between the lowest and the highest value."""
     low, high = values.min(), values.max()
     return np.minimum((values - low) / (high - low or 1.0) * count, count - 1).astype(int)

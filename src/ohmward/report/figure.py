@@ -1,4 +1,4 @@
-"""What a plot shows: series, uncertainty bands, markers and spans. No drawing here, and no domain.
+"""Content of a plot: series, uncertainty bands, markers and spans. No drawing here, and no domain.
 
 figure = Figure(
     "State of charge", TIME, "State of charge [%]",
@@ -17,11 +17,11 @@ from typing import Final, Literal, NamedTuple, get_args
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.report.decimate import FINEST, envelope, finest
+from ohmward.report.decimate import DOT_PX, FINEST, envelope, finest, m4, scatter
 from ohmward.report.palette import MEANING, ROLES, Meaning, Role
 
 TIME: Final = "time"
-"""As `x_label`: x is in seconds; the drawing shows it in s, min or h, chosen by its duration, and says which."""
+"""As `x_label`: x is in seconds; the drawing shows it in s, min or h, chosen by its duration, and labels the unit."""
 
 Style = Literal["line", "points", "step", "dashed"]
 Side = Literal["left", "right"]
@@ -32,10 +32,10 @@ class Series:
     """Samples (x_i, y_i) with a label.
 
     x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
-       Of a long line only those samples stay that `decimate.finest` picks: a figure holds what can be seen of a log.
+       Of a long line only those samples stay that `decimate.finest` picks: all that can be seen of a log.
     style: "line", "points", "step" (each value holds until the next sample) or "dashed".
-    role: what the colour says, see `palette.MEANING`; "auto" takes the next free hue.
-    axis: the y axis that it belongs to, "left" or "right".
+    role: meaning of the colour, see `palette.MEANING`; "auto" takes the next free hue.
+    axis: its y axis, "left" or "right".
     Raises: InputError for lengths that differ, descending x, an unknown style, role or axis.
     """
 
@@ -60,10 +60,17 @@ class Series:
         object.__setattr__(self, "x", x)
         object.__setattr__(self, "y", y)
 
+    def visible(self, width_px: int, height_px: int, log_y: bool = False) -> np.ndarray:
+        """Indices of the samples that draw the same picture in an area of this size as all of them."""
+        if self.style != "points":
+            return m4(self.x, self.y, width_px)
+        y = np.log10(self.y) if log_y and self.axis == "left" else self.y
+        return scatter(self.x, y, width_px // DOT_PX, height_px // DOT_PX)
+
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
+    """Shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
 
     x: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
     role: as in `Series`, but not "auto".
@@ -93,7 +100,7 @@ class Band:
 
 
 class Marker(NamedTuple):
-    """A vertical line at x, in the unit of the figure's x."""
+    """Vertical line at x, in the unit of the figure's x."""
 
     x: float
     label: str
@@ -101,7 +108,7 @@ class Marker(NamedTuple):
 
 
 class Span(NamedTuple):
-    """A shaded stretch of the x axis; spans of one label share one entry of the legend."""
+    """Shaded part of the x axis; spans of one label share one entry of the legend."""
 
     x_from: float
     x_to: float
@@ -114,8 +121,8 @@ class Figure:
     """One plot.
 
     x_label: `TIME`, or a name and unit such as "Slip ratio [-]".  y_label, right_label: the same for both y axes.
-    log_y: logarithmic left axis; its values must be positive.  y_limits: fixed left axis instead of one that fits.
-    height_px: of the drawing, legend and title apart.
+    log_y: logarithmic left axis; its values must be positive.  y_limits: ends of the left axis; None fits the data.
+    height_px: of the drawing without legend and title.
     Raises: InputError for a right series without right_label, values <= 0 on a log axis, limits that do not ascend.
     """
 
@@ -146,12 +153,17 @@ class Figure:
 
 
 def _columns(label: str, **columns: np.ndarray) -> list[np.ndarray]:
-    """The columns as float arrays of one common length; infinite values of y become NaN."""
+    """Columns as float arrays of one common length; infinite values of y become NaN."""
     arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     shapes = {name: a.shape for name, a in arrays.items()}
     if any(a.ndim != 1 for a in arrays.values()) or len(set(shapes.values())) != 1:
         raise InputError(f"series {label!r}: {', '.join(arrays)} must be 1-D and equally long, got {shapes}")
-    return [np.where(np.isinf(a), np.nan, a) if name != "x" and np.isinf(a).any() else a for name, a in arrays.items()]
+    return [a if name == "x" else _without_infinities(a) for name, a in arrays.items()]
+
+
+def _without_infinities(values: np.ndarray) -> np.ndarray:
+    infinite = np.isinf(values)
+    return np.where(infinite, np.nan, values) if infinite.any() else values
 
 
 def _check_ascending(label: str, x: np.ndarray) -> None:
@@ -172,7 +184,8 @@ def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
 
 
 def _check_limits(figure: Figure) -> None:
-    edges = [m.x for m in figure.markers] + [x for s in figure.spans for x in s[:2]] + list(figure.y_limits or ())
+    of_spans = [x for s in figure.spans for x in (s.x_from, s.x_to)]
+    edges = [m.x for m in figure.markers] + of_spans + list(figure.y_limits or ())
     if not np.isfinite(edges).all():
         raise InputError(f"figure {figure.title!r}: markers, spans and y_limits must be finite, got {edges}")
     for span in figure.spans:

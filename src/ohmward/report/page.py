@@ -23,6 +23,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
+from ohmward.atomic import write_text
 from ohmward.report import blocks
 from ohmward.report.figure import Figure
 from ohmward.report.palette import css_variables
@@ -32,8 +33,8 @@ from ohmward.report.palette import css_variables
 class Page:
     """A title and the blocks below it. Immutable: every method returns a new page with one block more.
 
-    subtitle: a line under the title.  footer: the last line, as for a time stamp and a version (nothing here reads
-    a clock: equal input gives equal bytes).
+    subtitle: a line under the title.  footer: the last line, for a time stamp and a version: nothing here reads a
+    clock, so that equal input gives equal bytes.
     """
 
     title: str
@@ -48,12 +49,12 @@ class Page:
         return page._with(blocks.heading(text, _anchor(len(self.headings), text)))
 
     def chapter(self, title: str, page: Page, sections: int = 0) -> Page:
-        """A section with the beginning of another page: what stands before its headings, then its first sections."""
+        """A section with the beginning of another page: the blocks before its headings, then its first sections."""
         headed = self.heading(title)
         return replace(headed, body=(*headed.body, *page._beginning(sections)))
 
     def _beginning(self, sections: int) -> Iterator[str]:
-        """The blocks before the first heading and of the first sections, these headings one level lower."""
+        """Blocks before the first heading, then those of the first sections with headings one level lower."""
         titles = iter(self.headings[:sections])
         for block in self.body:
             if not block.startswith("<h2"):
@@ -100,21 +101,15 @@ class Page:
         )
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the page; whoever reads `path` sees the old file or the whole new one."""
-        write_atomic(Path(path), self.html())
+        """Write the page; a reader of `path` sees the old file or the whole new one.
+
+        Raises:
+            OhmwardError: the file cannot be written.
+        """
+        write_text(Path(path), self.html())
 
     def _with(self, block: str) -> Page:
         return replace(self, body=(*self.body, block))
-
-
-def write_atomic(path: Path, text: str) -> None:
-    """Write UTF-8 text to a temporary file beside `path`, then rename it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 @cache
@@ -131,7 +126,7 @@ def _theme() -> str:
 
 
 def _content_policy(code: str) -> str:
-    """Tell the browser to load nothing and to run this code only, whatever a text on the page contains."""
+    """Policy by which the browser loads nothing and runs only this code, whatever the texts of the page contain."""
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
 

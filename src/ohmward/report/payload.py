@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from ohmward.report.axis import decimals, shared_x, value_decimals
-from ohmward.report.decimate import envelope, samples
+from ohmward.report.decimate import envelope
 from ohmward.report.figure import Band, Figure, Series
 from ohmward.report.palette import MEANING, colours
 
@@ -54,7 +54,7 @@ def _figure(figure: Figure, unit: float, per_x: float) -> dict[str, Any]:
 
 
 def _series(series: Series, colour: str, per_x: float, log_y: bool, height_px: int) -> dict[str, Any]:
-    kept = samples(series, log_y, COLUMNS, height_px)
+    kept = series.visible(COLUMNS, height_px, log_y)
     x, y = series.x[kept], series.y[kept]
     places = None if log_y and series.axis == "left" else value_decimals(y)
     return {

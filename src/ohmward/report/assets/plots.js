@@ -1,4 +1,5 @@
-/* Draws the stacks of a report with uPlot: one legend with live values per figure, one x axis per stack.
+/* Draws the stacks of a report. uPlot draws axes, lines, bands and cursors; this file sets its options and adds what it
+   lacks: spans, markers, a legend that does not move, zoom and scroll of a whole stack, two fingers, printing.
    The data of a stack is made by payload.py and embedded beside its figures. */
 (() => {
   "use strict";
@@ -30,7 +31,7 @@
     return parts.length ? uPlot.join(parts, parts.map((p) => p.map(() => 2))) : [[]];
   }
 
-  /* Samples between gaps, which no line shows. */
+  /* Samples between gaps, where no line is drawn. */
   function lone(ys) {
     const seen = [...ys.keys()].filter((i) => ys[i] !== undefined);
     return seen.filter((i, k) => ys[i] !== null && ys[seen[k - 1]] == null && ys[seen[k + 1]] == null);

@@ -38,12 +38,12 @@ def scan_source(program: Program, state_size: int, target: Target, own: Sequence
     state_size: number of its first inputs and outputs that are the state.
     own:        for each sample column True where every lane has its own value.
     """
-    loop = _Loop(program, state_size, target, own)
+    loop = _LogLoop(program, state_size, target, own)
     body = list(loop.function(name))
     return "\n".join([*loop.write.globals, *body, *sorted(loop.write.declarations), ""])
 
 
-class _Loop:
+class _LogLoop:
     """The loops over lanes and time around a program; memory in, memory out.
 
     state:   inputs that are the state.

@@ -51,7 +51,7 @@ class _Allocator:
 
 
 @dataclass
-class _Loop:
+class _LaneLoop:
     """Text of one step while it is written.
 
     place:     name of the array of every value, by serial.
@@ -78,7 +78,7 @@ _STEPWISE = ("where", "gather")
 
 def compile_lanes(program: Program, state_size: int) -> Lanes:
     """The loop of `step(state, sample) -> (state, output)`; the first inputs and outputs are the state."""
-    loop = _Loop(program, state_size)
+    loop = _LaneLoop(program, state_size)
     _place_inputs(loop)
     _write_operations(loop)
     final = _write_results(loop)
@@ -95,7 +95,7 @@ def _constant(value: Any) -> np.ndarray:
     return np.array(value, dtype=bool if isinstance(value, bool) else float)
 
 
-def _place_inputs(loop: _Loop) -> None:
+def _place_inputs(loop: _LaneLoop) -> None:
     for i, symbol in enumerate(loop.program.inputs):
         name = f"s{i}" if i < loop.state_size else f"x{i - loop.state_size}"
         loop.place[symbol.serial] = name
@@ -107,7 +107,7 @@ def _kind(x: Any) -> type:
     return bool if isinstance(x, bool) or (isinstance(x, Expression) and x.boolean) else float
 
 
-def _write_operations(loop: _Loop) -> None:
+def _write_operations(loop: _LaneLoop) -> None:
     """One line per operation, into its output if it has one, else into a register."""
     program, last = loop.program, _last_uses(loop.program)
     targets = _output_targets(program, loop.state_size)
@@ -125,7 +125,7 @@ def _write_operations(loop: _Loop) -> None:
             _release(loop, dying)
 
 
-def _release(loop: _Loop, nodes: list[Expression]) -> None:
+def _release(loop: _LaneLoop, nodes: list[Expression]) -> None:
     for node in nodes:
         loop.arrays.give(loop.place[node.serial])
 
@@ -149,7 +149,7 @@ def _output_targets(program: Program, state_size: int) -> dict[int, str]:
     return targets
 
 
-def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
+def _write_operation(loop: _LaneLoop, node: Expression, target: str) -> None:
     words = [loop.word(a) for a in node.args]
     if node.operation.name == "where":
         loop.lines += [f"copyto({target}, {words[2]})", f"copyto({target}, {words[1]}, where={words[0]})"]
@@ -162,7 +162,7 @@ def _write_operation(loop: _Loop, node: Expression, target: str) -> None:
         loop.lines.append(f"{node.operation.name}({', '.join(words)}, out={target})")
 
 
-def _write_results(loop: _Loop) -> list[str]:
+def _write_results(loop: _LaneLoop) -> list[str]:
     """Copy outputs and states that share an array with another value; returns the array of each next state."""
     program = loop.program
     for i, y in enumerate(program.outputs[loop.state_size :]):
@@ -189,7 +189,7 @@ def _renaming(final: list[str]) -> str:
     return f"{', '.join(left + orphans)} = {', '.join(right + leftover)}" if moves else ""
 
 
-def _source(loop: _Loop, final: list[str]) -> str:
+def _source(loop: _LaneLoop, final: list[str]) -> str:
     states = [f"s{i}" for i in range(loop.state_size)]
     registers = [f"r{i}" for i in range(len(loop.arrays.registers))]
     columns = loop.program.inputs[loop.state_size :]
