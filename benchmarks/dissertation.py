@@ -22,7 +22,7 @@ from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
-from ohmward.traction.speed_observer.slip_step import Moved, slip_step
+from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
 from svg import to_svg
 
@@ -135,11 +135,11 @@ def observer(kind: Filter, wrong: Wrong) -> Kernel:
 
     def one(packed: adaptive.PackedAdaptiveState, sample: tuple) -> tuple:
         state, (y, current_A) = adaptive.unpack(packed), sample
-        moved = slip_step(LAYOUT.split(state.belief.mean), RobotInput(current_A), WET, DT_S)
-        Q = process_noise(moved.torque_response) * (FLOOR if kind.match_Q else wrong.Q)
+        step = slip_step(LAYOUT.split(state.belief.mean), RobotInput(current_A), WET, DT_S)
+        Q = process_noise(step.torque_response) * (FLOOR if kind.match_Q else wrong.Q)
         floors = Q, R * (FLOOR if kind.match_R else wrong.R)
         matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
-        state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, moved), lambda x: x[2:], y, matching)
+        state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, step), lambda x: x[2:], y, matching)
         return adaptive.pack(state), Found(state.belief.mean, np.diag(state.belief.cov))
 
     return Kernel(one, start(np.zeros(4), wrong), (np.zeros(2), np.zeros(2)))
@@ -155,9 +155,9 @@ def estimate(filter_: Kernel, drive: Recorded, wrong: Wrong) -> Found:
     return filter_.scan(start(drive.truth[0], wrong), (drive.speed_rad_s, drive.current_A))[1]
 
 
-def follow(x: np.ndarray, current_A: np.ndarray, mean: Moved) -> np.ndarray:
-    moved = slip_step(LAYOUT.split(x), RobotInput(current_A), WET, DT_S, mean.slip_m_s)
-    return np.array([*moved.motion, *moved.omega])
+def follow(x: np.ndarray, current_A: np.ndarray, mean: SlipStep) -> np.ndarray:
+    step = slip_step(LAYOUT.split(x), RobotInput(current_A), WET, DT_S, mean.slip_m_s)
+    return np.array([*step.motion, *step.omega])
 
 
 def process_noise(torque_response: np.ndarray) -> np.ndarray:

@@ -11,11 +11,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.belief import Belief, Innovation, nis
+from ohmward.filters.belief import Belief, Correction, Innovation, nis
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, maximum, where
 from ohmward.trace.expression import Scalar
@@ -54,6 +55,23 @@ def gate(
 def passes(innovation: Innovation, threshold: float = math.inf) -> Any:
     """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
     return _is_there(innovation) & (nis(innovation) <= threshold)
+
+
+def correct_gated(
+    belief: Belief, y: Scalar, correct: Callable[[np.ndarray], Correction], threshold: float = math.inf
+) -> tuple[Belief, Scalar]:
+    """The belief after a measurement of one number where it passes the gate, and the condition that it does.
+
+    Args:
+        belief: before the measurement.
+        y: measured; nan where there is none.
+        correct: the filter's correction of the belief by a measurement (1,).
+        threshold: on the NIS; by default only missing measurements are skipped.
+    """
+    measured = isfinite(y)
+    correction = correct(np.array([where(measured, y, 0.0)]))
+    accepted = measured & passes(correction.innovation, threshold)
+    return choose(accepted, correction.belief, belief), accepted
 
 
 def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCounts:

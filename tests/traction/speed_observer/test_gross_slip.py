@@ -1,4 +1,4 @@
-"""Wheels that have let go: when grip and slide look alike, which is likelier, and where the filter starts again."""
+"""Gross slip: when grip and slide look alike, which is likelier, and how the filter starts again."""
 
 from dataclasses import replace
 
@@ -9,9 +9,7 @@ from ohmward.filters.belief import Belief
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.figures import score
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.estimate import SlipFlag
-from ohmward.traction.speed_observer.fusion import Fused
-from ohmward.traction.speed_observer.gross_slip import is_ambiguous, log_friction_of_sliding, test_hypotheses
+from ohmward.traction.speed_observer.gross_slip import compare_hypotheses, is_ambiguous, log_friction_of_sliding
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
@@ -33,14 +31,24 @@ def belief(grade_rad, grade_std_rad=0.015, slip_m_s=0.01):
     return Belief(np.array([0.3, 0.0, omega, omega, 0.0, 0.0, grade_rad, 0.0, 1.0]), cov)
 
 
-def reading(current_A):
+def clean(current_A):
     none = np.zeros(4)
-    return CleanSlipSample(0.01, 0.01, 0.0, np.full(2, current_A), none[:2], none, none > 1, np.nan, 0.0)
+    return CleanSlipSample(
+        dt_s=0.01,
+        modelled_s=0.01,
+        unmodelled_s=0.0,
+        current_A=np.full(2, current_A),
+        current_measured=np.full(2, True),
+        wheel_speed_rad_s=none,
+        wheel_measured=none > 1,
+        pitch_rad=np.nan,
+        time_credible=True,
+        gap=False,
+    )
 
 
 def after(grade_rad=-0.06, gained_m_s=GAINED_M_S, current_A=3.0, **others):
-    fused = Fused(belief(grade_rad, **others), 0.0, 0.0)
-    return test_hypotheses(fused, gained_m_s, reading(current_A), MODEL, GATE)
+    return compare_hypotheses(belief(grade_rad, **others), gained_m_s, clean(current_A), MODEL, GATE)
 
 
 def test_another_sensor_or_a_known_ground_leaves_no_doubt():
@@ -63,18 +71,18 @@ def test_wheels_slide_where_the_ground_gives_no_more_than_their_force():
 
 
 def test_it_starts_again_from_wheels_that_slide():
-    fused, left_m_s = after()
-    mean, cov = fused.belief
+    found = after()
+    mean, cov = found.belief
     assert mean[0] == pytest.approx(0.3 - GAINED_M_S)
     assert np.sqrt(cov[0, 0]) == pytest.approx(np.hypot(0.05, 0.5 * GAINED_M_S))
     assert mean[2:4] == pytest.approx(0.31 / 0.12)
     assert np.all(MODEL.grip(mean, MODEL.slip(mean)) < 0.01)
     assert mean[GRADE] == 0.0 and cov[GRADE, GRADE] == pytest.approx(MODEL.noise.grade_std_rad**2)
-    assert int(fused.flags) == SlipFlag.GROUND_CHANGED and left_m_s == 0.0
+    assert found.gross_slip and found.unexplained_m_s == 0.0
 
 
 @pytest.mark.parametrize(
-    "kept",
+    "other",
     [
         {"grade_rad": -0.03},
         {"gained_m_s": -GAINED_M_S},
@@ -90,10 +98,10 @@ def test_it_starts_again_from_wheels_that_slide():
         "motors that brake",
     ],
 )
-def test_otherwise_it_goes_on(kept):
-    fused, left_m_s = after(**kept)
-    assert fused.flags == 0.0 and fused.belief.mean[0] == 0.3
-    assert left_m_s == kept.get("gained_m_s", GAINED_M_S)
+def test_otherwise_it_goes_on(other):
+    found = after(**other)
+    assert not found.gross_slip and found.belief.mean[0] == 0.3
+    assert found.unexplained_m_s == other.get("gained_m_s", GAINED_M_S)
 
 
 @pytest.mark.slow

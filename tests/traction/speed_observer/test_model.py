@@ -24,11 +24,22 @@ SUBSTEPS = 400
 CURRENTS_A = np.array([2.0, 3.0])
 
 
-def reading(current_A, guessed=0.0):
+def clean(current_A, measured=True):
     wheels = len(RLMA_ON_FLOOR.robot.places)
     currents = np.asarray(current_A, dtype=float)
     none = np.zeros(wheels)
-    return CleanSlipSample(DT_S, DT_S, 0.0, currents, np.full(len(currents), guessed), none, none > 1, math.nan, 0.0)
+    return CleanSlipSample(
+        dt_s=DT_S,
+        modelled_s=DT_S,
+        unmodelled_s=0.0,
+        current_A=currents,
+        current_measured=np.full(len(currents), measured),
+        wheel_speed_rad_s=none,
+        wheel_measured=none > 1,
+        pitch_rad=math.nan,
+        time_credible=True,
+        gap=False,
+    )
 
 
 def floor(stiffness_s_per_m):
@@ -46,18 +57,18 @@ def mean_speed(place, x, current_A):
 def test_an_encoder_shows_the_end_of_the_step_less_its_lag(stiffness_s_per_m):
     place = floor(stiffness_s_per_m)
     model, x = Model(place, KNOWN_GROUND, ObserverNoise()), np.array([0.5, 0.0, 0.5 / 0.12, 0.5 / 0.12])
-    moved = model.moved(x, reading(CURRENTS_A))
-    after = model.next_state(x, reading(CURRENTS_A))
-    shown = after[2:] - model.encoder_lag(x, after, moved)[:2]
+    step = model.slip_step(x, clean(CURRENTS_A))
+    after = model.next_state(x, clean(CURRENTS_A))
+    shown = after[2:] - model.encoder_lag(x, after, step)[:2]
     assert shown == pytest.approx(mean_speed(place, x, CURRENTS_A), abs=0.05 * np.abs(after - x)[2:].max() + 1e-3)
 
 
 def test_bodies_and_spinning_wheels_are_half_a_step_late():
     place = floor(1e-3)
     model, x = Model(place, KNOWN_GROUND, ObserverNoise()), np.array([0.5, 0.1, 4.0, 4.0])
-    moved = model.moved(x, reading(CURRENTS_A))
+    step = model.slip_step(x, clean(CURRENTS_A))
     after = np.array([0.6, 0.3, 4.0, 5.0])
-    lag = model.encoder_lag(x, after, moved)
+    lag = model.encoder_lag(x, after, step)
     assert lag[:2] == pytest.approx([0.0, 0.5], abs=1e-3)
     assert lag[2:] == pytest.approx(0.5 * place.robot.rolling[2:] @ [0.1, 0.2] / 0.12)
 
@@ -79,15 +90,17 @@ def test_passive_wheels_of_a_robot_that_accelerates_show_its_speed_now(axle):
 def test_the_noise_of_a_torque_moves_its_wheel_by_its_derivative():
     model = Model(RLMA_ON_FLOOR, States(), ObserverNoise())
     x = np.array([0.5, 0.0, 0.51 / 0.12, 0.51 / 0.12, 0.0, 0.0, 0.0, 0.0, 1.0])
-    noise = model.torque_noise_rad_s(model.moved(x, reading(CURRENTS_A)), reading(CURRENTS_A))
+    noise = model.torque_noise_rad_s(model.slip_step(x, clean(CURRENTS_A)), clean(CURRENTS_A))
     step_A, wheels = 1e-4, slice(2, 4)
     ends = [
-        np.array([model.next_state(x, reading(CURRENTS_A + d))[wheels] for d in step_A * sign * np.eye(2)])
+        np.array([model.next_state(x, clean(CURRENTS_A + d))[wheels] for d in step_A * sign * np.eye(2)])
         for sign in (-1, 1)
     ]
     per_A = np.diag(ends[1] - ends[0]) / (2 * step_A)
     assert noise == pytest.approx(model.noise.torque_std_Nm / 0.517 * per_A, rel=0.02)
-    assert np.all(model.torque_noise_rad_s(model.moved(x, reading(CURRENTS_A)), reading(CURRENTS_A, 1.0)) > 10 * noise)
+    assert np.all(
+        model.torque_noise_rad_s(model.slip_step(x, clean(CURRENTS_A)), clean(CURRENTS_A, measured=False)) > 10 * noise
+    )
 
 
 def wavy_drive(rng, noise_A):

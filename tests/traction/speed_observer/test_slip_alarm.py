@@ -32,10 +32,10 @@ def test_stuck_only_where_the_speed_is_known_to_be_small():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"false_alarm_rate": 0.5}, "slip_test.false_alarm_rate must be > 0 and < 0.5"),
-        ({"stuck_ratio": 1.0}, "slip_test.stuck_ratio must be > 0 and < 1"),
-        ({"stuck_s": -1.0}, "slip_test.stuck_s must be >= 0"),
-        ({"stuck_rim_m_s": 0.0}, "slip_test.stuck_rim_m_s must be > 0"),
+        ({"false_alarm_rate": 0.5}, "slip_alarm.false_alarm_rate must be > 0 and < 0.5"),
+        ({"stuck_ratio": 1.0}, "slip_alarm.stuck_ratio must be > 0 and < 1"),
+        ({"stuck_s": -1.0}, "slip_alarm.stuck_s must be >= 0"),
+        ({"stuck_rim_m_s": 0.0}, "slip_alarm.stuck_rim_m_s must be > 0"),
     ],
 )
 def test_what_is_refused(change, message):

@@ -7,7 +7,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import EULER, RobotInput, Terrain, scene
 from ohmward.traction.dynamics.quasi_static import wheel_slip
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.slip_step import grip, slip_step
+from ohmward.traction.speed_observer.slip_step import grip, slip_step, traction, traction_and_slope
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
 
 from .examples import FLOOR, LOW, SCENES, plant
@@ -17,8 +17,8 @@ def step_of(place, dt_s=0.01, states=KNOWN_GROUND):
     layout = StateLayout(place.robot, states)
 
     def one(x, current_A):
-        moved = slip_step(layout.split(x), RobotInput(current_A), place, dt_s)
-        return np.concatenate([moved.motion, moved.omega])
+        step = slip_step(layout.split(x), RobotInput(current_A), place, dt_s)
+        return np.concatenate([step.motion, step.omega])
 
     n = place.robot.freedoms + place.robot.driven
     return Kernel(one, np.zeros(n), np.zeros(place.robot.driven)), n
@@ -89,10 +89,8 @@ def test_friction_scales_the_height_and_stiffness_the_slope():
     layout = StateLayout(place.robot, States(friction="each", grade=False, rolling=False, radius=False))
     load = np.full(4, 100.0)
     weak = layout.split(np.array([0.0, 0.0, 0.0, 0.0, np.log(0.5), np.log(0.5), np.log(2.0)]))
-    from ohmward.traction.speed_observer.slip_step import slopes, traction
-
     assert traction(np.full(2, 5.0), weak, load, place) == pytest.approx(35.0)
-    assert slopes(np.zeros(2), weak, load, place)[1] == pytest.approx(2.0 * 100.0 * 0.7 * 20.0)
+    assert traction_and_slope(np.zeros(2), weak, load, place)[1] == pytest.approx(2.0 * 100.0 * 0.7 * 20.0)
 
 
 def test_grip_is_one_at_rest_and_none_in_spin():
@@ -116,7 +114,7 @@ def test_from_the_end_of_their_mean_sigma_points_reach_the_balance(current_A, tr
     assert found == pytest.approx(exact, abs=1e-4)
 
 
-class Pushed(NamedTuple):
+class WithForce(NamedTuple):
     """The floor's law with a force besides."""
 
     besides_N: float
@@ -125,26 +123,26 @@ class Pushed(NamedTuple):
         return FLOOR.traction.force_N(contact) + self.besides_N
 
 
-def moved_on(place, x, current_A):
+def step_on(place, x, current_A):
     return slip_step(StateLayout(place.robot, KNOWN_GROUND).split(x), RobotInput(current_A), place, 0.01)
 
 
 @pytest.mark.parametrize("current_A", [2.0, 8.0, 20.0])
 def test_what_a_force_besides_the_law_does_to_body_and_wheels(current_A):
     x, current, besides_N = np.array([0.3, 0.0, 2.6, 2.6]), np.full(2, current_A), 0.01
-    moved = moved_on(SCENES["front-driven"], x, current)
-    pushed = moved_on(scene(LOW, Terrain("pushed", Pushed(besides_N), FLOOR.rolling, "tests")), x, current)
-    change = np.concatenate([pushed.motion - moved.motion, pushed.omega - moved.omega]) / besides_N
-    assert moved.force_response @ np.ones(2) == pytest.approx(change, rel=0.12, abs=1e-6)  # Newton has not ended
+    step = step_on(SCENES["front-driven"], x, current)
+    other = step_on(scene(LOW, Terrain("disturbed", WithForce(besides_N), FLOOR.rolling, "tests")), x, current)
+    change = np.concatenate([other.motion - step.motion, other.omega - step.omega]) / besides_N
+    assert step.force_response @ np.ones(2) == pytest.approx(change, rel=0.12, abs=1e-6)  # Newton has not ended
 
 
-def test_the_force_of_the_bend_is_that_of_the_slip_beyond_a_straight_law():
+def test_the_nonlinear_traction_is_that_of_the_slip_beyond_a_straight_law():
     x = np.array([0.3, 0.0, 3.2, 3.2])
-    moved = moved_on(SCENES["front-driven"], x, np.full(2, 8.0))
-    law, s = FLOOR.traction, moved.slip_m_s[0]
+    step = step_on(SCENES["front-driven"], x, np.full(2, 8.0))
+    law, s = FLOOR.traction, step.slip_m_s[0]
     assert isinstance(law, WardIagnemma)
     load_N = LOW.mass_kg * 9.80665 / 4
-    bend_m_s = s - -np.expm1(-law.c2_s_per_m * s) / law.c2_s_per_m
+    beyond_m_s = s - -np.expm1(-law.c2_s_per_m * s) / law.c2_s_per_m
     slope = load_N * law.c1 * law.c2_s_per_m * np.exp(-law.c2_s_per_m * s)
     assert s > 0.02
-    assert moved.bend_N == pytest.approx(np.full(2, slope * bend_m_s), rel=1e-6)
+    assert step.nonlinear_N == pytest.approx(np.full(2, slope * beyond_m_s), rel=1e-6)

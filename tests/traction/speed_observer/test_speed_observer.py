@@ -14,9 +14,9 @@ from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
 from ohmward.traction import RollingResistance, SkidSteer, scene
+from ohmward.traction.speed_observer.body_sensors import correct_sensor
 from ohmward.traction.speed_observer.clean_sample import sanitize
 from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.fusion import gated
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
@@ -90,9 +90,9 @@ def test_one_measurement_is_the_joint_gaussian():
     assert after.cov == pytest.approx(np.linalg.inv(information))
     mean = np.linalg.solve(information, np.linalg.solve(prior.cov, prior.mean) + np.array([0.0, 0.7 / 0.4, 0.0]))
     assert after.mean == pytest.approx(mean)
-    accepted, gated_after = gated(prior, 0.7, lambda x: x[1:2], 0.4, 1e9)
+    gated_after, accepted = correct_sensor(prior, 0.7, lambda x: x[1:2], 0.4, 1e9)
     assert accepted and gated_after.mean == pytest.approx(after.mean)
-    assert not gated(prior, np.nan, lambda x: x[1:2], 0.4, 1e9)[0]
+    assert not correct_sensor(prior, np.nan, lambda x: x[1:2], 0.4, 1e9)[1]
 
 
 def test_lasting_states_return_to_their_prior_and_no_further():
@@ -134,7 +134,7 @@ def own_model(observer):
     def advance(x, sample, current_A):
         limits = (observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
         clean = sanitize(sample, current_A, *limits)
-        return model.next_state(x, clean), model.process_noise(x, clean)
+        return model.next_state(x, clean), model.process_noise(model.slip_step(x, clean), clean)
 
     mean = unpack(observer.init(at_rest(observer)).belief).mean
     return Kernel(advance, mean, at_rest(observer), np.zeros(2))

@@ -30,6 +30,7 @@ from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import choose, passes
+from ohmward.filters.sanitize import every, within
 from ohmward.trace import isfinite, maximum, sin, sqrt, where
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio
@@ -39,7 +40,6 @@ from ohmward.traction.momentum_observer.model import FOLLOWING, FOLLOWING_STD, M
 from ohmward.traction.momentum_observer.noise import MomentumNoise
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.clean_sample import every, within
 
 #: A change of force is seen in the counts this long [s] after it.
 SEEN_LATE_S = 0.003

@@ -1,89 +1,133 @@
-"""What a belief means for people: slip with its sigma, forces, and whether anything shows the speed."""
+"""Conclusions from a belief: slip with its sigma, forces, and for how long the speed has not been observable."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.filters.belief import Belief
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, maximum, sqrt, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, every, some
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
-from ohmward.traction.speed_observer.fusion import Fused
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: A wheel shows the speed of the body where its grip is at least this.
 LEAST_GRIP = 0.2
 
-#: So long [s] without anything that shows it, and the speed counts as unobserved.
+#: Time [s] without anything that shows the speed from which on it counts as unobserved.
 UNOBSERVED_S = 0.5
 
 
-class Known(NamedTuple):
-    """How long [s] nothing has shown the speed, and how long the wheels have turned and the robot has not."""
+class DrivenWheels(NamedTuple):
+    """The driven wheels, each (driven,).
 
-    unobserved_s: Any
-    stuck_s: Any
+    travel_m_s, travel_std_m_s: speed of the wheel's centre along its rolling direction.
+    slip_m_s, slip_std_m_s: slip speed.
+    rim_m_s: slip plus travel.
+    grip: at one sigma of slip beyond the estimate, in [0, 1].
+    """
+
+    travel_m_s: np.ndarray
+    travel_std_m_s: np.ndarray
+    slip_m_s: np.ndarray
+    slip_std_m_s: np.ndarray
+    rim_m_s: np.ndarray
+    grip: np.ndarray
+
+
+class MotionTimers(NamedTuple):
+    """Time [s] for which nothing has shown the speed, and for which the wheels have turned and the robot has not."""
+
+    unobserved_s: Scalar
+    stuck_s: Scalar
+
+
+def driven_wheels(belief: Belief, model: Model) -> DrivenWheels:
+    """Travel, slip and grip of the driven wheels."""
+    x, P = belief
+    G, freedoms = model.scene.robot.rolling[: model.driven], model.scene.robot.freedoms
+    slip, H = linearize(model.slip, x)
+    slip_std = np.array([std(row @ P @ row) for row in H])
+    forward = np.array([s >= 0 for s in slip])
+    travel = G @ x[:freedoms]
+    return DrivenWheels(
+        travel_m_s=travel,
+        travel_std_m_s=np.array([std(row @ P[:freedoms, :freedoms] @ row) for row in G]),
+        slip_m_s=slip,
+        slip_std_m_s=slip_std,
+        rim_m_s=slip + travel,
+        grip=model.grip(x, where(forward, slip + slip_std, slip - slip_std)),
+    )
+
+
+def advance(
+    timers: MotionTimers,
+    wheels: DrivenWheels,
+    used: list[Scalar],
+    body_observable: Scalar,
+    dt_s: Scalar,
+    alarm: SlipAlarm,
+) -> MotionTimers:
+    """The timers after a step.
+
+    used: (driven,) the conditions that the encoder of a wheel was used.
+    body_observable: the condition that another sensor showed the speed.
+    """
+    gripping = [agrees & (grip > LEAST_GRIP) for agrees, grip in zip(used, wheels.grip, strict=True)]
+    observable = some([*gripping, body_observable])
+    motions = zip(wheels.travel_m_s, wheels.travel_std_m_s, wheels.rim_m_s, strict=True)
+    stands = every(alarm.stands(travel, travel_std, rim) for travel, travel_std, rim in motions)
+    return MotionTimers(
+        unobserved_s=where(observable, 0.0, timers.unobserved_s + dt_s),
+        stuck_s=where(stands, timers.stuck_s + dt_s, 0.0),
+    )
 
 
 def conclude(
-    fused: Fused, agrees: np.ndarray, before: Known, reading: CleanSlipSample, model: Model, test: SlipAlarm
-) -> tuple[SlipEstimate, Known]:
-    """What is known after a sample; agrees: (driven,) whether the encoder of a wheel was used."""
-    x, P = fused.belief
-    parts, n = model.layout.split(x), model.driven
-    slip, H = linearize(model.slip, x)
-    slip_std = np.array([std(H[k] @ P @ H[k]) for k in range(n)])
-    grip = model.grip(x, np.array([where(s >= 0, s + e, s - e) for s, e in zip(slip, slip_std, strict=True)]))
-    travel = model.scene.robot.rolling[:n] @ parts.motion
-    rim = slip + travel
-
-    shown = some([*(used & (g > LEAST_GRIP) for used, g in zip(agrees, grip, strict=True)), fused.shown > 0.5])
-    unobserved_s = where(shown, 0.0, before.unobserved_s + reading.dt_s)
-    stands = every(test.stands(v, s, w) for v, s, w in zip(travel, travel_std(P, model), rim, strict=True))
-    stuck_s = test.standing_s(stands, before.stuck_s, reading.dt_s)
-    yaw = model.layout.index("yaw_rate_rad_s")
-    estimate = SlipEstimate(
+    belief: Belief, wheels: DrivenWheels, timers: MotionTimers, clean: CleanSlipSample, model: Model, alarm: SlipAlarm
+) -> SlipEstimate:
+    """The estimate after a sample, still without flags."""
+    x, P = belief
+    parts, yaw = model.layout.split(x), model.layout.index("yaw_rate_rad_s")
+    slips = zip(wheels.slip_m_s, wheels.slip_std_m_s, wheels.rim_m_s, strict=True)
+    rims = zip(wheels.rim_m_s, wheels.travel_m_s, strict=True)
+    return SlipEstimate(
         speed_m_s=x[0],
         speed_std_m_s=std(P[0, 0]),
         yaw_rate_rad_s=x[yaw],
         yaw_rate_std_rad_s=std(P[yaw, yaw]),
         wheel_speed_rad_s=parts.omega,
-        slip_speed_m_s=slip,
-        slip_speed_std_m_s=slip_std,
-        slip_ratio=np.array([slip_ratio(a, b) for a, b in zip(rim, travel, strict=True)]),
+        slip_speed_m_s=wheels.slip_m_s,
+        slip_speed_std_m_s=wheels.slip_std_m_s,
+        slip_ratio=np.array([slip_ratio(rim, travel) for rim, travel in rims]),
         traction_N=model.traction_N(x),
         friction_ratio=parts.friction,
-        friction_std=np.array([std_of(model.layout.friction_name(k), P, model) for k in range(n)]),
-        grade_rad=model.input(x, reading).grade_rad,
+        friction_std=np.array([std_of(model.layout.friction_name(k), P, model) for k in range(model.driven)]),
+        grade_rad=model.input(x, clean).grade_rad,
         grade_std_rad=std_of("grade_rad", P, model),
         radius_ratio=parts.radius_ratio,
         radius_std=std_of("radius_ratio", P, model),
-        grip=grip,
-        unobserved_s=unobserved_s,
-        slipping=np.array([where(test.slips(s, e, v), 1.0, 0.0) for s, e, v in zip(slip, slip_std, rim, strict=True)]),
-        immobilised=where(stuck_s > test.stuck_s, 1.0, 0.0),
-        flags=fused.flags + where(unobserved_s > UNOBSERVED_S, float(SlipFlag.SPEED_UNOBSERVED), 0.0),
+        grip=wheels.grip,
+        unobserved_s=timers.unobserved_s,
+        slipping=np.array([where(alarm.slips(slip, slip_std, rim), 1.0, 0.0) for slip, slip_std, rim in slips]),
+        immobilised=where(timers.stuck_s > alarm.stuck_s, 1.0, 0.0),
+        flags=0.0,
     )
-    return estimate, Known(unobserved_s, stuck_s)
 
 
-def travel_std(P: np.ndarray, model: Model) -> np.ndarray:
-    """Standard deviation (driven,) [m/s] of the speed of each wheel's centre along its rolling direction."""
-    free, rows = model.scene.robot.freedoms, model.scene.robot.rolling[: model.driven]
-    return np.array([std(row @ P[:free, :free] @ row) for row in rows])
-
-
-def std_of(name: str, P: np.ndarray, model: Model) -> Any:
-    """Standard deviation of a lasting state; 0 for one that is assumed."""
+def std_of(name: str, P: np.ndarray, model: Model) -> Scalar:
+    """Standard deviation of a state of ground or sensors; 0 for one that is assumed."""
     if name not in model.layout.names:
         return 0.0
     i = model.layout.index(name)
     return std(P[i, i])
 
 
-def std(variance: Any) -> Any:
-    """The root of a variance that rounding may have made negative."""
+def std(variance: Scalar) -> Scalar:
+    """Standard deviation of a variance, which rounding may have made negative."""
     return sqrt(maximum(variance, 0.0))

@@ -1,116 +1,186 @@
-"""Encoders of the driven wheels, and what to make of a wheel that does what the model excludes.
+"""Encoders of the driven wheels, and a wheel that moves as the model excludes.
 
 Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
-surprise added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the body.
-While it stays outside its gate, sigma points learn the friction from it; after `reset_after_s` the encoder is at
-fault. It is used again once it agrees.
+innovation added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the
+body. While the innovation stays outside its gate, sigma points learn the friction from it; after `reset_after_s` the
+encoder is at fault. It is used again once it agrees.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.filters.belief import Belief
-from ohmward.filters.gate import choose
+from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import TINY
+from ohmward.filters.sanitize import some
 from ohmward.trace import logical_not, maximum, sqrt, where
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, some
-from ohmward.traction.speed_observer.estimate import SlipFlag
-from ohmward.traction.speed_observer.fusion import Fused, widened
+from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
+from ohmward.traction.speed_observer.slip_step import SlipStep
 
-#: The push of a wheel whose encoder is not believed may be wrong by this [m/s^2] at least.
+#: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
 DOUBT_M_S2 = 0.1
 
-#: No ground gives more than so many times the load; what would need more is a spike, if it does not last for SPIKE_S.
+#: No ground gives more than so many times the load; an innovation that would need more is a spike, if it lasts for less
+#: than SPIKE_S.
 MOST_ADHESION = 2.0
 SPIKE_S = 0.05
 
+#: Standard deviations of encoder noise that a possible jump leaves room for.
+NOISE_SIGMAS = 10.0
 
-class Matched(NamedTuple):
-    """What R of the encoders is matched to ([T] 3.50), each (driven,).
 
-    square: mean of the squared residuals and the variances P_yy after the update [rad^2/s^2].
-    samples: how many are in it, at most the window.
+class EncoderGate(NamedTuple):
+    """Settings of the gate of an encoder.
+
+    nis: NIS beyond which its wheel has met other ground.
+    reset_after_s: time outside the gate after which the encoder is at fault.
+    jumps_teach: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
+    """
+
+    nis: float
+    reset_after_s: float
+    jumps_teach: bool
+
+
+class EncoderSample(NamedTuple):
+    """Speed of one driven wheel as a measurement of the state.
+
+    wheel: its number.
+    y: speed at the end of the step [rad/s].
+    R: variance of its noise.
+    torque_noise_rad_s: standard deviation of the predicted speed by the error of the torque.
+    rejected_s: time for which the encoder has been outside its gate before.
+    """
+
+    wheel: int
+    y: Scalar
+    R: Scalar
+    torque_noise_rad_s: Scalar
+    rejected_s: Scalar
+
+
+class MatchedNoise(NamedTuple):
+    """Residuals that R of the encoders is matched to ([T] 3.50), each (driven,).
+
+    square: mean of squared residuals plus variances P_yy after the update [rad^2/s^2].
+    samples: number of them, at most the window.
     """
 
     square: np.ndarray
     samples: np.ndarray
 
 
-class WheelUpdate(NamedTuple):
-    """One wheel's encoder used.
+class WheelCorrection(NamedTuple):
+    """Update by one encoder.
 
     belief: after it.
-    square: squared residual and variance after it.
-    agrees: whether the encoder is measured, believed and no surprise.
-    surprising: whether it is a surprise.
+    square: squared residual plus variance after it.
+    used: the condition that the encoder is measured, believed and inside its gate.
+    ground_changed: the condition that the wheel moved as the model excludes.
+    rejected_s: time outside the gate.
     """
 
     belief: Belief
-    square: Any
-    agrees: Any
-    surprising: Any
+    square: Scalar
+    used: Scalar
+    ground_changed: Scalar
+    rejected_s: Scalar
 
 
-def use_encoders(
+class EncoderCorrection(NamedTuple):
+    """Update by all encoders.
+
+    belief: after it.
+    wheels: each driven wheel's.
+    ground_changed: the condition that one of them moved as the model excludes.
+    doubted: the condition that one of the encoders is at fault.
+    """
+
+    belief: Belief
+    wheels: list[WheelCorrection]
+    ground_changed: Scalar
+    doubted: Scalar
+
+
+def correct_wheels(
     prior: Belief,
     lag: np.ndarray,
-    torque_noise: np.ndarray,
-    reading: CleanSlipSample,
-    matched: Matched,
+    step: SlipStep,
+    clean: CleanSlipSample,
+    matched: MatchedNoise,
     rejected_s: np.ndarray,
     model: Model,
-    surprise: float,
-    reset_after_s: float,
-    jumps_teach: bool,
-) -> tuple[Fused, list[WheelUpdate]]:
-    """The prior corrected with the speeds of the driven wheels, and each wheel's update.
+    gate: EncoderGate,
+) -> EncoderCorrection:
+    """The prior corrected with the speeds of the driven wheels, one after the other.
 
-    lag: (wheels,) [rad/s] by which the wheels are faster at the end of the step than where the encoders saw them.
-    torque_noise: (driven,) [rad/s] of the predicted speeds, see `Model.torque_noise_rad_s`.
-    rejected_s: (driven,) how long each encoder has been surprising.
-    jumps_teach: whether the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
+    Args:
+        prior: belief before it.
+        lag: (wheels,) [rad/s], `Model.encoder_lag`.
+        step: that the mean of the belief made.
+        clean: sanitised sample.
+        matched: what R is matched to.
+        rejected_s: (driven,) time for which each encoder has been outside its gate.
+        model: of the robot.
+        gate: of the encoders.
     """
-    belief, updates = prior, []
+    belief = prior
+    wheels: list[WheelCorrection] = []
+    torque_noise = model.torque_noise_rad_s(step, clean)
     for k in range(model.driven):
-        R = encoder_variance(matched, k, model)
-        nu = reading.wheel_speed_rad_s[k] + lag[k] - belief.mean[model.layout.wheel(k)]
-        spike = (abs(nu) > possible_jump(k, reading, model)) & (rejected_s[k] < SPIKE_S)
-        believed = reading.measured[k] & (rejected_s[k] <= reset_after_s) & logical_not(spike)
-        doubt = where(believed, 0.0, doubted_variance(belief, k, reading.moving_s, model))
-        y = reading.wheel_speed_rad_s[k] + lag[k]
-        jumps = (rejected_s[k] <= 0.0) if jumps_teach else True
-        update = _use_encoder(belief, k, y, R, believed, jumps, torque_noise[k], model, surprise)
-        belief = widened(update.belief, 0, doubt)
-        updates.append(update._replace(belief=belief, surprising=update.surprising & reading.measured[k]))
-    changed = some([u.surprising & (t <= reset_after_s) for u, t in zip(updates, rejected_s, strict=True)])
-    doubted = some([t > reset_after_s for t in rejected_s])
-    flags = where(changed, float(SlipFlag.GROUND_CHANGED), 0.0) + where(doubted, float(SlipFlag.ENCODER_DOUBTED), 0.0)
-    return Fused(belief, 0.0, flags), updates
+        encoder = EncoderSample(
+            wheel=k,
+            y=clean.wheel_speed_rad_s[k] + lag[k],
+            R=encoder_variance(matched, k, model),
+            torque_noise_rad_s=torque_noise[k],
+            rejected_s=rejected_s[k],
+        )
+        wheels.append(correct_wheel(belief, encoder, clean, model, gate))
+        belief = wheels[-1].belief
+    ground_changed = some(wheel.ground_changed for wheel in wheels)
+    doubted = some(s > gate.reset_after_s for s in rejected_s)
+    return EncoderCorrection(belief, wheels, ground_changed, doubted)
 
 
-def _use_encoder(
-    belief: Belief, k: int, y: Any, R: Any, believed: Any, jumps: Any, torque_noise: Any, model: Model, surprise: float
-) -> WheelUpdate:
+def correct_wheel(
+    prior: Belief, encoder: EncoderSample, clean: CleanSlipSample, model: Model, gate: EncoderGate
+) -> WheelCorrection:
+    """The prior corrected with the encoder of one wheel; one that is not believed leaves it as it is, but wider."""
+    k, y, R, torque_noise_rad_s, rejected_s = encoder
     i = model.layout.wheel(k)
-    nu = y - belief.mean[i]
-    surprising = nu * nu > surprise * (belief.cov[i, i] + R)
-    new_ground = believed & surprising
-    open_to = choose(new_ground, ground_unknown(belief, k, where(jumps, nu, 0.0), model), belief)
-    after = correct_state(open_to, i, y, R, believed)
+    nu = y - prior.mean[i]
+    S = prior.cov[i, i] + R
+    rejected = nu * nu > gate.nis * S
+    spike = (abs(nu) > possible_jump(k, clean, model)) & (rejected_s < SPIKE_S)
+    diverged = rejected_s > gate.reset_after_s
+    believed = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
+
+    jumped = where(rejected_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
+    opened = choose(believed & rejected, ground_unknown(prior, k, jumped, model), prior)
+    posterior = correct_state(opened, i, y, R, believed)
     if model.states.stiffness:
         j = model.layout.index("log_stiffness")
-        after = with_part_of_gain(open_to, after, j, true_share(open_to, i, j, torque_noise))
-    square = (y - after.mean[i]) ** 2 + after.cov[i, i]
-    return WheelUpdate(after, square, believed & (nu * nu <= surprise * (belief.cov[i, i] + R)), surprising)
+        share = true_share(opened, i, j, torque_noise_rad_s)
+        posterior = with_part_of_gain(opened, posterior, j, share)
+    square = (y - posterior.mean[i]) ** 2 + posterior.cov[i, i]
+    doubt = where(believed, 0.0, doubted_variance(prior, k, clean.modelled_s, model))
+    return WheelCorrection(
+        belief=inflate(posterior, 0, doubt),
+        square=square,
+        used=believed & (nu * nu <= gate.nis * S),
+        ground_changed=clean.wheel_measured[k] & rejected & logical_not(diverged),
+        rejected_s=time_rejected(rejected_s, clean.dt_s, rejected, clean.wheel_measured[k]),
+    )
 
 
-def true_share(belief: Belief, i: int, j: int, noise: Any) -> Any:
-    """How much of the square of what state j is learnt from is no noise, in [0, 1].
+def true_share(belief: Belief, i: int, j: int, noise: Scalar) -> Scalar:
+    """Share in [0, 1] of the squared regressor of state j that is signal, not noise.
 
     The speed of wheel i shows the stiffness j by h = P_ij / P_jj: the slip that the currents predict, less what the
     speed of the body follows. It has their noise, so it is a regressor with errors: its square is too large by their
@@ -120,8 +190,8 @@ def true_share(belief: Belief, i: int, j: int, noise: Any) -> Any:
     return maximum(0.0, 1.0 - noise * noise / maximum(h * h, TINY))
 
 
-def with_part_of_gain(before: Belief, after: Belief, i: int, share: Any) -> Belief:
-    """A correction by one number of which state i keeps the share c of its gain K_i; c = 0 is Schmidt's filter.
+def with_part_of_gain(before: Belief, after: Belief, i: int, share: Scalar) -> Belief:
+    """A correction by one number in which state i has only the share c of its gain K_i; c = 0 is Schmidt's filter.
 
     Joseph's form for such a gain changes one element of the covariance: P_ii- - c (2 - c) K_i^2 S.
     """
@@ -131,41 +201,41 @@ def with_part_of_gain(before: Belief, after: Belief, i: int, share: Any) -> Beli
     return Belief(mean, cov)
 
 
-def possible_jump(k: int, reading: CleanSlipSample, model: Model) -> Any:
-    """By how much [rad/s] motor and ground can turn a wheel faster or slower than predicted in this step, at most."""
+def possible_jump(k: int, clean: CleanSlipSample, model: Model) -> Scalar:
+    """Largest innovation [rad/s] of driven wheel k that motor and ground can cause in this step."""
     robot = model.scene.robot
     ground_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[k]
-    motor_Nm = robot.motor.wheel_constant_Nm_per_A * abs(reading.current_A[k])
-    noise = 10.0 * model.noise.encoder_std_rad_s
-    return noise + reading.dt_s * (motor_Nm + ground_Nm) / robot.inertia[robot.freedoms + k]
+    motor_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A[k])
+    noise = NOISE_SIGMAS * model.noise.encoder_std_rad_s
+    return noise + clean.dt_s * (motor_Nm + ground_Nm) / robot.inertia[robot.freedoms + k]
 
 
-def encoder_variance(matched: Matched, k: int, model: Model) -> Any:
-    """R of an encoder: its floor, or what the residuals say where that is more."""
+def encoder_variance(matched: MatchedNoise, k: int, model: Model) -> Scalar:
+    """R of an encoder: its floor, or that of the residuals where it is more."""
     return maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
 
 
-def match(matched: Matched, updates: list[WheelUpdate], window: float) -> Matched:
-    """With the residuals of the encoders that agreed."""
-    samples = [where(u.agrees & (n < window), n + 1.0, n) for u, n in zip(updates, matched.samples, strict=True)]
+def match(matched: MatchedNoise, wheels: list[WheelCorrection], window: float) -> MatchedNoise:
+    """The matched noise with the residuals of the encoders that were used."""
+    samples = [where(w.used & (n < window), n + 1.0, n) for w, n in zip(wheels, matched.samples, strict=True)]
     square = [
-        where(u.agrees, m + (u.square - m) / maximum(n, 1.0), m)
-        for u, m, n in zip(updates, matched.square, samples, strict=True)
+        where(w.used, m + (w.square - m) / maximum(n, 1.0), m)
+        for w, m, n in zip(wheels, matched.square, samples, strict=True)
     ]
-    return Matched(np.array(square), np.array(samples))
+    return MatchedNoise(np.array(square), np.array(samples))
 
 
-def ground_unknown(belief: Belief, k: int, jump_rad_s: Any, model: Model) -> Belief:
-    """The belief with the wheel free to have jumped so, and its friction as unknown as at first."""
-    belief = widened(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
+def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> Belief:
+    """The belief after driven wheel k may have jumped so, with its friction as unknown as at first."""
+    belief = inflate(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
     if model.states.friction == "known":
         return belief
     i = model.layout.friction(k)
-    return widened(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+    return inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
 
 
-def doubted_variance(belief: Belief, k: int, dt_s: Any, model: Model) -> Any:
-    """Variance [m^2/s^2] that the speed gains in `dt_s` in which the traction of wheel k may have been another."""
+def doubted_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:
+    """Variance [m^2/s^2] that the speed gains in `dt_s` while the traction of driven wheel k is not known."""
     force_N = abs(model.traction_N(belief.mean)[k])
     growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
     return growth * (growth + 2 * sqrt(maximum(belief.cov[0, 0], 0.0)))

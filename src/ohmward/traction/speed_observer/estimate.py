@@ -1,4 +1,4 @@
-"""What goes into an observer and what comes out: plain numbers, one sample at a time."""
+"""Sample and estimate of the speed observer: plain numbers, one sample at a time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ohmward.filters.flags import SampleFlag
 
 
 class SlipSample(NamedTuple):
-    """One sample of whatever has arrived; nan where there is nothing new.
+    """One sample of the sensors; nan where there is nothing new.
 
     dt_s: time since the sample before [s]; 0 for the first.
     wheel_speed_rad_s: (wheels,) from encoders, driven wheels first; nan for a wheel without one.
@@ -21,7 +21,7 @@ class SlipSample(NamedTuple):
     pitch_rad: from an attitude filter, > 0 with the nose up.
     speed_m_s: forward, from GNSS, visual or lidar odometry, optical flow.
     speed_std_m_s: its standard deviation where the source gives one.
-    speed_age_s: how long ago that speed was true.
+    speed_age_s: age of that speed.
     """
 
     dt_s: Any
@@ -36,7 +36,7 @@ class SlipSample(NamedTuple):
 
 
 class SlipEstimate(NamedTuple):
-    """What an observer knows after a sample. A quantity that is no state has the value that is assumed, and std 0.
+    """Estimate after a sample. A quantity that is not a state has the value that is assumed, and std 0.
 
     speed_m_s, speed_std_m_s: of the body, forward.
     yaw_rate_rad_s, yaw_rate_std_rad_s: > 0 to the left.
@@ -44,14 +44,14 @@ class SlipEstimate(NamedTuple):
     slip_speed_m_s, slip_speed_std_m_s: (driven,) r omega - v of the wheel's centre.
     slip_ratio: (driven,) nan below a floor of speed.
     traction_N: (driven,) force of the ground.
-    friction_ratio, friction_std: (driven,) of what the ground gives at most, over the terrain's; the std is relative.
+    friction_ratio, friction_std: (driven,) largest traction over the terrain's; the std is relative.
     grade_rad, grade_std_rad: > 0 uphill.
     radius_ratio, radius_std: effective radius over the robot's.
     grip: (driven,) slope of traction over slip, one sigma of slip beyond the estimate, over the slope without slip:
         1 grips, 0 spins. The wheels show the speed of the body as far as they grip.
-    unobserved_s: how long nothing has shown the speed of the body: no wheel gripped, no passive wheel turned, no speed
-        came from outside. Then it is dead reckoning from the forces, and `speed_std_m_s` grows with it.
-    slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipTest`, else 0.
+    unobserved_s: time for which nothing has shown the speed of the body: no wheel gripped, no passive wheel turned, no
+        external speed came. Then it is dead reckoning from the forces, and `speed_std_m_s` grows with it.
+    slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipAlarm`, else 0.
     immobilised: 1 where the wheels turn and the robot does not, else 0.
     flags: sum of `SlipFlag` values; 0 is a sample without incident.
     """
@@ -79,18 +79,18 @@ class SlipEstimate(NamedTuple):
 
 
 class SlipFlag(SampleFlag):
-    """What happened at a sample. None of it stops an observer."""
+    """Events at a sample. None of them stops the observer."""
 
-    BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
+    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
     GAP = 2  # longer than the last current is believed: the speed may be anything near
-    NO_CURRENT = 4  # of at least one motor; the last one was held, and what it may be is doubted
-    NO_ENCODER = 8  # of at least one driven wheel: no number, or one that no wheel has
+    NO_CURRENT = 4  # of at least one motor: the last one fades, and its torque counts as unknown
+    NO_ENCODER = 8  # of at least one driven wheel: not a number, or one that no wheel has
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
     GYRO_REJECTED = 64  # outside its gate
     SPEED_REJECTED = 128  # outside its gate
     SPEED_TAKEN_ANEW = 256  # it has contradicted the estimate for too long: the estimate was opened for it
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
-    SPEED_UNOBSERVED = 1024  # nothing shows the speed: dead reckoning
+    SPEED_UNOBSERVED = 1024  # nothing has shown the speed for a while: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
     RESTARTED = 4096  # in Python: the state was no longer a number, a new one was started from this sample

@@ -1,7 +1,7 @@
-"""The robot as a filter sees it: how its state moves in a step, how far that may be wrong, and what it starts from.
+"""The robot as a filter sees it: next state, process noise, outputs, and the belief that it starts from.
 
-Ground, grade and offsets are Ornstein-Uhlenbeck processes: they wander by their walk and return to what is usual, so a
-quantity that nothing shows for hours is as unknown as before the first sample, and never more:
+Ground, grade and offsets are Gauss-Markov states (Ornstein-Uhlenbeck processes): they wander by their random walk and
+return to what is usual, so one that is not observable for hours is as unknown as before the first sample, never more:
 
     x+ = e^(-dt/T) x + w,   Var w = sigma^2 (1 - e^(-2 dt/T)),   T = 2 sigma^2 / walk^2
 """
@@ -11,27 +11,36 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, maximum, minimum, sin, sqrt, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.slip_step import Moved, grip, slip_step, traction, without_traction
+from ohmward.traction.speed_observer.slip_step import SlipStep, grip, slip_step, traction, without_traction
 from ohmward.traction.speed_observer.states import StateLayout, States
 
-#: What the speed may change by in a second of which nothing is known [m/s^2], and at most [m/s].
+#: Acceleration [m/s^2] that is possible in a gap, and the largest change [m/s] of the speed in it.
 UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
 #: A steeper pitch [rad] is a sensor's fault.
 STEEPEST_RAD = 1.5
 
+#: Keeps a step of no length from dividing by zero [s].
 _TINY_S = 1e-9
+
+
+class GaussMarkov(NamedTuple):
+    """Standard deviation of a Gauss-Markov state, and its random walk over the root of a second."""
+
+    std: float
+    walk: float
 
 
 @dataclass(frozen=True)
@@ -41,7 +50,7 @@ class Model:
     Attributes:
         scene: robot, and the terrain that it is believed to drive on.
         states: what is estimated besides the robot's own state.
-        noise: how wrong sensors and model may be.
+        noise: of sensors and model.
     """
 
     scene: Scene
@@ -50,7 +59,7 @@ class Model:
 
     @cached_property
     def layout(self) -> StateLayout:
-        """Which element of the state is what."""
+        """Order of the state vector."""
         return StateLayout(self.scene.robot, self.states)
 
     @property
@@ -59,7 +68,7 @@ class Model:
         return self.scene.robot.driven
 
     def first_belief(self, wheel_speed_rad_s: np.ndarray) -> Belief:
-        """A body that moves as the driven wheels (driven,) say."""
+        """Belief in a body that moves as the driven wheels (driven,) say."""
         robot, names = self.scene.robot, self.layout.names
         own = np.concatenate([motion_from_wheels(robot, wheel_speed_rad_s), wheel_speed_rad_s])
         mean = np.array([*own, *(1.0 if name == "radius_ratio" else 0.0 for name in names[len(own) :])])
@@ -74,107 +83,118 @@ class Model:
             "v_left_m_s": noise.initial_speed_std_m_s,
         }
         wheel = noise.initial_speed_std_m_s / self.scene.robot.wheel.radius_m + noise.encoder_std_rad_s
-        return known.get(name) or self.lasting(name)[0] or wheel
+        return known.get(name) or self.gauss_markov(name).std or wheel
 
-    def lasting(self, name: str) -> tuple[float, float]:
-        """Standard deviation and walk of a state that the robot's motion does not change; 0 for one that it does."""
+    def gauss_markov(self, name: str) -> GaussMarkov:
+        """Standard deviation and walk of a state of ground or sensors; 0 for one of the robot's own."""
         noise = self.noise
         if name.startswith("log_friction"):
-            return noise.friction_std, noise.friction_walk
-        return {
-            "log_stiffness": (noise.stiffness_std, noise.stiffness_walk),
-            "grade_rad": (noise.grade_std_rad, noise.grade_walk),
-            "rolling_excess": (noise.rolling_std, noise.rolling_walk),
-            "radius_ratio": (noise.radius_std, 0.0),
-            "accelerometer_offset_m_s2": (noise.accelerometer_offset_std_m_s2, 0.0),
-        }.get(name, (0.0, 0.0))
+            return GaussMarkov(noise.friction_std, noise.friction_walk)
+        known = {
+            "log_stiffness": GaussMarkov(noise.stiffness_std, noise.stiffness_walk),
+            "grade_rad": GaussMarkov(noise.grade_std_rad, noise.grade_walk),
+            "rolling_excess": GaussMarkov(noise.rolling_std, noise.rolling_walk),
+            "radius_ratio": GaussMarkov(noise.radius_std, 0.0),
+            "accelerometer_offset_m_s2": GaussMarkov(noise.accelerometer_offset_std_m_s2, 0.0),
+        }
+        return known.get(name, GaussMarkov(0.0, 0.0))
 
-    def kept(self, name: str, dt_s: Any) -> Any:
-        """Share of a lasting state that is left after `dt_s`."""
-        std, walk = self.lasting(name)
+    def decay_factor(self, name: str, dt_s: Scalar) -> Scalar:
+        """e^(-dt/T) of a Gauss-Markov state; 1 for one that does not wander."""
+        std, walk = self.gauss_markov(name)
         return exp(-dt_s * (walk**2 / (2 * std**2))) if walk else 1.0
 
-    def walked(self, name: str, dt_s: Any) -> Any:
-        """Variance that a lasting state gains in `dt_s`."""
-        kept = self.kept(name, dt_s)
-        return self.lasting(name)[0] ** 2 * (1.0 - kept * kept)
+    def process_variance(self, name: str, dt_s: Scalar) -> Scalar:
+        """sigma^2 (1 - e^(-2 dt/T)) of a Gauss-Markov state."""
+        decay = self.decay_factor(name, dt_s)
+        return self.gauss_markov(name).std ** 2 * (1.0 - decay * decay)
 
-    def moved(self, x: np.ndarray, reading: CleanSlipSample, start_m_s: np.ndarray | None = None) -> Moved:
-        """Body and wheels after the step from state x (n,); start_m_s as in `slip_step`."""
-        return slip_step(self.layout.split(x), self.input(x, reading), self.scene, reading.moving_s, start_m_s)
+    def slip_step(self, x: np.ndarray, clean: CleanSlipSample, start_m_s: np.ndarray | None = None) -> SlipStep:
+        """Step of body and wheels from state x (n,); start_m_s as in `slip_step`."""
+        return slip_step(self.layout.split(x), self.input(x, clean), self.scene, clean.modelled_s, start_m_s)
 
-    def next_state(self, x: np.ndarray, reading: CleanSlipSample, start_m_s: np.ndarray | None = None) -> np.ndarray:
+    def next_state(self, x: np.ndarray, clean: CleanSlipSample, start_m_s: np.ndarray | None = None) -> np.ndarray:
         """Mean of the state after the step, (n,)."""
-        moved = self.moved(x, reading, start_m_s)
-        own = [*moved.motion, *moved.omega]
-        names = self.layout.names
-        return np.array([*own, *(self.kept(names[i], reading.dt_s) * x[i] for i in range(len(own), len(names)))])
+        step = self.slip_step(x, clean, start_m_s)
+        first = self.layout.robot_states
+        wandering = zip(self.layout.names[first:], x[first:], strict=True)
+        decayed = [self.decay_factor(name, clean.dt_s) * value for name, value in wandering]
+        return np.array([*step.motion, *step.omega, *decayed])
 
-    def input(self, x: np.ndarray, reading: CleanSlipSample) -> RobotInput:
-        """What acts on the robot; the grade is the state's, else the measured one, else level."""
+    def input(self, x: np.ndarray, clean: CleanSlipSample) -> RobotInput:
+        """Input of the robot; the grade is the state's, else the measured pitch, else level."""
         grade = self.layout.split(x).grade_rad
         if grade is None:
             grade = 0.0
             if self.noise.pitch_std_rad is not None:
-                grade = where(abs(reading.pitch_rad) <= STEEPEST_RAD, reading.pitch_rad, 0.0)
-        return RobotInput(reading.current_A, grade)
+                grade = where(abs(clean.pitch_rad) <= STEEPEST_RAD, clean.pitch_rad, 0.0)
+        return RobotInput(clean.current_A, grade)
 
-    def process_noise(self, mean: np.ndarray, reading: CleanSlipSample) -> np.ndarray:
-        """Q (n, n) of a step; unknown torque and traction go through the model, where a wheel that grips damps them."""
-        robot, noise = self.scene.robot, self.noise
-        moved = self.moved(mean, reading)
-        B = self.torque_response(moved, reading)
-        unknown = minimum(UNKNOWN_M_S2 * reading.unknown_s, UNKNOWN_M_S) ** 2
-        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
-        diagonal = [
-            noise.yaw_rate_walk**2 * reading.moving_s + unknown / arm_m**2
-            if name == "yaw_rate_rad_s"
-            else noise.speed_walk**2 * reading.moving_s + unknown
-            for name in self.layout.names[: robot.freedoms]
-        ]
-        diagonal += [unknown / robot.wheel.radius_m**2] * self.driven
-        diagonal += [self.walked(name, reading.dt_s) for name in self.layout.names[len(diagonal) :]]
-        Q = np.diag(np.array(diagonal))
-        own = robot.freedoms + self.driven
-        C = self.curve_shape_noise(moved, reading)
+    def process_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+        """Q (n, n) of a step; errors of torque and traction go through the model, where a wheel that grips damps them.
+
+        Q = diag(random walks) + B B' + C C',  B: `torque_noise`, C: `curve_shape_noise`
+        """
+        own = self.layout.robot_states
+        wandering = [self.process_variance(name, clean.dt_s) for name in self.layout.names[own:]]
+        Q = np.diag(np.array([*self.motion_variances(clean), *wandering]))
+        B = self.torque_noise(step, clean)
+        C = self.curve_shape_noise(step, clean)
         Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
         return mirror_lower(Q)
 
-    def torque_response(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
-        """Change (freedoms + driven, driven) of body and wheels in a step by a torque that is wrong by one sigma."""
-        most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
-        return moved.torque_response * (self.noise.torque_std_Nm + reading.guessed * most_Nm)
+    def motion_variances(self, clean: CleanSlipSample) -> list[Scalar]:
+        """Variances that the robot's own states gain: unknown accelerations, and any motion in a gap."""
+        robot, noise = self.scene.robot, self.noise
+        gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S) ** 2
+        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
+        speed = noise.speed_walk**2 * clean.modelled_s + gap
+        yaw_rate = noise.yaw_rate_walk**2 * clean.modelled_s + gap / arm_m**2
+        body = [yaw_rate if name == "yaw_rate_rad_s" else speed for name in robot.chassis.freedoms]
+        return [*body, *[gap / robot.wheel.radius_m**2] * self.driven]
 
-    def torque_noise_rad_s(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
-        """(driven,) standard deviation of what a wrong torque adds to each wheel's speed at the end of the step."""
-        return np.diag(self.torque_response(moved, reading)[self.scene.robot.freedoms :])
+    def torque_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+        """B (freedoms + driven, driven): change of body and wheels by one sigma of torque on each driven wheel.
 
-    def encoder_lag(self, before: np.ndarray, after: np.ndarray, moved: Moved) -> np.ndarray:
-        """By how much (wheels,) [rad/s] each wheel is faster at the end of a step than where its encoder saw it.
-
-        before, after: (n,) means of the state; moved: the step between them.
-
-        Body and spinning wheels change their speed all along the step. The slip of a wheel that grips settles at once,
-        and its encoder has seen most of the step at the new slip. Where it settles with T, the implicit step's end is
-        later than the mean over the step by (1 - e^-n)/n - 1/(1 + n) of the whole change, n = dt/T = damping - 1; the
-        factor below is that to within 0.025.
+        Where a current is not measured its torque may be any that the ground takes.
         """
-        robot, n = self.scene.robot, self.driven
-        share, parts = self.noise.encoder_lag_share, self.layout.split(after - before)
-        rolled = robot.rolling @ parts.motion / robot.wheel.radius_m
-        slipped = (parts.omega - rolled[:n]) * (2.0 / (1.0 + moved.damping)) ** 2
-        return share * np.concatenate([rolled[:n] + slipped, rolled[n:]])
+        most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
+        return step.torque_response * (self.noise.torque_std_Nm + where(clean.current_measured, 0.0, most_Nm))
 
-    def curve_shape_noise(self, moved: Moved, reading: CleanSlipSample) -> np.ndarray:
-        """Change (freedoms + driven, driven) of body and wheels in a step by a law that bends otherwise, one sigma.
+    def torque_noise_rad_s(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+        """Standard deviation (driven,) of each wheel's predicted speed by the error of its own torque."""
+        return np.diag(self.torque_noise(step, clean)[self.scene.robot.freedoms :])
 
-        Friction and stiffness fit a law at its two ends; how it bends in between stays unknown, and a wheel there seems
-        to show a speed that it does not. An error that lasts for T weighs as white noise sqrt(2 T/dt) times as large.
+    def curve_shape_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+        """C (freedoms + driven, driven): change of body and wheels by one sigma of the friction curve's shape.
+
+        Friction and stiffness fix a friction law at its two ends, not its curvature in between, where a wheel then
+        seems to show a speed that it does not. An error that lasts for T weighs as white noise sqrt(2 T/dt) times as
+        large.
         """
         if self.states.friction == "known":
-            return np.zeros_like(moved.force_response)
-        lasting = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(reading.moving_s, _TINY_S))
-        return moved.force_response * (moved.bend_N * (self.noise.curve_shape_std * lasting))
+            return np.zeros_like(step.force_response)
+        white = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(clean.modelled_s, _TINY_S))
+        std_N = step.nonlinear_N * (self.noise.curve_shape_std * white)
+        return step.force_response * std_N
+
+    def encoder_lag(self, before: np.ndarray, after: np.ndarray, step: SlipStep) -> np.ndarray:
+        """Speed (wheels,) [rad/s] of each wheel at the end of a step beyond the one that its encoder shows.
+
+        An encoder that counts shows the mean speed over the step, `encoder_lag_share` 0.5. Body and spinning wheels
+        change their speed evenly, so half of their change is still to come. The slip of a wheel that grips settles with
+        T = dt/(D - 1), n = dt/T: the end of the implicit step makes n/(1 + n) of the slip's whole change, and is ahead
+        of the mean by (1 - e^-n)/n - 1/(1 + n) of it. Half of (2/(1 + D))^2 of the change made is that to within 0.025.
+
+        before, after: (n,) means of the state; step: the one between them.
+        """
+        robot = self.scene.robot
+        change = after - before
+        rolling = robot.rolling @ change[: robot.freedoms] / robot.wheel.radius_m
+        slipping = change[robot.freedoms : self.layout.robot_states] - rolling[: self.driven]
+        unsettled = (2.0 / (1.0 + step.damping)) ** 2
+        driven = rolling[: self.driven] + slipping * unsettled
+        return self.noise.encoder_lag_share * np.concatenate([driven, rolling[self.driven :]])
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         """Slip speed (driven,) [m/s] in state x (n,)."""
@@ -182,21 +202,21 @@ class Model:
         return robot.wheel.radius_m * parts.radius_ratio * parts.omega - robot.rolling[: self.driven] @ parts.motion
 
     def traction_N(self, x: np.ndarray) -> np.ndarray:
-        """Force (driven,) [N] of the ground on the driven wheels in state x (n,)."""
+        """Traction (driven,) [N] in state x (n,)."""
         return traction(self.slip(x), self.layout.split(x), self.static_load_N, self.scene)
 
     def grip(self, x: np.ndarray, slip_m_s: np.ndarray) -> np.ndarray:
-        """(driven,) in [0, 1], of wheels that slip so."""
+        """Grip (driven,) in [0, 1] of wheels at these slip speeds (driven,)."""
         return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
 
-    def specific_force(self, x: np.ndarray, reading: CleanSlipSample) -> np.ndarray:
-        """What an accelerometer along x shows in state x, (1,) [m/s^2]."""
-        parts, robot, n = self.layout.split(x), self.scene.robot, self.driven
-        u = self.input(x, reading)
-        own = x[: robot.freedoms + n]
-        rolling = momentum_rates(own, u, self.scene, without_traction(parts, u, self.scene, self.static_load_N))
-        push = rolling[0] + robot.rolling[:n, 0] @ self.traction_N(x)
-        return np.array([push / robot.inertia[0] + GRAVITY * sin(u.grade_rad) + parts.accelerometer_offset])
+    def specific_force(self, x: np.ndarray, clean: CleanSlipSample) -> np.ndarray:
+        """Output (1,) [m/s^2] of an accelerometer along x in state x."""
+        parts, robot = self.layout.split(x), self.scene.robot
+        u = self.input(x, clean)
+        other = without_traction(parts, u, self.scene, self.static_load_N)
+        other_N = momentum_rates(x[: self.layout.robot_states], u, self.scene, other)[0]
+        total_N = other_N + robot.rolling[: self.driven, 0] @ self.traction_N(x)
+        return np.array([total_N / robot.inertia[0] + GRAVITY * sin(u.grade_rad) + parts.accelerometer_offset])
 
     def passive_speed(self, k: int) -> Callable[[np.ndarray], np.ndarray]:
         """Speed (1,) [rad/s] of wheel k, which is not driven, as a function of the state."""
@@ -210,5 +230,5 @@ class Model:
 
     @cached_property
     def static_load_N(self) -> np.ndarray:
-        """(wheels,) on level ground."""
+        """Loads (wheels,) on level ground."""
         return normal_loads(RobotInput(0.0), self.scene.robot, np.zeros(2))

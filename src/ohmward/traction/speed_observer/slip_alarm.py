@@ -1,4 +1,4 @@
-"""Does a wheel slip, and is the robot stuck? Tests of an estimate against its own sigma.
+"""Alarms for a wheel that slips and for a robot that is stuck: tests of an estimate against its own sigma.
 
 A wheel slips where |s| - s_allowed > z sigma_s. As long as the sigma is true, a wheel whose slip is just the allowed
 one raises the alarm in a share 1 - Phi(z) of the samples, one that slips less in fewer: that is the false-alarm rate.
@@ -18,7 +18,6 @@ import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
-from ohmward.trace import where
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,12 @@ class SlipAlarm:
 
     def __post_init__(self) -> None:
         if not 0 < self.false_alarm_rate < 0.5:
-            raise InputError(f"slip_test.false_alarm_rate must be > 0 and < 0.5, got {self.false_alarm_rate:g}")
+            raise InputError(f"slip_alarm.false_alarm_rate must be > 0 and < 0.5, got {self.false_alarm_rate:g}")
         if not 0 < self.stuck_ratio < 1:
-            raise InputError(f"slip_test.stuck_ratio must be > 0 and < 1, got {self.stuck_ratio:g}")
+            raise InputError(f"slip_alarm.stuck_ratio must be > 0 and < 1, got {self.stuck_ratio:g}")
         for name in ("allowed_m_s", "allowed_ratio", "stuck_s"):
-            require_between(f"slip_test.{name}", getattr(self, name), 0.0, np.inf)
-        require_positive("slip_test.stuck_rim_m_s", self.stuck_rim_m_s)
+            require_between(f"slip_alarm.{name}", getattr(self, name), 0.0, np.inf)
+        require_positive("slip_alarm.stuck_rim_m_s", self.stuck_rim_m_s)
 
     @property
     def z(self) -> float:
@@ -56,14 +55,10 @@ class SlipAlarm:
         return NormalDist().inv_cdf(1 - self.false_alarm_rate)
 
     def slips(self, slip_m_s: Any, slip_std_m_s: Any, rim_m_s: Any) -> Any:
-        """Whether a wheel slips."""
+        """True where a wheel slips."""
         return abs(slip_m_s) - self.allowed_m_s - self.allowed_ratio * abs(rim_m_s) > self.z * slip_std_m_s
 
     def stands(self, speed_m_s: Any, speed_std_m_s: Any, rim_m_s: Any) -> Any:
-        """Whether the body stands while this wheel turns."""
+        """True where the body stands while this wheel turns."""
         turns = abs(rim_m_s) > self.stuck_rim_m_s
         return turns & (abs(speed_m_s) + self.z * speed_std_m_s < self.stuck_ratio * abs(rim_m_s))
-
-    def standing_s(self, stands: Any, before_s: Any, dt_s: Any) -> Any:
-        """How long it has stood so."""
-        return where(stands, before_s + dt_s, 0.0)

@@ -1,17 +1,27 @@
-"""One step of the robot for a filter: implicit in the slip of the wheels and in nothing else.
+"""One step of the robot for a filter: implicit in the slip of the driven wheels, explicit in everything else.
 
-A wheel that grips settles in 0.5 ms, so its slip at the end of a step is what balances there. With the slip s* that
-the wheels would have if the ground gave nothing,
+A wheel that grips settles in 0.5 ms, so its slip at the end of a step is the one that balances there (implicit Euler:
+order 1, L-stable). From v* and omega*, where the step would end without traction, and the slip s = r omega - G v:
 
-    s + dt A F(s) = s*,   A = G M^-1 G' + diag(r^2 / J_w)
+    v     = v*     + dt M^-1 G' F(s)
+    omega = omega* - dt J_w^-1 r F(s)
+    s     = s*     - A F(s),    A = dt (G M^-1 G' + r^2 J_w^-1)
 
-one equation for each driven wheel, coupled by one part in a hundred through the body. Newton starts at the slip before
-the step, where a steady wheel is already, or where the caller knows better: a stiff wheel forgets where it was, so
-sigma points start where the step of their mean ends. The force of a law that saturates is concave in the slip, so the
-tangent at s = 0 gives a bound that no step may fall below, and from there the steps approach from one side. Rolling
-resistance and grade are explicit: order 1, L-stable.
+The last line is one equation for each driven wheel, coupled by one part in a hundred through the body. Newton starts at
+the slip before the step, where a steady wheel is already, or where the caller knows better: a stiff wheel forgets where
+it was, so sigma points start where the step of their mean ends. The traction of a law that saturates is concave in the
+slip, so the tangent at s = 0 gives a bound that no step may fall below, and from there the steps approach from one
+side.
 
-The ground's friction share a and stiffness share k scale a law to F = a law(k/a s): its height by a, its slope by k.
+A torque tau and a traction f that the model does not know change the end of the step by (slope k = dF/ds, damping
+D = 1 + diag(A) k, the coupling of the wheels left out)
+
+    dF/dtau     = k r dt J_w^-1 / D                 traction that the ground adds for the torque
+    dv/dtau     = dt M^-1 G' dF/dtau                dv/df     =  dt M^-1 G' / D
+    domega/dtau = dt J_w^-1 (1 - r dF/dtau)         domega/df = -dt J_w^-1 r / D
+
+The friction ratio a and the stiffness ratio c of the ground scale its law to F = a law(c/a s): the height by a, the
+slope at rest by c.
 """
 
 from __future__ import annotations
@@ -29,16 +39,16 @@ from ohmward.traction.speed_observer.states import Parts
 NEWTON_STEPS, FINISHING_STEPS = 3, 2
 
 
-class Moved(NamedTuple):
-    """Where a step ends.
+class SlipStep(NamedTuple):
+    """Where a step ends, and what would have changed it.
 
-    motion: (freedoms,) of the body.
+    motion: v (freedoms,) of the body.
     omega: (driven,) [rad/s].
-    slip_m_s: (driven,) that balances.
-    torque_response: (freedoms + driven, driven) of body and wheels to torque besides that of the currents [1/(N m)].
-    force_response: (freedoms + driven, driven) of body and wheels to traction besides that of the law [1/N].
-    bend_N: (driven,) force that the part of the slip makes which is there because the law bends.
-    damping: (driven,) by which the ground divides what else would change the slip in the step; 1 where a wheel spins.
+    slip_m_s: s (driven,).
+    torque_response: dv/dtau, domega/dtau (freedoms + driven, driven) [1/(N m)].
+    force_response: dv/df, domega/df (freedoms + driven, driven) [1/N].
+    nonlinear_N: (driven,) traction due to the part of the slip that exceeds F / k0, with the slope k0 at rest.
+    damping: D (driven,), by which the ground divides what else would change the slip; 1 where a wheel spins.
     """
 
     motion: np.ndarray
@@ -46,17 +56,17 @@ class Moved(NamedTuple):
     slip_m_s: np.ndarray
     torque_response: np.ndarray
     force_response: np.ndarray
-    bend_N: np.ndarray
+    nonlinear_N: np.ndarray
     damping: np.ndarray
 
 
 class Balance(NamedTuple):
     """Slip that balances, each (driven,).
 
-    slip_m_s: at the end of the step.
-    traction_N: force of the ground during the step.
-    slope: of the force over the slip [N s/m], >= 0.
-    rest_slope: the same without slip.
+    slip_m_s: s at the end of the step.
+    traction_N: F(s).
+    slope: k = dF/ds there [N s/m], >= 0.
+    rest_slope: k0 = dF/ds without slip.
     """
 
     slip_m_s: np.ndarray
@@ -65,70 +75,83 @@ class Balance(NamedTuple):
     rest_slope: np.ndarray
 
 
-def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> Moved:
+def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> SlipStep:
     """Body and wheels after `dt_s` of constant current; `u.grade_rad` is that of the step.
 
     start_m_s: (driven,) slip near the one that balances; without it Newton starts at the slip before the step.
     """
-    robot, n = p.robot, p.robot.driven
-    free = robot.freedoms
-    radius = robot.wheel.radius_m * parts.radius_ratio
-    x = np.concatenate([parts.motion, parts.omega])
+    robot = p.robot
+    G, M, J_w = robot.rolling[: robot.driven], robot.inertia[: robot.freedoms], robot.inertia[robot.freedoms :]
+    r = robot.wheel.radius_m * parts.radius_ratio
     load_N = normal_loads(u, robot, np.zeros(2))
-    ballistic = x + dt_s * momentum_rates(x, u, p, without_traction(parts, u, p, load_N)) / robot.inertia
-    G = robot.rolling[:n]
-    rows, wheels = G / robot.inertia[:free], dt_s / robot.inertia[free:]
-    before = radius * parts.omega - G @ parts.motion
-    A = dt_s * (rows @ G.T) + np.diag(radius**2 * wheels)
-    start, steps = (start_m_s, FINISHING_STEPS) if start_m_s is not None else (before, NEWTON_STEPS)
-    balance = balanced(start, radius * ballistic[free:] - G @ ballistic[:free], A, parts, load_N, p, steps)
-    F: Any = balance.traction_N
-    damping = 1.0 + np.diag(A) * balance.slope
-    carried = balance.slope * radius * wheels / damping
-    response = np.vstack([dt_s * (rows.T * carried), np.diag(wheels * (1.0 - radius * carried))])
-    pushed = np.vstack([dt_s * (rows.T / damping), np.diag(-radius * wheels / damping)])
-    bend_N = balance.slope * (balance.slip_m_s - F / balance.rest_slope)
-    motion, omega = ballistic[:free] + dt_s * (rows.T @ F), ballistic[free:] - radius * wheels * F
-    return Moved(motion, omega, balance.slip_m_s, response, pushed, bend_N, damping)
+
+    v, omega = step_without_traction(parts, u, p, dt_s, load_N)
+    body_gain, wheel_gain = (G / M).T, dt_s / J_w
+    A = dt_s * ((G / M) @ G.T) + np.diag(r**2 * wheel_gain)
+    if start_m_s is None:
+        start, steps = r * parts.omega - G @ parts.motion, NEWTON_STEPS
+    else:
+        start, steps = start_m_s, FINISHING_STEPS
+    s, F, k, k0 = balance_slip(r * omega - G @ v, A, start, steps, parts, load_N, p)
+
+    D = 1.0 + np.diag(A) * k
+    dF_dtau = k * r * wheel_gain / D
+    return SlipStep(
+        motion=v + dt_s * (body_gain @ F),
+        omega=omega - r * wheel_gain * F,
+        slip_m_s=s,
+        torque_response=np.vstack([dt_s * (body_gain * dF_dtau), np.diag(wheel_gain * (1.0 - r * dF_dtau))]),
+        force_response=np.vstack([dt_s * (body_gain / D), np.diag(-r * wheel_gain / D)]),
+        nonlinear_N=k * (s - F / k0),
+        damping=D,
+    )
+
+
+def step_without_traction(
+    parts: Parts, u: RobotInput, p: Scene, dt_s: Any, load_N: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """v* (freedoms,) and omega* (driven,): the end of the step, explicit, if the ground gave no traction."""
+    x = np.concatenate([parts.motion, parts.omega])
+    x = x + dt_s * momentum_rates(x, u, p, without_traction(parts, u, p, load_N)) / p.robot.inertia
+    return x[: p.robot.freedoms], x[p.robot.freedoms :]
 
 
 def without_traction(parts: Parts, u: RobotInput, p: Scene, load_N: np.ndarray) -> Forces:
-    """What acts on body and wheels besides the traction of the driven wheels; load_N: (wheels,)."""
+    """Forces on body and wheels except the traction of the driven wheels; load_N: (wheels,)."""
     x = np.concatenate([parts.motion, parts.omega])
     f = forces_at(x, u, p, load_N, np.zeros(p.robot.driven))
-    return f._replace(rolling_N=parts.rolling_share * f.rolling_N)
+    return f._replace(rolling_N=parts.rolling_ratio * f.rolling_N)
 
 
-def balanced(
-    start: np.ndarray, free_slip: np.ndarray, A: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene, steps: int
+def balance_slip(
+    free_slip: np.ndarray, A: np.ndarray, start: np.ndarray, steps: int, parts: Parts, load_N: np.ndarray, p: Scene
 ) -> Balance:
     """Slip s (driven,) of s + A F(s) = free_slip after so many Newton steps; A in m/(N s), start: (driven,).
 
-    The force returned is the law's, so never more than the ground can give.
+    The traction returned is the law's, so never more than the ground can give.
     """
-    diagonal, slip = np.diag(A), start
-    _, rest = slopes(np.zeros(len(start)), parts, load_N, p)
-    least = free_slip / (1.0 + diagonal * rest)
+    a = np.diag(A)
+    _, rest_slope = traction_and_slope(np.zeros(len(start)), parts, load_N, p)
+    bound = free_slip / (1.0 + a * rest_slope)
+    forward = np.array([b >= 0 for b in bound])
+    s = start
     for _ in range(steps):
-        F, slope = slopes(slip, parts, load_N, p)
-        step = slip - (slip + A @ F - free_slip) / (1.0 + diagonal * slope)
-        slip = np.array([_beyond(*pair) for pair in zip(step, least, strict=True)])
-    return Balance(slip, *slopes(slip, parts, load_N, p), rest)
+        F, k = traction_and_slope(s, parts, load_N, p)
+        s = s - (s + A @ F - free_slip) / (1.0 + a * k)
+        s = where(forward, maximum(s, bound), minimum(s, bound))
+    return Balance(s, *traction_and_slope(s, parts, load_N, p), rest_slope)
 
 
-def _beyond(slip: Any, least: Any) -> Any:
-    """`slip`, but not between 0 and `least` nor on the other side of 0."""
-    return where(least >= 0, maximum(slip, least), minimum(slip, least))
-
-
-def slopes(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Force (driven,) [N] and its slope (driven,) [N s/m], which counts as 0 where it falls."""
+def traction_and_slope(
+    slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene
+) -> tuple[np.ndarray, np.ndarray]:
+    """Traction F (driven,) [N] and its slope dF/ds (driven,) [N s/m], which counts as 0 where it falls."""
     F, J = linearize(lambda s: traction(s, parts, load_N, p), slip_m_s)
-    return F, np.array([maximum(J[k, k], 0.0) for k in range(len(J))])
+    return F, maximum(np.diag(J), 0.0)
 
 
 def traction(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
-    """Force (driven,) [N] of the ground at these slip speeds (driven,)."""
+    """Traction F (driven,) [N] of the ground at these slip speeds (driven,)."""
     travel = p.robot.rolling @ parts.motion
     scaled = parts.stiffness / parts.friction * slip_m_s
     contacts = [Contact(s, v + s, v, N) for s, v, N in zip(scaled, travel, load_N, strict=False)]
@@ -136,7 +159,7 @@ def traction(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -
 
 
 def grip(slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene) -> np.ndarray:
-    """(driven,) slope of the force at this slip over the slope at none: 1 grips, 0 spins or slides."""
-    _, here = slopes(slip_m_s, parts, load_N, p)
-    _, rest = slopes(np.zeros(len(slip_m_s)), parts, load_N, p)
-    return here / rest
+    """Slope dF/ds at this slip over that at none (driven,): 1 for a wheel that grips, 0 for one that spins."""
+    _, slope = traction_and_slope(slip_m_s, parts, load_N, p)
+    _, rest_slope = traction_and_slope(np.zeros(len(slip_m_s)), parts, load_N, p)
+    return slope / rest_slope

@@ -5,10 +5,10 @@ settle in 0.5 ms. Every measurement is an update of its own: at its own rate, mi
 of the encoders from the residuals ([T] 3.50); Q is not matched, because matching both finds the size of the noise but
 not the ratio of Q to R, which sets the gain (`ohmward.filters.adaptive`), and the Q here is physical.
 
-What shows the speed. The wheels do, as far as they grip: through the slope of traction over slip. A wheel that spins
-shows its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is
-dead-reckoned from the forces, and its sigma grows with what is not known of the grade: 0.17 m/s each second per degree.
-A passive wheel, an external speed or a standstill shows it again.
+The driven wheels show the speed as far as they grip, through the slope of traction over slip. A wheel that spins shows
+its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is dead
+reckoning from the forces, and its sigma grows with that of the grade: 0.17 m/s each second per degree. A passive wheel,
+an external speed or a standstill makes it observable again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,14 +25,13 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
-from ohmward.trace import maximum, where
+from ohmward.filters.flags import flags_of
+from ohmward.filters.sanitize import every, some, within
+from ohmward.trace import logical_not, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, every, sanitize
-from ohmward.traction.speed_observer.conclusions import Known, conclude
-from ohmward.traction.speed_observer.encoders import Matched, match, use_encoders
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
-from ohmward.traction.speed_observer.fusion import (
-    Fused,
+from ohmward.traction.speed_observer.body_sensors import (
+    BodyCorrection,
     use_accelerometer,
     use_gyro,
     use_passive_wheels,
@@ -40,41 +39,64 @@ from ohmward.traction.speed_observer.fusion import (
     use_speed,
     use_standstill,
 )
-from ohmward.traction.speed_observer.gross_slip import is_ambiguous, test_hypotheses, unexplained_change
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, hold_still, sanitize
+from ohmward.traction.speed_observer.conclusions import UNOBSERVED_S, MotionTimers, advance, conclude, driven_wheels
+from ohmward.traction.speed_observer.encoders import (
+    EncoderCorrection,
+    EncoderGate,
+    MatchedNoise,
+    correct_wheels,
+    match,
+)
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
+from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
 from ohmward.traction.speed_observer.late import History, empty_history, remember
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
-from ohmward.traction.speed_observer.slip_step import Moved
+from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.states import States
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
 
 class ObserverState(NamedTuple):
-    """All that the observer carries from sample to sample: plain numbers.
+    """State of the observer from sample to sample: plain numbers.
 
     belief: mean (n,) and lower triangle of the covariance.
-    matched: what R of the encoders is matched to.
+    matched: residuals that R of the encoders is matched to.
     current_A: (driven,) last credible ones.
-    history: how the speed has changed lately, for speeds that come late.
-    rest_s: how long wheels and motors have been at rest.
-    rejected_s: (driven,) how long each encoder has contradicted the model.
-    speed_rejected_s: since when the external speed has contradicted the estimate, without a break.
-    unexplained_m_s: how much the speed has changed of late without a force, see `let_go`.
-    unobserved_s, stuck_s: as in `Known`.
+    history: predicted changes of the speed of late, for speeds that come late.
+    rest_s: time for which wheels and motors have been at rest.
+    rejected_s: (driven,) time for which each encoder has been outside its gate.
+    speed_rejected_s: the same of the external speed.
+    unexplained_m_s: change of the speed of late without a force, see `gross_slip`.
+    unobserved_s, stuck_s: as in `MotionTimers`.
     """
 
     belief: PackedBelief
-    matched: Matched
+    matched: MatchedNoise
     current_A: np.ndarray
     history: History
-    rest_s: Any
+    rest_s: Scalar
     rejected_s: np.ndarray
-    speed_rejected_s: Any
-    unexplained_m_s: Any
-    unobserved_s: Any
-    stuck_s: Any
+    speed_rejected_s: Scalar
+    unexplained_m_s: Scalar
+    unobserved_s: Scalar
+    stuck_s: Scalar
+
+
+class Prediction(NamedTuple):
+    """Belief at the end of a step, before its measurements.
+
+    belief: of the model alone.
+    step: of the mean.
+    lag_rad_s: (wheels,) `Model.encoder_lag`.
+    """
+
+    belief: Belief
+    step: SlipStep
+    lag_rad_s: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -84,20 +106,19 @@ class SpeedObserver:
     Attributes:
         scene: robot, and the terrain that it is believed to drive on.
         states: what is estimated besides the robot's own state.
-        noise: how wrong sensors and model may be, and which sensors there are.
+        noise: of sensors and model; says which sensors there are.
         method: "ekf" or "ukf".
         matching: learn R of the encoders from the residuals (AEKF, AUKF).
         window: effective samples of that; [T] takes 100.
-        test: when a wheel slips and the robot is stuck.
-        gate: largest NIS of a measurement of the body that is used; 10.8 is 99.9 %.
-        surprise: NIS of an encoder beyond which its wheel has met other ground.
-        reset_after_s: for so long an encoder or an external speed may contradict everything else. Then the encoder is
-            doubted; an external speed is believed.
+        alarm: tests for slip and for a robot that is stuck.
+        gate: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %.
+        encoder_gate: NIS of an encoder beyond which its wheel has met other ground.
+        reset_after_s: time outside its gate after which an encoder is doubted, and an external speed is believed.
         gap_s: a longer step says nothing about the current in between.
-        rest_hold_s: wheels and motors must be at rest for so long before the speed counts as zero; inf never does.
-        rest_wheel_rad_s, rest_current_A: what counts as rest.
-        wheel_speed_limit_rad_s, current_limit_A: beyond it a sensor is at fault.
-        late_steps: an external speed may be late by so many samples.
+        rest_hold_s: time for which wheels and motors must be at rest before the speed counts as zero; inf never does.
+        rest_wheel_rad_s, rest_current_A: below both a wheel and a motor are at rest.
+        wheel_speed_limit_rad_s, current_limit_A: beyond these a sensor is at fault.
+        late_steps: number of samples by which an external speed may be late.
     """
 
     scene: Scene
@@ -106,9 +127,9 @@ class SpeedObserver:
     method: str = "ukf"
     matching: bool = False
     window: float = 100.0
-    test: SlipAlarm = field(default_factory=SlipAlarm)
+    alarm: SlipAlarm = field(default_factory=SlipAlarm)
     gate: float = 10.8
-    surprise: float = 25.0
+    encoder_gate: float = 25.0
     reset_after_s: float = 1.0
     gap_s: float = 0.1
     rest_hold_s: float = 0.5
@@ -126,7 +147,7 @@ class SpeedObserver:
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
                 'Differential(driven="all"), give it a gyro and raise noise.yaw_rate_walk'
             )
-        for name in ("gate", "surprise", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A"):
+        for name in ("gate", "encoder_gate", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A"):
             require_positive(name, getattr(self, name))
         for name in ("reset_after_s", "rest_wheel_rad_s", "rest_current_A"):
             require_between(name, getattr(self, name), 0.0, math.inf)
@@ -143,8 +164,8 @@ class SpeedObserver:
         return Model(self.scene, self.states, self.noise)
 
     @property
-    def free_wheels(self) -> bool:
-        """Whether nothing is learnt of the ground: then turns are the gyro's first, and what wheels add is slip."""
+    def gyro_first(self) -> bool:
+        """True where nothing is learnt of the ground: the gyro shows turns first, and what wheels add is slip."""
         return self.states.friction == "known"
 
     def no_sample(self) -> SlipSample:
@@ -153,113 +174,161 @@ class SpeedObserver:
         return SlipSample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
 
     def init(self, first: SlipSample) -> ObserverState:
-        """State before the first sample, which it looks at: a body that moves as the driven wheels say."""
+        """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
         n = self.model.driven
-        reading = sanitize(first, np.zeros(n), self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
-        belief = self.model.first_belief(np.asarray(reading.wheel_speed_rad_s[:n], dtype=float))
-        history = empty_history(0 if self.noise.speed_std_m_s is None else self.late_steps)
-        matched = Matched(np.zeros(n), np.zeros(n))
-        current_A = np.asarray(reading.current_A, dtype=float)
-        return ObserverState(pack(belief), matched, current_A, history, 0.0, np.zeros(n), 0.0, 0.0, 0.0, 0.0)
+        clean = sanitize(first, np.zeros(n), self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+        belief = self.model.first_belief(np.asarray(clean.wheel_speed_rad_s[:n], dtype=float))
+        return ObserverState(
+            belief=pack(belief),
+            matched=MatchedNoise(np.zeros(n), np.zeros(n)),
+            current_A=np.asarray(clean.current_A, dtype=float),
+            history=empty_history(0 if self.noise.speed_std_m_s is None else self.late_steps),
+            rest_s=0.0,
+            rejected_s=np.zeros(n),
+            speed_rejected_s=0.0,
+            unexplained_m_s=0.0,
+            unobserved_s=0.0,
+            stuck_s=0.0,
+        )
 
     def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
-        """The state after a sample, and what is known then."""
+        """State and estimate after a sample: the model predicts, then each measurement corrects."""
         before = unpack(state.belief)
-        reading = sanitize(sample, state.current_A, self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
-        rest_s = where(self.looks_at_rest(reading), state.rest_s + reading.dt_s, 0.0)
-        resting = rest_s > self.rest_hold_s
-        reading = self.held(reading, resting)
-        prior = self.predict(before, reading)
-        moved = self.model.moved(before.mean, reading)
-        lag = self.model.encoder_lag(before.mean, prior.mean, moved)
-        if self.free_wheels:
-            prior = use_gyro(Fused(prior, 0.0, 0.0), sample, self.model, self.gate).belief
-        fused, wheels = self.use_wheels(state, prior, lag, moved, reading)
-        changed_m_s = speed_change(before, prior, fused, reading)
-        history = remember(state.history, reading.dt_s, changed_m_s)
-        rejected_s = [
-            where(w.surprising, t + reading.dt_s, where(measured, 0.0, t))
-            for w, t, measured in zip(wheels, state.rejected_s, reading.measured, strict=False)
-        ]
-        fused, speed_rejected_s = self.use_body(fused, lag, state, sample, reading, history)
-        fused = use_standstill(fused, resting, self.model)
-        unexplained_m_s = state.unexplained_m_s
-        if is_ambiguous(self.model):
-            step = before, prior, fused.belief
-            unexplained_m_s = unexplained_change(unexplained_m_s, *step, reading, self.model)
-            fused, unexplained_m_s = test_hypotheses(fused, unexplained_m_s, reading, self.model, self.gate)
-
-        agrees = np.array([w.agrees for w in wheels])
-        estimate, known = conclude(
-            fused, agrees, Known(state.unobserved_s, state.stuck_s), reading, self.model, self.test
-        )
-        healthy = where(is_healthy(before) > 0.5, 0.0, float(SlipFlag.NOT_POSITIVE_DEFINITE))
-        matched = match(state.matched, wheels, self.window) if self.matching else state.matched
+        clean = self.sanitize(state, sample)
+        prediction = self.predict(before, clean)
+        prediction = self.correct_turn(prediction, sample)
+        wheels = self.correct_wheels(state, prediction, clean)
+        history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
+        body = self.correct_body(state, wheels, prediction, sample, clean, history)
+        slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
+        timers, estimate = self.conclude(state, slip_test.belief, wheels, body, clean)
+        flags = self.flags(before, clean, wheels, body, slip_test, timers)
         after = ObserverState(
-            pack(fused.belief),
-            matched,
-            reading.current_A,
-            history,
-            rest_s,
-            np.array(rejected_s),
-            speed_rejected_s,
-            unexplained_m_s,
-            *known,
+            belief=pack(slip_test.belief),
+            matched=match(state.matched, wheels.wheels, self.window) if self.matching else state.matched,
+            current_A=clean.current_A,
+            history=history,
+            rest_s=clean.rest_s,
+            rejected_s=np.array([wheel.rejected_s for wheel in wheels.wheels]),
+            speed_rejected_s=body.speed_rejected_s,
+            unexplained_m_s=slip_test.unexplained_m_s,
+            unobserved_s=timers.unobserved_s,
+            stuck_s=timers.stuck_s,
         )
-        return after, estimate._replace(flags=estimate.flags + reading.flags + healthy)
+        return after, estimate._replace(flags=flags)
 
-    def predict(self, belief: Belief, reading: CleanSlipSample) -> Belief:
-        """The belief at the end of the step, before its measurements."""
-        Q = self.model.process_noise(belief.mean, reading)
-        start = self.model.moved(belief.mean, reading).slip_m_s if self.method == "ukf" else None
-        return METHODS[self.method].predict(belief, lambda x: self.model.next_state(x, reading, start), Q)
+    def sanitize(self, state: ObserverState, sample: SlipSample) -> CleanSlipSample:
+        """The sample without what no sensor can have shown, and without motion where the robot stands."""
+        clean = sanitize(sample, state.current_A, self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+        rest_s = where(self.is_at_rest(clean), state.rest_s + clean.dt_s, 0.0)
+        return hold_still(clean, rest_s, self.rest_hold_s)
 
-    def looks_at_rest(self, reading: CleanSlipSample) -> Any:
-        """Whether the driven wheels stand, as far as they can be seen, and the motors do nothing."""
+    def is_at_rest(self, clean: CleanSlipSample) -> Scalar:
+        """True where all driven wheels and motors are measured, and all are at rest."""
         n = self.model.driven
-        still = [abs(w) <= self.rest_wheel_rad_s for w in reading.wheel_speed_rad_s[:n]]
-        idle = [abs(i) <= self.rest_current_A for i in reading.current_A]
-        return every([*still, *idle, *reading.measured[:n], *(g < 0.5 for g in reading.guessed)])
+        still = [within(speed, self.rest_wheel_rad_s) for speed in clean.wheel_speed_rad_s[:n]]
+        idle = [within(current, self.rest_current_A) for current in clean.current_A]
+        return every([*still, *idle, *clean.wheel_measured[:n], *clean.current_measured])
 
-    def held(self, reading: CleanSlipSample, resting: Any) -> CleanSlipSample:
-        """The reading of a robot that stands: whatever holds it, the model must not push it."""
-        return reading._replace(
-            moving_s=where(resting, 0.0, reading.moving_s), unknown_s=where(resting, 0.0, reading.unknown_s)
-        )
+    def predict(self, before: Belief, clean: CleanSlipSample) -> Prediction:
+        """Predict the belief over one step."""
+        step = self.model.slip_step(before.mean, clean)
+        Q = self.model.process_noise(step, clean)
+        start_m_s = step.slip_m_s if self.method == "ukf" else None
+        belief = METHODS[self.method].predict(before, lambda x: self.model.next_state(x, clean, start_m_s), Q)
+        return Prediction(belief, step, self.model.encoder_lag(before.mean, belief.mean, step))
 
-    def use_wheels(
-        self, state: ObserverState, prior: Belief, lag: np.ndarray, moved: Moved, reading: CleanSlipSample
-    ) -> Any:
-        """The prior corrected with the encoders of the driven wheels."""
-        jumps_teach = self.method == "ukf" and not self.free_wheels
-        settings = self.model, self.surprise, self.reset_after_s, jumps_teach
-        noise = self.model.torque_noise_rad_s(moved, reading)
-        return use_encoders(prior, lag, noise, reading, state.matched, state.rejected_s, *settings)
+    def correct_turn(self, prediction: Prediction, sample: SlipSample) -> Prediction:
+        """Correct with the gyro before the wheels, where nothing is learnt of the ground."""
+        if not self.gyro_first:
+            return prediction
+        body = use_gyro(BodyCorrection(prediction.belief), sample, self.model, self.gate)
+        return prediction._replace(belief=body.belief)
 
-    def use_body(
+    def correct_wheels(self, state: ObserverState, prediction: Prediction, clean: CleanSlipSample) -> EncoderCorrection:
+        """Correct with the encoders of the driven wheels."""
+        jumps_teach = self.method == "ukf" and not self.gyro_first
+        gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_teach)
+        belief, step, lag_rad_s = prediction
+        return correct_wheels(belief, lag_rad_s, step, clean, state.matched, state.rejected_s, self.model, gate)
+
+    def correct_body(
         self,
-        fused: Fused,
-        lag: np.ndarray,
         state: ObserverState,
+        wheels: EncoderCorrection,
+        prediction: Prediction,
         sample: SlipSample,
-        reading: CleanSlipSample,
+        clean: CleanSlipSample,
         history: History,
-    ) -> tuple[Fused, Any]:
-        """With all that measures the body; and how long the external speed has contradicted the estimate."""
-        fused = use_passive_wheels(fused, lag, reading, self.model, self.gate)
-        if not self.free_wheels:
-            fused = use_gyro(fused, sample, self.model, self.gate)
-        fused = use_pitch(fused, sample, self.model, self.gate)
-        fused = use_accelerometer(fused, sample, reading, self.model, self.gate)
-        if self.noise.speed_std_m_s is None:
-            return fused, state.speed_rejected_s
-        since_s = where(state.speed_rejected_s > 0.0, state.speed_rejected_s + reading.dt_s, 0.0)
-        fused, contradicts = use_speed(fused, sample, history, since_s > self.reset_after_s, self.model, self.gate)
-        begun_s = where(contradicts > 0.5, maximum(since_s, reading.dt_s), since_s)
-        return fused, where(abs(sample.speed_m_s) >= 0.0, where(contradicts > 0.5, begun_s, 0.0), since_s)
+    ) -> BodyCorrection:
+        """Correct with every sensor of the body, and with a standstill."""
+        model, gate = self.model, self.gate
+        body = BodyCorrection(wheels.belief, speed_rejected_s=state.speed_rejected_s)
+        body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
+        if not self.gyro_first:
+            body = use_gyro(body, sample, model, gate)
+        body = use_pitch(body, sample, model, gate)
+        body = use_accelerometer(body, sample, clean, model, gate)
+        body = use_speed(body, sample, clean, history, model, gate, self.reset_after_s)
+        return use_standstill(body, clean.resting, model)
+
+    def compare_hypotheses(
+        self,
+        state: ObserverState,
+        before: Belief,
+        prediction: Prediction,
+        body: BodyCorrection,
+        clean: CleanSlipSample,
+    ) -> SlipTest:
+        """Test gross slip against a disturbance, where no other sensor tells them apart."""
+        if not is_ambiguous(self.model):
+            return SlipTest(body.belief, False, state.unexplained_m_s)
+        beliefs = before, prediction.belief, body.belief
+        unexplained_m_s = unexplained_change(state.unexplained_m_s, *beliefs, clean, self.model)
+        return compare_hypotheses(body.belief, unexplained_m_s, clean, self.model, self.gate)
+
+    def conclude(
+        self,
+        state: ObserverState,
+        belief: Belief,
+        wheels: EncoderCorrection,
+        body: BodyCorrection,
+        clean: CleanSlipSample,
+    ) -> tuple[MotionTimers, SlipEstimate]:
+        """The timers, and the estimate still without flags."""
+        driven = driven_wheels(belief, self.model)
+        used = [wheel.used for wheel in wheels.wheels]
+        timers = MotionTimers(state.unobserved_s, state.stuck_s)
+        timers = advance(timers, driven, used, body.observable, clean.dt_s, self.alarm)
+        return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
+
+    def flags(
+        self,
+        before: Belief,
+        clean: CleanSlipSample,
+        wheels: EncoderCorrection,
+        body: BodyCorrection,
+        slip_test: SlipTest,
+        timers: MotionTimers,
+    ) -> Scalar:
+        """Flags of a sample."""
+        return flags_of({
+            SlipFlag.BAD_TIME: logical_not(clean.time_credible),
+            SlipFlag.GAP: clean.gap,
+            SlipFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
+            SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven])),
+            SlipFlag.GROUND_CHANGED: some([wheels.ground_changed, slip_test.gross_slip]),
+            SlipFlag.ENCODER_DOUBTED: wheels.doubted,
+            SlipFlag.GYRO_REJECTED: body.gyro_rejected,
+            SlipFlag.SPEED_REJECTED: body.speed_rejected,
+            SlipFlag.SPEED_TAKEN_ANEW: body.speed_reset,
+            SlipFlag.STANDSTILL: clean.resting,
+            SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > UNOBSERVED_S,
+            SlipFlag.NOT_POSITIVE_DEFINITE: is_healthy(before) <= 0.5,
+        })  # fmt: skip
 
 
-def speed_change(before: Belief, prior: Belief, fused: Fused, reading: CleanSlipSample) -> Any:
-    """Change [m/s] of the speed in the step: as the forces say; as the wheels say where a motor current is missing."""
-    forces_known = every([g < 0.5 for g in reading.guessed])
-    return where(forces_known, prior.mean[0], fused.belief.mean[0]) - before.mean[0]
+def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrection, clean: CleanSlipSample) -> Scalar:
+    """Change [m/s] of the speed in the step: the forces', or the wheels' where a motor current is missing."""
+    speed_m_s = where(every(clean.current_measured), prediction.belief.mean[0], wheels.belief.mean[0])
+    return speed_m_s - before.mean[0]

@@ -1,14 +1,14 @@
-"""Which quantities are states of the observer, and where they stand in its vector.
+"""State vector of the speed observer.
 
-    v, (v_left,) yaw_rate, omega_1 ... omega_n      the robot's own, `Robot.state_names`
-    log_friction (one, or one for each wheel)       of what the ground gives at most, over the terrain's
+    v, (v_left,) yaw_rate, omega_1 ... omega_n      of the robot, `Robot.state_names`
+    log_friction (one, or one for each wheel)       of the largest traction over the terrain's
     log_stiffness                                   of the slope of traction over slip, over the terrain's
-    grade_rad                                       of the ground, and whatever else pushes the body as a slope would
+    grade_rad                                       of the ground, with every other disturbance that acts like a slope
     rolling_excess                                  rolling resistance over the terrain's, less one
     radius_ratio                                    effective radius of the wheels over the robot's
     accelerometer_offset_m_s2
 
-Shares of the ground are logarithms: positive whatever the filter does, and their sigma is a relative one.
+Ratios of the ground are logarithms: positive whatever the filter does, and their sigma is a relative one.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, rolling=Fa
 
 
 class Parts(NamedTuple):
-    """The state vector taken apart; what is no state has the value that the models assume.
+    """Parts of the state vector; a quantity that is not a state has the value that the model assumes.
 
     motion: (freedoms,) of the body.
     omega: (driven,) [rad/s].
-    friction, stiffness: shares, friction (driven,).
-    grade_rad: > 0 uphill; None where it is no state.
-    rolling_share: of the terrain's resistance.
+    friction, stiffness: over the terrain's, friction (driven,).
+    grade_rad: > 0 uphill; None where it is not a state.
+    rolling_ratio: rolling resistance over the terrain's.
     radius_ratio, accelerometer_offset: as their states.
     """
 
@@ -70,14 +70,14 @@ class Parts(NamedTuple):
     friction: np.ndarray
     stiffness: Any
     grade_rad: Any
-    rolling_share: Any
+    rolling_ratio: Any
     radius_ratio: Any
     accelerometer_offset: Any
 
 
 @dataclass(frozen=True)
 class StateLayout:
-    """The vector of a robot with these states."""
+    """Order of the state vector of a robot with these states."""
 
     robot: Robot
     states: States
@@ -101,34 +101,39 @@ class StateLayout:
         by_wheel = tuple(f"log_friction_{name}" for name in places)
         return {"known": (), "one": ("log_friction",), "each": by_wheel}[self.states.friction]
 
+    @property
+    def robot_states(self) -> int:
+        """Number of the robot's own states, which stand first."""
+        return self.robot.freedoms + self.robot.driven
+
     def index(self, name: str) -> int:
-        """Where an element stands."""
+        """Index of an element."""
         return self.names.index(name)
 
     def wheel(self, k: int) -> int:
-        """Where the speed of driven wheel k stands."""
+        """Index of the speed of driven wheel k."""
         return self.robot.freedoms + k
 
     def friction(self, k: int) -> int:
-        """Where the friction of driven wheel k stands."""
-        first = self.robot.freedoms + self.robot.driven
-        return first + (k if self.states.friction == "each" else 0)
+        """Index of the friction of driven wheel k."""
+        return self.robot_states + (k if self.states.friction == "each" else 0)
 
     def friction_name(self, k: int) -> str:
         """Name of the friction of driven wheel k; empty where it is known."""
         return self.names[self.friction(k)] if self.friction_names else ""
 
     def split(self, x: np.ndarray) -> Parts:
-        """The vector (n,) taken apart."""
+        """Parts of a state vector (n,)."""
         free, n = self.robot.freedoms, self.robot.driven
+        offset = x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0
         logs = [x[self.friction(k)] if self.friction_names else None for k in range(n)]
         return Parts(
-            x[:free],
-            x[free : free + n],
-            np.array([1.0 if log is None else np.exp(log) for log in logs]),
-            np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
-            x[self.index("grade_rad")] if self.states.grade else None,
-            1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
-            x[self.index("radius_ratio")] if self.states.radius else 1.0,
-            x[self.index("accelerometer_offset_m_s2")] if self.states.accelerometer_offset else 0.0,
+            motion=x[:free],
+            omega=x[free : free + n],
+            friction=np.array([1.0 if log is None else np.exp(log) for log in logs]),
+            stiffness=np.exp(x[self.index("log_stiffness")]) if self.states.stiffness else 1.0,
+            grade_rad=x[self.index("grade_rad")] if self.states.grade else None,
+            rolling_ratio=1.0 + x[self.index("rolling_excess")] if self.states.rolling else 1.0,
+            radius_ratio=x[self.index("radius_ratio")] if self.states.radius else 1.0,
+            accelerometer_offset=offset,
         )

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.filters.sanitize import every, is_step, some, within
 from ohmward.trace import logical_not, where
-from ohmward.traction.speed_observer.clean_sample import every, is_step, some, within
+from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorFlag
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
@@ -46,7 +47,7 @@ def watch_from(driven: int) -> EncoderWatch:
 
 def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     """The sample made safe."""
-    time_good = is_step(sample.dt_s)
+    time_good = is_step(sample.dt_s, LONGEST_STEP_S)
     dt_s = where(time_good, sample.dt_s, 0.0)
     turning = [within(w, MOST_RAD_S) for w in sample.wheel_speed_rad_s]
     pushing = [within(i, MOST_A) for i in sample.current_A]

@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
+from ohmward.filters.sanitize import some
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import some
 from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_speed
 from ohmward.traction.terrain.floor import Floor
 

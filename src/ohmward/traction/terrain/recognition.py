@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import product
 from typing import Any
 
@@ -25,7 +25,6 @@ from ohmward.errors import InputError
 from ohmward.filters.linear_algebra import cholesky, solve_lower
 from ohmward.trace import exp, log, maximum, minimum
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import largest
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, mean_load
 from ohmward.traction.terrain.floor import Floor, unseen_floor
 
@@ -109,7 +108,7 @@ class Recognition:
         weighed = [
             log(maximum(p, _LEAST)) + counts * likelihood for p, likelihood in zip(prior, log_likelihood, strict=True)
         ]
-        likeliest = largest(weighed)
+        likeliest = reduce(maximum, weighed)
         after = np.array([exp(w - likeliest) for w in weighed])
         return after * (1.0 / after.sum())
 
