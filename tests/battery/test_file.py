@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ohmward.battery.battery import Battery, Confidence, Fit, Provenance
+from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provenance
 from ohmward.battery.file import dump_battery, load_battery, parse_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
@@ -20,8 +20,8 @@ RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0)
 PROVENANCE = Provenance(
     2.0,
     2.03,
-    (Fit("a", "pulses", 0.1, 1.0, 0.003, 0.02), Fit("b", "low-rate charge", 0.0, 1.0)),
-    (Confidence("tau1_s", 10.0, 8.0, 12.0),),
+    (LogFit("a", "pulses", 0.1, 1.0, 0.003, 0.02), LogFit("b", "low-rate charge", 0.0, 1.0)),
+    (ConfidenceInterval("tau1_s", 10.0, 8.0, 12.0),),
     ("info: something", 'warning: "quoted", back\\slash, µ'),
 )
 FULL = Battery(

@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 
 
 @dataclass(frozen=True)
-class Confidence:
+class ConfidenceInterval:
     """A parameter with its 95 % confidence interval.
 
     Attributes:
@@ -27,7 +27,7 @@ class Confidence:
 
 
 @dataclass(frozen=True)
-class Fit:
+class LogFit:
     """How well one log is reproduced.
 
     Attributes:
@@ -59,8 +59,8 @@ class Provenance:
 
     capacity_given_Ah: float
     capacity_measured_Ah: float = 0.0
-    logs: tuple[Fit, ...] = ()
-    confidence: tuple[Confidence, ...] = ()
+    logs: tuple[LogFit, ...] = ()
+    confidence: tuple[ConfidenceInterval, ...] = ()
     notes: tuple[str, ...] = ()
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
-from ohmward.battery.identification.anchor import anchor_soc
 from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_design import (
     OCV_KNOTS,
@@ -16,10 +15,11 @@ from ohmward.battery.identification.circuit_design import (
 )
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_precision
-from ohmward.battery.identification.circuit_solve import Problem, last_direction, solve
+from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
+from ohmward.battery.identification.fit_samples import thin
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.samples import thin
+from ohmward.battery.identification.soc_axis import anchor_soc
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.
@@ -31,7 +31,7 @@ def problem_of(*logs, ocv=NMC_OCV, capacity_Ah=2.0, prior=PRIOR, fit_activation=
     parts = [part for r in records for part in thin(r, anchor_soc(r, capacity_Ah, ocv).soc)]
     for k, T in enumerate(degC):
         parts[k] = parts[k]._replace(temperature_degC=np.full(parts[k].soc.size, T))
-    return Problem(tuple(parts), ocv, capacity_Ah, prior, FLAT, 25.0, fit_activation)
+    return CircuitProblem(tuple(parts), ocv, capacity_Ah, prior, FLAT, 25.0, fit_activation)
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
-from ohmward.battery.identification.circuit_solve import Problem, Solution
+from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution
 from ohmward.battery.identification.confidence import covered
+from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
-from ohmward.battery.identification.samples import TestSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
@@ -18,7 +18,7 @@ _SHAPE_SMOOTHING = 11
 _SMALLEST_SHAPE = 0.3
 
 
-def circuit_of(solution: Solution, problem: Problem, efficiency: float) -> Thevenin:
+def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: float) -> Thevenin:
     """The Thevenin model of a solution: its OCV curve corrected, its hysteresis scaled."""
     layout, x = solution.layout, solution.x
     discharge, charge, *pairs = (tuple(x[layout.block(j)].tolist()) for j in range(layout.blocks))
@@ -36,7 +36,7 @@ def circuit_of(solution: Solution, problem: Problem, efficiency: float) -> Theve
     )
 
 
-def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
+def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurve:
     """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
     first, layout = problem.ocv, solution.layout
     correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[layout.correction])
@@ -52,7 +52,7 @@ def corrected_ocv(solution: Solution, problem: Problem) -> OcvCurve:
     )
 
 
-def start_of(solution: Solution, part: int) -> tuple[tuple[float, ...], float]:
+def start_of(solution: CircuitSolution, part: int) -> tuple[tuple[float, ...], float]:
     """RC voltages (n,) [V] and hysteresis state at the start of one part of the records."""
     layout = solution.layout
     start = solution.x[layout.initial(part)].tolist()
@@ -60,7 +60,7 @@ def start_of(solution: Solution, part: int) -> tuple[tuple[float, ...], float]:
     return tuple(start[: layout.pairs]), start[-1] / scale if scale > 0 else 0.0
 
 
-def slow_shape(ocv: OcvCurve, samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
+def slow_shape(ocv: OcvCurve, samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) expected course of the slowest resistance along SoC, about 1 with data: that of the low-rate gap.
 
     The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.

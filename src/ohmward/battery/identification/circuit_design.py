@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.along import hysteresis_decay, scan
-from ohmward.battery.identification.samples import TestSamples
+from ohmward.battery.identification.fit_samples import FitSamples
+from ohmward.battery.identification.open_loop import hysteresis_decay, scan
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import arrhenius_factor
 
@@ -86,7 +86,7 @@ class ParameterLayout(NamedTuple):
 
 
 def design(
-    samples: TestSamples,
+    samples: FitSamples,
     record: int,
     layout: ParameterLayout,
     rates: Rates,

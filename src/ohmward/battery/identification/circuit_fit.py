@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import Rates
-from ohmward.battery.identification.circuit_solve import Problem, Solution, solve
+from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
 
 HYSTERESIS_RATES = (5.0, 200.0)
 _ACTIVATION_UNIT_K = 1000.0
@@ -30,13 +30,13 @@ _STARTS: dict[int, tuple[tuple[float, ...], ...]] = {
 class CircuitFit(NamedTuple):
     """The best solution, the covariance (n, n) of its search parameters, and all starts that were tried."""
 
-    solution: Solution
+    solution: CircuitSolution
     search: np.ndarray
     search_cov: np.ndarray
     starts: tuple[tuple[Rates, float], ...]
 
 
-def fit_circuit(problem: Problem, pairs: int, progress: Callable[[float], None] | None = None) -> CircuitFit:
+def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float], None] | None = None) -> CircuitFit:
     """The circuit with `pairs` RC pairs that fits the records best.
 
     progress: called with the share done, from 0 to 1.
@@ -61,12 +61,12 @@ def fit_circuit(problem: Problem, pairs: int, progress: Callable[[float], None] 
 class Search(NamedTuple):
     """Where a search ended: its solution, search parameters (n,) and the Jacobian (M, n) of the weighted residuals."""
 
-    solution: Solution
+    solution: CircuitSolution
     theta: np.ndarray
     jacobian: np.ndarray
 
 
-def _search(problem: Problem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> Search:
+def _search(problem: CircuitProblem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> Search:
     """Least squares over the search parameters, with the weights that outlying samples have at the start."""
     from scipy.optimize import least_squares
 
@@ -81,7 +81,7 @@ def _search(problem: Problem, pairs: int, start: np.ndarray, bounds: tuple[np.nd
     return Search(solve(problem, _to_rates(found.x, problem, pairs)), found.x, found.jac)
 
 
-def _best_apart(starts: list[np.ndarray], tried: list[Solution]) -> list[np.ndarray]:
+def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[np.ndarray]:
     """The best start, and the best of those whose slowest time constant differs by more than a factor of 2."""
     order = sorted(range(len(starts)), key=lambda k: tried[k].score)
     slowest = [(s.rates.tau_s or (1.0,))[-1] for s in tried]
@@ -89,26 +89,26 @@ def _best_apart(starts: list[np.ndarray], tried: list[Solution]) -> list[np.ndar
     return [starts[k] for k in (order[0], *apart[:1])]
 
 
-def _starts(problem: Problem, pairs: int) -> list[Rates]:
+def _starts(problem: CircuitProblem, pairs: int) -> list[Rates]:
     gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (20.0,)
     return [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
 
 
-def _to_search(rates: Rates, problem: Problem) -> np.ndarray:
+def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
     """Log tau_1, log of the ratios of the further ones, log gamma, activation in 1000 K: the search parameters."""
     tau = np.log(np.array(rates.tau_s))
     tail = [np.log(rates.hysteresis_rate)] if any(problem.ocv.hysteresis_V) else []
     return np.array([*tau[:1], *np.diff(tau), *tail, *([2.0] if problem.fit_activation else [])])
 
 
-def _to_rates(theta: np.ndarray, problem: Problem, pairs: int) -> Rates:
+def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else 20.0
     return Rates(tau, gamma, _ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0)
 
 
-def _bounds(problem: Problem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the search: tau_1 not below half a sampling interval, each further one at least twice the last."""
     fastest_s = min(float(np.quantile(s.dt_s[1:], 0.05)) for s in problem.samples)
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in problem.samples)

@@ -49,7 +49,7 @@ class CircuitPrior(NamedTuple):
     model_V: float = 0.003
 
 
-class Slow(NamedTuple):
+class SlowestPair(NamedTuple):
     """Prior of the slowest time constant: median [s] and standard deviation of its logarithm."""
 
     tau_s: float
@@ -57,7 +57,7 @@ class Slow(NamedTuple):
 
 
 # Iron phosphate is slow on its plateau: a pair of a few hundred seconds fits a drive as well, and then fails elsewhere.
-SLOW = {"lfp": Slow(2200.0, 0.4), "lead-acid": Slow(3000.0, 0.6)}
+SLOW = {"lfp": SlowestPair(2200.0, 0.4), "lead-acid": SlowestPair(3000.0, 0.6)}
 
 
 def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
@@ -68,24 +68,24 @@ def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
         prior = CircuitPrior(
             ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.01
         )
-    slow = SLOW.get(chemistry, Slow(prior.slow_tau_s, prior.slow_tau_log_std))
+    slow = SLOW.get(chemistry, SlowestPair(prior.slow_tau_s, prior.slow_tau_log_std))
     return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std)
 
 
-class Gaussian(NamedTuple):
+class GaussianPrior(NamedTuple):
     """Prior of x: precision (K, K) and precision times mean (K,)."""
 
     precision: np.ndarray
     information: np.ndarray
 
-    def times(self, other: Gaussian) -> Gaussian:
+    def times(self, other: GaussianPrior) -> GaussianPrior:
         """The product of both densities."""
-        return Gaussian(self.precision + other.precision, self.information + other.information)
+        return GaussianPrior(self.precision + other.precision, self.information + other.information)
 
 
 def nuisance_prior(
     prior: CircuitPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
-) -> Gaussian:
+) -> GaussianPrior:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
     at_rest: for each record, whether it starts with a rest.
@@ -102,10 +102,12 @@ def nuisance_prior(
         start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
         std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis[0])])
         precision[where, where] += np.diag(1 / std_of_start**2)
-    return Gaussian(precision, information)
+    return GaussianPrior(precision, information)
 
 
-def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
+def resistance_prior(
+    prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray
+) -> GaussianPrior:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
@@ -118,7 +120,7 @@ def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.nd
             add_rows(precision, layout.block(j), row[None, :])
             information[layout.block(j)] += row / prior.level_share
     _tie_directions(precision, layout, prior.direction_share * levels[0])
-    return Gaussian(precision, information)
+    return GaussianPrior(precision, information)
 
 
 def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:

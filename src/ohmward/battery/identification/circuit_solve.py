@@ -17,11 +17,11 @@ from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Param
 from ohmward.battery.identification.circuit_prior import (
     CELL_V,
     CircuitPrior,
-    Gaussian,
+    GaussianPrior,
     nuisance_prior,
     resistance_prior,
 )
-from ohmward.battery.identification.samples import TestSamples
+from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 
@@ -37,7 +37,7 @@ _DSOC = 0.005
 _REST_SHARE = 0.03
 
 
-class Problem(NamedTuple):
+class CircuitProblem(NamedTuple):
     """All that the fit is given.
 
     samples: the thinned records; ocv: the curve to correct; capacity_Ah; prior: what is known before.
@@ -47,7 +47,7 @@ class Problem(NamedTuple):
     volts: voltage of the battery over that of a lithium-ion cell.
     """
 
-    samples: tuple[TestSamples, ...]
+    samples: tuple[FitSamples, ...]
     ocv: OcvCurve
     capacity_Ah: float
     prior: CircuitPrior
@@ -62,7 +62,7 @@ class Problem(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class CircuitSolution:
     """The linear unknowns for given rates.
 
     x: (K,); precision, prior_precision: (K, K) with and without the data;
@@ -101,8 +101,8 @@ class Solution:
 
 
 def solve(
-    problem: Problem, rates: Rates, robust: Sequence[np.ndarray] | None = None, reweightings: int = _REWEIGHTINGS
-) -> Solution:
+    problem: CircuitProblem, rates: Rates, robust: Sequence[np.ndarray] | None = None, reweightings: int = _REWEIGHTINGS
+) -> CircuitSolution:
     """The linear unknowns for given rates, resistances >= 0.
 
     robust: weights of the samples from an earlier solution; None finds them by reweighting (pseudo-Huber).
@@ -131,16 +131,16 @@ def solve(
     weighted = np.concatenate(
         [*deviations, _prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
     )
-    return Solution(layout, rates, x, H, prior.precision, residual_V, weighted, kept)
+    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, kept)
 
 
-def _target(problem: Problem, samples: TestSamples) -> np.ndarray:
+def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
     """(N,) measured voltage less the OCV curve; 0 where there is no voltage, which has no weight."""
     ocv_V = np.asarray(problem.ocv.mean_V(samples.soc, samples.temperature_degC))
     return np.where(np.isfinite(samples.voltage_V), samples.voltage_V - ocv_V, 0.0)
 
 
-def _weights(problem: Problem, samples: TestSamples) -> np.ndarray:
+def _weights(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
     """(N,) one over the standard deviation of a sample; samples closer than 60 s share one error.
 
     The model is wrong by a share of the overpotential and, along SoC, where the OCV curve is steep; more so in and
@@ -173,12 +173,12 @@ def _robust(residual_V: np.ndarray, std_V: float) -> np.ndarray:
 
 
 def _prior(
-    problem: Problem,
+    problem: CircuitProblem,
     layout: ParameterLayout,
     columns: list[np.ndarray],
     targets: list[np.ndarray],
     weights: list[np.ndarray],
-) -> Gaussian:
+) -> GaussianPrior:
     """The prior about the levels that the resistances would have if each took its expected course along SoC."""
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
@@ -204,7 +204,7 @@ def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.nd
 
 
 def _normal_equations(
-    columns: list[np.ndarray], targets: list[np.ndarray], weights: list[np.ndarray], prior: Gaussian
+    columns: list[np.ndarray], targets: list[np.ndarray], weights: list[np.ndarray], prior: GaussianPrior
 ) -> tuple[np.ndarray, np.ndarray]:
     H, g = prior.precision.copy(), prior.information.copy()
     for A, y, w in zip(columns, targets, weights, strict=True):
@@ -230,7 +230,7 @@ def _bounded(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
     return np.concatenate([x, back[:, -1] - back[:, :-1] @ x])
 
 
-def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:
+def _prior_residual(prior: GaussianPrior, x: np.ndarray) -> np.ndarray:
     """(K,) deviation of x from its prior over its standard deviations."""
     L = np.linalg.cholesky(prior.precision)
     return L.T @ x - np.linalg.solve(L, prior.information)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.battery import Confidence
+from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
 from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
-from ohmward.battery.identification.circuit_solve import Solution
-from ohmward.battery.identification.samples import TestSamples
+from ohmward.battery.identification.circuit_solve import CircuitSolution
+from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
 
@@ -19,7 +19,7 @@ _COVERED_A_SHARE = 0.02
 _VAGUE_LOG = 0.7
 
 
-def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> tuple[Confidence, ...]:
+def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> tuple[ConfidenceInterval, ...]:
     """95 % intervals of the resistances at five states of charge, of the time constants and of the rates."""
     s = fit.solution
     names = pair_names(s.layout.pairs)
@@ -28,7 +28,7 @@ def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) ->
 
 
 def not_identified(
-    fit: CircuitFit, samples: Sequence[TestSamples], capacity_Ah: float, hysteresis: bool, shaped: bool
+    fit: CircuitFit, samples: Sequence[FitSamples], capacity_Ah: float, hysteresis: bool, shaped: bool
 ) -> tuple[str, ...]:
     """Sentences on what the data do not tell, and what was put in its place.
 
@@ -52,7 +52,7 @@ def not_identified(
     return tuple(said)
 
 
-def covered(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
+def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least 10 s in all."""
     half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
     time_s = np.zeros(RESISTANCE_GRID.size)
@@ -62,14 +62,14 @@ def covered(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
     return time_s >= 10.0
 
 
-def _resistance(s: Solution, j: int, name: str, soc: float) -> Confidence:
+def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> ConfidenceInterval:
     k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
     at = s.layout.block(j).start + k
     value, std = float(s.x[at]), float(np.sqrt(s.cov[at, at]))
-    return Confidence(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
+    return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
 
 
-def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> list[Confidence]:
+def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> list[ConfidenceInterval]:
     rates, pairs = fit.solution.rates, len(fit.solution.rates.tau_s)
     std = np.sqrt(np.diag(fit.search_cov))
     found = [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
@@ -78,7 +78,7 @@ def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> li
     if activation:
         half = BAND_95 * 1000.0 * float(std[-1])
         found.append(
-            Confidence("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
+            ConfidenceInterval("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
         )
     return found
 
@@ -88,12 +88,12 @@ def _tau_std(fit: CircuitFit, j: int) -> float:
     return float(np.sqrt(max(fit.search_cov[:j, :j].sum(), 0.0)))
 
 
-def _log_interval(name: str, value: float, std: float) -> Confidence:
+def _log_interval(name: str, value: float, std: float) -> ConfidenceInterval:
     spread = float(np.exp(min(BAND_95 * std, 50.0)))
-    return Confidence(name, value, value / spread, value * spread)
+    return ConfidenceInterval(name, value, value / spread, value * spread)
 
 
-def _uncovered(s: Solution, samples: Sequence[TestSamples], capacity_Ah: float, shaped: bool) -> list[str]:
+def _uncovered(s: CircuitSolution, samples: Sequence[FitSamples], capacity_Ah: float, shaped: bool) -> list[str]:
     missing = ~covered(samples, capacity_Ah)
     if not missing.any():
         return []
@@ -107,7 +107,7 @@ def _range(first: int, stop: int) -> str:
     return f"{low:.2g}" if stop - first == 1 else f"{low:.2g} to {high:.2g}"
 
 
-def _share(s: Solution, where: np.ndarray) -> float:
+def _share(s: CircuitSolution, where: np.ndarray) -> float:
     """Two standard deviations of the total resistance over itself, the largest where (21,) is true."""
     rows = np.zeros((int(where.sum()), s.layout.size))
     for j in range(s.layout.blocks):
@@ -117,7 +117,7 @@ def _share(s: Solution, where: np.ndarray) -> float:
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
 
 
-def _directions(samples: Sequence[TestSamples], capacity_Ah: float) -> list[str]:
+def _directions(samples: Sequence[FitSamples], capacity_Ah: float) -> list[str]:
     current_A = np.concatenate([s.current_A for s in samples])
     words = {
         "charge": current_A > _COVERED_A_SHARE * capacity_Ah,

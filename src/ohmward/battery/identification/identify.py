@@ -10,26 +10,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, Fit
+from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
-from ohmward.battery.identification.along import simulate
-from ohmward.battery.identification.anchor import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_prior import prior_for
-from ohmward.battery.identification.circuit_solve import Problem
+from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import Edge, edge_notes, find_edges
-from ohmward.battery.identification.noise import current_noise_A, noise_from_fit
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, thin
+from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_notes, find_branches, ocv_from_branches
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
+from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.identification.rc_samples import samples_of as outside_long_charges
 from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
-from ohmward.battery.identification.samples import COARSEST_S, TestSamples, thin
 from ohmward.battery.identification.segments import Phase, find_pulses
+from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
@@ -71,7 +71,7 @@ class LogDetails(NamedTuple):
     edges: tuple[Edge, ...]
     relaxations: tuple[Relaxation, ...]
     rests: tuple[RestPoint, ...]
-    parts: tuple[TestSamples, ...]
+    parts: tuple[FitSamples, ...]
     simulated_V: tuple[np.ndarray, ...]
 
     @property
@@ -94,7 +94,7 @@ class Identified(NamedTuple):
     fit: CircuitFit | None
 
 
-class Stage(NamedTuple):
+class Preparation(NamedTuple):
     """What the stages before the fit found."""
 
     branches: tuple[OcvBranch, ...]
@@ -154,7 +154,7 @@ def identify_in_detail(
     return _thevenin(stage, records, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
 
 
-def _before_the_fit(records: Sequence[Record], settings: IdentificationSettings) -> Stage:
+def _before_the_fit(records: Sequence[Record], settings: IdentificationSettings) -> Preparation:
     """Stages 3 and 4: the first OCV curve, and the state of charge along each log to fit."""
     Q = settings.capacity_Ah
     slow = [r for r in records if r.test == "low-rate"]
@@ -171,7 +171,7 @@ def _before_the_fit(records: Sequence[Record], settings: IdentificationSettings)
         *branch_notes(branches, Q),
         *(note for axis in axes for note in axis.notes),
     )
-    return Stage(branches, ocv, fast, axes, notes)
+    return Preparation(branches, ocv, fast, axes, notes)
 
 
 def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings, reference_degC: float) -> OcvCurve:
@@ -197,13 +197,13 @@ def _axis(record: Record, settings: IdentificationSettings, ocv: OcvCurve | None
 
 
 def _thevenin(
-    stage: Stage, records: Sequence[Record], settings: IdentificationSettings, progress: Callable[[float], None]
+    stage: Preparation, records: Sequence[Record], settings: IdentificationSettings, progress: Callable[[float], None]
 ) -> Identified:
     """Stages 5 to 9 for the Thevenin circuit."""
     Q = settings.capacity_Ah
     parts = [thin(r, a.soc) for r, a in zip(stage.records, stage.axes, strict=True)]
     samples = tuple(part for record_parts in parts for part in record_parts)
-    problem = Problem(
+    problem = CircuitProblem(
         samples,
         stage.ocv,
         Q,
@@ -235,7 +235,7 @@ def _thevenin(
     return Identified(battery, stage.branches, stage.ocv, details, fit)
 
 
-def _with_rc(battery: Battery, stage: Stage, settings: IdentificationSettings, ocv: OcvCurve) -> Battery:
+def _with_rc(battery: Battery, stage: Preparation, settings: IdentificationSettings, ocv: OcvCurve) -> Battery:
     """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
     try:
         found, *_ = _find_rc(stage, settings, ocv)
@@ -244,7 +244,9 @@ def _with_rc(battery: Battery, stage: Stage, settings: IdentificationSettings, o
     return replace(battery, rc=found.model, rc_noise=found.noise)
 
 
-def _find_rc(stage: Stage, settings: IdentificationSettings, ocv: OcvCurve) -> tuple[RcIdentification, Record, SocAxis]:
+def _find_rc(
+    stage: Preparation, settings: IdentificationSettings, ocv: OcvCurve
+) -> tuple[RcIdentification, Record, SocAxis]:
     """The RC model from the log that moves most charge, and that log."""
     moved = [float(np.abs(r.charge.moved_Ah).sum()) for r in stage.records]
     record, axis = stage.records[int(np.argmax(moved))], stage.axes[int(np.argmax(moved))]
@@ -254,18 +256,18 @@ def _find_rc(stage: Stage, settings: IdentificationSettings, ocv: OcvCurve) -> t
     return identify_rc(record.log, curve, settings.capacity_Ah, start_soc), record, axis
 
 
-def _rc(stage: Stage, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
+def _rc(stage: Preparation, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
     """The RC model alone."""
     found, record, axis = _find_rc(stage, settings, stage.ocv)
     notes = (*(str(note) for note in stage.notes), *found.notes)
-    quality = Fit(record.log.name, record.test, float(axis.soc.min()), float(axis.soc.max()))
+    quality = LogFit(record.log.name, record.test, float(axis.soc.min()), float(axis.soc.max()))
     provenance = Provenance(settings.capacity_Ah, _measured_capacity_Ah(stage.branches), (quality,), (), notes)
     battery = _battery(settings, records, None, found.model, found.noise, provenance, found.not_identified)
     battery = replace(battery, rc_noise=found.noise)
     return Identified(battery, stage.branches, stage.ocv, (), None)
 
 
-def _curve_alone(stage: Stage, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
+def _curve_alone(stage: Preparation, records: Sequence[Record], settings: IdentificationSettings) -> Identified:
     """Low-rate tests only: the OCV curve is measured, the rest is what the chemistry has in common."""
     Q, n = settings.capacity_Ah, settings.n_series
     noise = start_noise(Q, n, ocv_known=True)
@@ -317,7 +319,7 @@ def _battery(
 def _details(
     record: Record,
     axis: SocAxis,
-    parts: tuple[TestSamples, ...],
+    parts: tuple[FitSamples, ...],
     simulated_V: tuple[np.ndarray, ...],
     capacity_Ah: float,
 ) -> LogDetails:
@@ -333,19 +335,19 @@ def _details(
     )
 
 
-def _quality(d: LogDetails) -> Fit:
+def _quality(d: LogDetails) -> LogFit:
     residual_V = np.concatenate(d.residual_V)
     known = np.isfinite(residual_V)
     weight = np.minimum(np.concatenate([s.dt_s for s in d.parts])[known], COARSEST_S)
     rms_V = float(np.sqrt(weight @ residual_V[known] ** 2 / max(weight.sum(), 1e-9)))
     soc = d.axis.soc
     largest_V = float(np.abs(residual_V[known]).max())
-    return Fit(d.record.log.name, d.record.test, float(soc.min()), float(soc.max()), rms_V, largest_V)
+    return LogFit(d.record.log.name, d.record.test, float(soc.min()), float(soc.max()), rms_V, largest_V)
 
 
-def _curve_fit(branch: OcvBranch) -> Fit:
+def _curve_fit(branch: OcvBranch) -> LogFit:
     soc = branch.soc
-    return Fit(branch.log_name, f"low-rate {branch.direction}", float(soc.min()), float(soc.max()))
+    return LogFit(branch.log_name, f"low-rate {branch.direction}", float(soc.min()), float(soc.max()))
 
 
 def _measured_capacity_Ah(branches: Sequence[OcvBranch]) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from ohmward.battery.identification.rc_fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
 from ohmward.battery.identification.rc_rule import (
     FIRST_S,
-    Response,
+    EdgeResponse,
     TimeConstant,
     circuit_by_rule,
     find_response,
@@ -46,7 +46,7 @@ class RcIdentification(NamedTuple):
     model: RcModel
     noise: BatteryNoise
     rule: RcModel
-    response: Response
+    response: EdgeResponse
     fit: VoltageFit | None
     notes: tuple[str, ...]
     not_identified: tuple[str, ...]
@@ -102,7 +102,7 @@ def _fit_with_line(
     return fit, OcvCurve((empty_V, empty_V + slope_V)), (fit.start_V - empty_V) / slope_V
 
 
-def _start_soc(samples: RcSamples, response: Response, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
+def _start_soc(samples: RcSamples, response: EdgeResponse, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
     """SoC at the first sample of each part, from its voltage without the drop at R_total; `start_soc` for the first."""
     first = np.flatnonzero(np.diff(samples.part, prepend=-1) > 0)
     open_V = samples.voltage_V[first] - response.r_total_ohm * samples.current_A[first]
@@ -115,7 +115,7 @@ def _soc_along(samples: RcSamples, start: np.ndarray, capacity_Ah: float) -> np.
     return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
 
 
-def _noise(fit: VoltageFit, response: Response, soc: np.ndarray) -> BatteryNoise:
+def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray) -> BatteryNoise:
     """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
     white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
     doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
@@ -141,7 +141,7 @@ def _model_std_V(error_V: np.ndarray, soc: np.ndarray) -> tuple[float, ...]:
     return tuple(along.tolist())
 
 
-def _resistance_doubt(response: Response, fit: VoltageFit) -> float:
+def _resistance_doubt(response: EdgeResponse, fit: VoltageFit) -> float:
     """Standard deviation of the resistances as a share: edges and least squares know them independently."""
     at_edges = response.r_total_ohm
     fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
@@ -155,7 +155,7 @@ def _part_notes(samples: RcSamples, count: int) -> tuple[str, ...]:
     return (f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage",)
 
 
-def _response_notes(response: Response) -> tuple[str, ...]:
+def _response_notes(response: EdgeResponse) -> tuple[str, ...]:
     first = f"R_total = {1e3 * response.r_total_ohm:.3g} mohm from {response.edges} edges, seen after "
     notes = [f"{first}{response.delay_s:g} s (what relaxes within is in it)"]
     if response.window_s > FIRST_S:
@@ -175,7 +175,7 @@ def _fit_notes(fit: VoltageFit | None, total_F: float) -> tuple[str, ...]:
     )
 
 
-def _missing(response: Response, tau: TimeConstant, fit: VoltageFit | None) -> tuple[str, ...]:
+def _missing(response: EdgeResponse, tau: TimeConstant, fit: VoltageFit | None) -> tuple[str, ...]:
     sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
     if not tau.found:
         sentences.append(f"tau by the rule: no exponential in the first {response.window_s:g} s after the edges")

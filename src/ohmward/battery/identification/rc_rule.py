@@ -27,7 +27,7 @@ _FEWEST_POINTS = 5
 _EDGE_RATE = 1 / 20
 
 
-class Response(NamedTuple):
+class EdgeResponse(NamedTuple):
     """What a change of current by one ampere does to the voltage, the mean of all edges.
 
     edges: how many.
@@ -63,7 +63,7 @@ def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circ
     return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, TERMINAL_SHARE * r_total_ohm)
 
 
-def find_response(samples: RcSamples, capacity_Ah: float) -> Response:
+def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
     """Mean response of the voltage to the edges: changes of current by more than C/20 from one sample to the next.
 
     Raises:
@@ -85,7 +85,7 @@ def find_response(samples: RcSamples, capacity_Ah: float) -> Response:
             "> 0 when they charge: turn the sign of the current"
         )
     times, rises = zip(*(_after_edge(samples, int(k) + 1, change_A[k], window_s) for k in edges), strict=True)
-    return Response(
+    return EdgeResponse(
         edges.size,
         r_total,
         float(np.median(samples.time_s[after] - samples.time_s[before])),
@@ -126,7 +126,7 @@ def _typical_step_s(samples: RcSamples) -> float:
     return float(np.median(samples.dt_s[1:]))
 
 
-def find_time_constant(response: Response) -> TimeConstant:
+def find_time_constant(response: EdgeResponse) -> TimeConstant:
     """Least squares over a grid of tau between a twentieth of the window and ten windows, weighted alike.
 
     It is not found where the best tau stands at an end of the grid or the exponential explains less than half of the

@@ -18,7 +18,7 @@ _GROWTH = 0.1
 _MOST_VARYING = 6000
 
 
-class TestSamples(NamedTuple):
+class FitSamples(NamedTuple):
     """Samples of one record, (N,) each; what belongs to an interval belongs to the one that ends at the sample.
 
     dt_s: length of the interval, 0 for the first; moved_Ah: its charge; mean_current_A: its mean current.
@@ -41,7 +41,7 @@ class TestSamples(NamedTuple):
     sample: np.ndarray
 
 
-def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[TestSamples, ...]:
+def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[FitSamples, ...]:
     """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
 
     A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up,
@@ -55,13 +55,13 @@ def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> 
     return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
 
 
-def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: float) -> TestSamples:
+def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: float) -> FitSamples:
     time_s = record.log.time_s[rows]
     dt_s = np.diff(time_s, prepend=time_s[0])
     total_Ah = record.charge.total_Ah[rows]
     phase = next(p for p in record.phases if p.last >= rows[0])
     rest_s = record.log.time_s[phase.last] - time_s[0]
-    return TestSamples(
+    return FitSamples(
         name=record.log.name,
         time_s=time_s,
         dt_s=dt_s,

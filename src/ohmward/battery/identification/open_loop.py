@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.identification.samples import TestSamples
+from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 
 
@@ -20,13 +20,13 @@ def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
     return solve_banded((1, 0), band, drive, check_finite=False)
 
 
-def hysteresis_decay(samples: TestSamples, capacity_Ah: float, rate: float) -> np.ndarray:
+def hysteresis_decay(samples: FitSamples, capacity_Ah: float, rate: float) -> np.ndarray:
     """(N,) share of the hysteresis state that an interval leaves: e^(-|gamma i dt / Q|)."""
     moved_Ah = np.abs(samples.mean_current_A * samples.dt_s) / 3600.0
     return np.exp(-rate * moved_Ah / capacity_Ah)
 
 
-def simulate(samples: TestSamples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
+def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
     """(N,) terminal voltage [V] along the samples; the SoC is that of the samples, not counted again.
 
     start_V: (n,) RC voltages at the first sample, () for rest; hysteresis: state h there.

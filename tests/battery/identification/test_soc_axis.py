@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
-from ohmward.battery.identification.anchor import anchor_soc, capacity_from_rests, full_charges
 from ohmward.battery.identification.record import make_records
+from ohmward.battery.identification.soc_axis import anchor_soc, capacity_from_rests, full_charges
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
-from ohmward.battery.identification.circuit_solve import Problem, Solution, last_direction
+from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, last_direction
 from ohmward.battery.identification.confidence import covered
-from ohmward.battery.identification.samples import COARSEST_S, TestSamples
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
@@ -31,7 +31,7 @@ _HYSTERESIS_STD = 0.3
 
 
 def noise_from_fit(
-    solution: Solution, problem: Problem, p: Thevenin, current_noise_A: float, pulses_only: bool
+    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, current_noise_A: float, pulses_only: bool
 ) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
@@ -70,7 +70,7 @@ def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
     return np.sqrt(np.maximum(std_V**2 - (SOC_AXIS_STD * slope_V) ** 2, 0.0))
 
 
-def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
+def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
     """(21,) rms of what the fit left within 5 % of each SoC [V], nan where there are no data.
 
     What counts little in the fit, as the charge of a lead-acid battery, counts little here.
@@ -84,7 +84,7 @@ def residual_std_V(solution: Solution, problem: Problem) -> np.ndarray:
     return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
 
 
-def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> float:
+def overpotential_share(solution: CircuitSolution, problem: CircuitProblem, p: Thevenin) -> float:
     """Error of the overpotential as a share of itself: 10 %, or what the fit left in charges that count little."""
     if problem.prior.charging_factor == 1.0:
         return _OVERPOTENTIAL_SHARE
@@ -97,7 +97,7 @@ def overpotential_share(solution: Solution, problem: Problem, p: Thevenin) -> fl
     return min(max(share, _OVERPOTENTIAL_SHARE), _LARGEST_SHARE)
 
 
-def posterior_std_V(solution: Solution, samples: Sequence[TestSamples], p: Thevenin) -> np.ndarray:
+def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p: Thevenin) -> np.ndarray:
     """(21,) standard deviation of the predicted voltage at each SoC under the typical current of the logs [V].
 
     That of the OCV correction and of all resistances together, after the relaxation of all RC pairs.
@@ -114,7 +114,7 @@ def posterior_std_V(solution: Solution, samples: Sequence[TestSamples], p: Theve
     return np.sqrt(np.maximum(variance, 0.0) + hysteresis_V**2)
 
 
-def unseen_std_V(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarray:
+def unseen_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) standard deviation of a lithium-ion cell's model away from the SoC where a current was seen [V].
 
     Measured on cells identified from one half of their range: it grows with the root of the distance.
@@ -124,20 +124,20 @@ def unseen_std_V(samples: Sequence[TestSamples], capacity_Ah: float) -> np.ndarr
     return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _WINDOW, 0.0) / 0.1)
 
 
-def typical_current_A(samples: Sequence[TestSamples]) -> float:
+def typical_current_A(samples: Sequence[FitSamples]) -> float:
     """Mean magnitude of the current over time [A], as a slow RC pair sees it."""
     moved = sum(float(np.abs(s.mean_current_A * s.dt_s).sum()) for s in samples)
     return moved / max(sum(float(s.dt_s.sum()) for s in samples), 1e-9)
 
 
-def white_std_V(solution: Solution) -> float:
+def white_std_V(solution: CircuitSolution) -> float:
     """Standard deviation of the residual from one sample to the next [V], robust: it is the part that is white."""
     steps = np.concatenate([np.diff(r) for r in solution.residual_V])
     steps = np.abs(steps[np.isfinite(steps)])
     return float(_MAD * np.median(steps) / np.sqrt(2)) if steps.size else 0.0
 
 
-def correlation_s(solution: Solution, samples: Sequence[TestSamples]) -> float:
+def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> float:
     """Time after which the residual has lost its memory [s]: 1/e of its autocorrelation, on a grid of 10 s."""
     times = [_decay_s(s, r) for s, r in zip(samples, solution.residual_V, strict=True)]
     low, high = _CORRELATION_S
@@ -151,7 +151,7 @@ def current_noise_A(current_A: np.ndarray) -> float:
     return float(_MAD * np.median(steady)) if steady.size else 0.0
 
 
-def _decay_s(samples: TestSamples, residual_V: np.ndarray) -> float:
+def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
     grid_s = np.arange(samples.time_s[0], samples.time_s[-1], 10.0)
     known = np.isfinite(residual_V)
     r = np.interp(grid_s, samples.time_s[known], residual_V[known])
@@ -162,6 +162,6 @@ def _decay_s(samples: TestSamples, residual_V: np.ndarray) -> float:
     return 10.0 * float(below[0]) if below.size else _CORRELATION_S[1]
 
 
-def _charging(problem: Problem) -> np.ndarray:
+def _charging(problem: CircuitProblem) -> np.ndarray:
     """(N,) bool over all samples: in a charge or the rest after it."""
     return np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, steps
-from ohmward.battery.identification.along import scan, simulate
+from ohmward.battery.identification.fit_samples import thin
+from ohmward.battery.identification.open_loop import scan, simulate
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.samples import thin
 
 
 def test_scan_is_the_recursion():
