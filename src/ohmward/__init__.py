@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ohmward.battery.soc.score import score as score
     from ohmward.errors import InputError as InputError
     from ohmward.errors import OhmwardError as OhmwardError
+    from ohmward.figures.plot import plot as plot
     from ohmward.logs import Log as Log
     from ohmward.logs import examine as examine
     from ohmward.logs import read_log as read_log
@@ -49,6 +50,7 @@ _HOMES = {
     "load_battery": "battery.file",
     "make_estimator": "battery.soc.registry",
     "make_robot_day": "simulate",
+    "plot": "figures.plot",
     "read_log": "logs",
     "save_battery": "battery.file",
     "score": "battery.soc.score",

@@ -2,5 +2,6 @@
 
 from ohmward.report.figure import TIME, Band, Figure, Marker, Series, Span
 from ohmward.report.page import Page
+from ohmward.report.plot import Plot
 
-__all__ = ["TIME", "Band", "Figure", "Marker", "Page", "Series", "Span"]
+__all__ = ["TIME", "Band", "Figure", "Marker", "Page", "Plot", "Series", "Span"]

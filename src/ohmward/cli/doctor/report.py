@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.doctor.command import contents
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, grouped, sentence
+from ohmward.figures import battery as pictures
 from ohmward.logs import Log
 from ohmward.logs.doctor import Findings
 from ohmward.report import Figure, Page

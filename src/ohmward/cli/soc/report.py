@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.cli import battery_pictures as pictures
 from ohmward.cli.estimating import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.soc.command import result
 from ohmward.cli.wording import duration, percent, quantity
+from ohmward.figures import battery as pictures
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Figure, Page
 
@@ -46,7 +46,7 @@ def _plots(task: SocTask, answer: SocRun) -> list[Figure]:
     plots = [pictures.soc_figure(log, estimates, truth)]
     if truth is not None:
         plots.append(pictures.soc_error_figure(log, estimates, truth))
-    plots.append(pictures.current_figure(log, pictures.flag_spans(log, estimates.flags)))
+    plots.append(pictures.current_figure(log, pictures.soc_flag_spans(log, estimates.flags)))
     plots.append(pictures.voltage_figure(log, estimates))
     if _any(estimates.voltage_V):
         plots.append(pictures.voltage_error_figure(log, estimates))

@@ -9,12 +9,14 @@ import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans
 from ohmward.filters.consistency import BAND_95
+from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
-from ohmward.report import TIME, Band, Figure, Series, Span
+from ohmward.report import TIME, Figure, Series, Span
 from ohmward.report.palette import CYCLE, Meaning
-from ohmward.runs import runs
 
 if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails
@@ -25,8 +27,15 @@ if TYPE_CHECKING:
     from ohmward.battery.identification.relaxation import ExponentialFit, Relaxation
 
 SOC_AXIS = "State of charge [%]"
-FAULTS = SocFlag.NO_CURRENT | SocFlag.NO_VOLTAGE | SocFlag.BAD_TIME | SocFlag.GAP | SocFlag.VOLTAGE_REJECTED
-_MOST_SPANS = 300
+#: Flags that are drawn, and what they mean for the eye.
+SHOWN: Mapping[SampleFlag, Meaning] = {
+    SocFlag.REST: "background",
+    SocFlag.NO_CURRENT: "alert",
+    SocFlag.NO_VOLTAGE: "alert",
+    SocFlag.BAD_TIME: "alert",
+    SocFlag.GAP: "alert",
+    SocFlag.VOLTAGE_REJECTED: "alert",
+}
 
 
 def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
@@ -56,7 +65,9 @@ def interval_figure(log: Log) -> Figure:
     return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
 
 
-def soc_figure(log: Log, estimates: SocEstimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()) -> Figure:
+def soc_figure(
+    log: Timed, estimates: SocEstimate, truth: np.ndarray | None = None, spans: Sequence[Span] = ()
+) -> Figure:
     """Estimated state of charge with its 95 % band, and the reference.
 
     truth: (T,) in [0, 1], nan where there is none.
@@ -65,28 +76,28 @@ def soc_figure(log: Log, estimates: SocEstimate, truth: np.ndarray | None = None
     series = [Series(log.time_s, soc, "estimate", role="estimate")]
     if truth is not None:
         series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
-    band = _band(log.time_s, soc, std, (0.0, 100.0))
+    band = band_95(log.time_s, soc, std, (0.0, 100.0))
     return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
 
 
-def soc_error_figure(log: Log, estimates: SocEstimate, truth: np.ndarray) -> Figure:
+def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> Figure:
     """Estimate minus reference, inside (or outside) the 95 % band that the estimator claimed around zero."""
     error, std = 100 * (estimates.soc - truth), 100 * estimates.soc_std
     series = [Series(log.time_s, error, "estimate - reference", role="comparison")]
-    band = _band(log.time_s, np.zeros_like(std), std)
+    band = band_95(log.time_s, np.zeros_like(std), std)
     limit = _usual(np.concatenate([error, BAND_95 * std]))
     return Figure(
         "Error of the state of charge", TIME, "Error [% of capacity]", series, [band], y_limits=(-limit, limit)
     )
 
 
-def offset_figure(log: Log, estimates: SocEstimate) -> Figure:
+def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated offset of the current sensor."""
     series = [Series(log.time_s, 1e3 * estimates.current_offset_A, "estimate", role="estimate")]
     return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, height_px=180)
 
 
-def health_figure(log: Log, estimates: SocEstimate) -> Figure:
+def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated capacity and resistance as shares of the battery file's."""
     series = [
         Series(log.time_s, 100 * estimates.soh_capacity, "capacity", role="estimate"),
@@ -101,7 +112,7 @@ def voltage_error_figure(log: Log, estimates: SocEstimate) -> Figure:
     return Figure("Error of the voltage", TIME, "Error [mV]", series, height_px=180)
 
 
-def soc_comparison_figure(log: Log, estimates: Mapping[str, SocEstimate], truth: np.ndarray | None = None) -> Figure:
+def soc_comparison_figure(log: Timed, estimates: Mapping[str, SocEstimate], truth: np.ndarray | None = None) -> Figure:
     """State of charge by every estimator, and the reference."""
     series = _side_by_side(log.time_s, {name: 100 * e.soc for name, e in estimates.items()})
     if truth is not None:
@@ -109,27 +120,28 @@ def soc_comparison_figure(log: Log, estimates: Mapping[str, SocEstimate], truth:
     return Figure("State of charge", TIME, SOC_AXIS, series, height_px=320)
 
 
-def soc_errors_figure(log: Log, estimates: Mapping[str, SocEstimate], truth: np.ndarray) -> Figure:
+def soc_errors_figure(log: Timed, estimates: Mapping[str, SocEstimate], truth: np.ndarray) -> Figure:
     """Estimate minus reference of every estimator."""
     series = _side_by_side(log.time_s, {name: 100 * (e.soc - truth) for name, e in estimates.items()})
     limit = _usual(np.concatenate([s.y for s in series]))
     return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
 
 
-def flag_spans(log: Log, flags: np.ndarray, wanted: SocFlag = SocFlag.REST | FAULTS) -> list[Span]:
-    """Stretches of samples that carry a flag, rests in grey and faults in red; the longest where there are many.
+def soc_flag_spans(log: Timed, flags: np.ndarray) -> list[Span]:
+    """Stretches of samples that carry a flag, rests in grey and faults in red; flags: (T,) sums of `SocFlag` values."""
+    return flag_spans(log.time_s, flags, SHOWN)
 
-    flags: (T,) sums of `SocFlag` values.
-    """
-    spans = []
-    for flag in wanted:
-        label = str(flag.name).lower().replace("_", " ")
-        role: Meaning = "background" if flag is SocFlag.REST else "alert"
-        spans += [
-            Span(float(log.time_s[a]), float(log.time_s[b - 1]), label, role)
-            for a, b in runs(flags.astype(int) & flag != 0)
-        ]
-    return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:_MOST_SPANS])
+
+def run_figures(run: SocRun) -> list[Figure]:
+    """State of charge of a run, and whatever else its estimator knows."""
+    e = run.estimates
+    figures = [soc_figure(run, e, spans=soc_flag_spans(run, run.flags))]
+    if np.isfinite(e.innovation_V).any():
+        line = [Series(run.time_s, 1e3 * e.innovation_V, "measured - expected", role="estimate")]
+        figures.append(Figure("Innovation of the voltage", TIME, "Innovation [mV]", line, height_px=180))
+    if np.isfinite(e.current_offset_A).any():
+        figures += [offset_figure(run, e), health_figure(run, e)]
+    return figures
 
 
 def ocv_figure(
@@ -149,7 +161,7 @@ def ocv_figure(
     if rests:
         x, y = np.array([(r.soc, r.voltage_V) for r in rests]).T
         series.append(Series(100 * x, y, "at the end of a rest", "points", "reference"))
-    bands = [] if fit is None else [_band(100 * soc, mean, _ocv_std_V(fit, soc))]
+    bands = [] if fit is None else [band_95(100 * soc, mean, _ocv_std_V(fit, soc))]
     return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
 
 
@@ -165,7 +177,7 @@ def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
     if fit is not None:
         stds = [1e3 * _std(fit, fit.solution.layout.block(j)) for j in range(len(labelled))]
         bands = [
-            _band(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
+            band_95(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
             for (name, r, role), std in zip(labelled, stds, strict=True)
         ]
     return Figure("Resistances", SOC_AXIS, "Resistance [mΩ]", series, bands)
@@ -197,7 +209,7 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     """Measured and simulated voltage, residual, current and state of charge of one log, on one clock."""
     whole, time_s = log.record.log, _joined([part.time_s for part in log.parts], hold=True)
     measured, simulated = _joined([part.voltage_V for part in log.parts]), _joined(log.simulated_V)
-    rests = [phase for phase in log.record.phases if phase.kind == "rest"][:_MOST_SPANS]
+    rests = [phase for phase in log.record.phases if phase.kind == "rest"][:MOST_SPANS]
     spans = [Span(float(whole.time_s[p.first]), float(whole.time_s[p.last]), "rest") for p in rests]
     voltage = [
         Series(time_s, measured, "measured", role="background"),
@@ -234,19 +246,6 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
 def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
     """A line each; those beyond the number of hues are dashed."""
     return [Series(x, y, name, "line" if k < len(CYCLE) else "dashed") for k, (name, y) in enumerate(lines.items())]
-
-
-def _band(
-    x: np.ndarray,
-    mean: np.ndarray,
-    std: np.ndarray,
-    limits: tuple[float, float] = (-np.inf, np.inf),
-    label: str = "95 % band",
-    role: Meaning = "estimate",
-) -> Band:
-    """The 95 % band, cut where the quantity ends."""
-    low, high = mean - BAND_95 * std, mean + BAND_95 * std
-    return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
 
 
 def _ocv_std_V(fit: CircuitFit, soc: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.battery.chemistries import start_model
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.cli import battery_pictures as pictures
+from ohmward.figures import battery as pictures
 from ohmward.logs import Log
 
 T = 200
@@ -64,7 +64,7 @@ def test_flags_become_stretches():
     flags[10:21] = SocFlag.REST
     flags[15:18] += SocFlag.NO_VOLTAGE
     flags[100] = SocFlag.VOLTAGE_REJECTED + SocFlag.SOC_LIMITED
-    spans = pictures.flag_spans(LOG, flags)
+    spans = pictures.soc_flag_spans(LOG, flags)
     assert [(s.x_from, s.x_to, s.label, s.role) for s in spans] == [
         (10.0, 20.0, "rest", "background"),
         (15.0, 17.0, "no voltage", "alert"),

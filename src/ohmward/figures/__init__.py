@@ -1,0 +1,1 @@
+"""Figures of batteries, drives and ranges; `ohmward.report` draws them."""

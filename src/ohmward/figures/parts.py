@@ -1,0 +1,57 @@
+"""What the figures share: bands of 95 %, and stretches of time in which something holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ohmward.filters.consistency import BAND_95
+from ohmward.filters.flags import SampleFlag
+from ohmward.report import Band, Span
+from ohmward.report.palette import Meaning
+from ohmward.runs import runs
+
+#: More spans than this would be a grey wall; the longest are drawn.
+MOST_SPANS = 300
+
+
+class Timed(Protocol):
+    """A log, or a run over one."""
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """(T,) of its samples."""
+        ...
+
+
+def band_95(
+    x: np.ndarray,
+    mean: np.ndarray,
+    std: np.ndarray,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    label: str = "95 % band",
+    role: Meaning = "estimate",
+) -> Band:
+    """The 95 % band, cut at the limits of the quantity."""
+    low, high = mean - BAND_95 * std, mean + BAND_95 * std
+    return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
+
+
+def spans_where(time_s: np.ndarray, condition: np.ndarray, label: str, role: Meaning) -> list[Span]:
+    """A span for every stretch of True in `condition` (T,), the longest where there are many."""
+    return longest([Span(float(time_s[a]), float(time_s[b - 1]), label, role) for a, b in runs(condition)])
+
+
+def flag_spans(time_s: np.ndarray, flags: np.ndarray, roles: Mapping[SampleFlag, Meaning]) -> list[Span]:
+    """Spans of the samples that carry one of these flags; flags: (T,) sums of flag values."""
+    spans = []
+    for flag, role in roles.items():
+        spans += spans_where(time_s, flags.astype(int) & flag != 0, str(flag.name).lower().replace("_", " "), role)
+    return longest(spans)
+
+
+def longest(spans: Sequence[Span]) -> list[Span]:
+    """The longest spans, in order of time."""
+    return sorted(sorted(spans, key=lambda s: s.x_from - s.x_to)[:MOST_SPANS])

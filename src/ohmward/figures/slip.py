@@ -1,0 +1,99 @@
+"""Figures of speed and slip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ohmward.figures.parts import band_95, flag_spans, spans_where
+from ohmward.filters.consistency import BAND_95
+from ohmward.filters.flags import SampleFlag
+from ohmward.report import TIME, Band, Figure, Series
+from ohmward.report.palette import Meaning
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.track import SlipRun
+
+#: Flags that are drawn over the speed, and what they mean for the eye.
+SHOWN: Mapping[SampleFlag, Meaning] = {
+    SlipFlag.STANDSTILL: "background",
+    SlipFlag.SPEED_UNOBSERVED: "comparison",
+    SlipFlag.GROUND_CHANGED: "alert",
+    SlipFlag.ENCODER_DOUBTED: "alert",
+    SlipFlag.SPEED_REJECTED: "alert",
+    SlipFlag.GAP: "alert",
+}
+
+
+def run_figures(run: SlipRun) -> list[Figure]:
+    """Speed of a run, slip of each driven wheel, and the ground where it is estimated."""
+    return [speed_figure(run), *ground_figures(run)]
+
+
+def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.ndarray | None = None) -> list[Figure]:
+    """Slip of each driven wheel, and friction and grade where they are estimated.
+
+    wheels: names of the driven ones; without them they are numbered.  true_slip_m_s: (T, driven).
+    """
+    e = run.estimates
+    names = wheels or [f"wheel {k}" for k in range(e.slip_speed_m_s.shape[1])]
+    figures = [
+        slip_figure(run, k, name, None if true_slip_m_s is None else true_slip_m_s[:, k])
+        for k, name in enumerate(names)
+    ]
+    if (e.friction_std > 0).any():
+        figures.append(friction_figure(run))
+    if (e.grade_std_rad > 0).any():
+        figures.append(grade_figure(run))
+    return figures
+
+
+def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: np.ndarray | None = None) -> Figure:
+    """Speed of the body with its band and what happened.
+
+    rolled_m_s: (T,) speed that the wheels alone would show.  truth_m_s: (T,).
+    """
+    time_s, e = run.time_s, run.estimates
+    series = [Series(time_s, e.speed_m_s, "estimate", role="estimate")]
+    if truth_m_s is not None:
+        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
+    limits = _around(*(s.y for s in series))
+    if rolled_m_s is not None:
+        series.insert(0, Series(time_s, rolled_m_s, "wheels, as if none slipped", role="background"))
+    band, spans = band_95(time_s, e.speed_m_s, e.speed_std_m_s), flag_spans(time_s, e.flags, SHOWN)
+    return Figure("Speed", TIME, "Speed [m/s]", series, [band], spans=spans, y_limits=limits, height_px=300)
+
+
+def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None = None) -> Figure:
+    """Slip speed of driven wheel k with its band and its alarms."""
+    time_s, e = run.time_s, run.estimates
+    series = [Series(time_s, e.slip_speed_m_s[:, k], "estimate", role="estimate")]
+    if truth_m_s is not None:
+        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
+    band = band_95(time_s, e.slip_speed_m_s[:, k], e.slip_speed_std_m_s[:, k])
+    alarms = spans_where(time_s, e.slipping[:, k] > 0.5, "slips", "alert")
+    alarms += spans_where(time_s, e.immobilised > 0.5, "immobilised", "comparison")
+    title = f"Slip, {wheel.replace('_', ' ')}"
+    return Figure(title, TIME, "Slip speed [m/s]", series, [band], spans=alarms, height_px=220)
+
+
+def friction_figure(run: SlipRun) -> Figure:
+    """Friction over that of the believed terrain; its standard deviation is a relative one."""
+    share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]
+    band = Band(run.time_s, share * np.exp(-BAND_95 * std), share * np.exp(BAND_95 * std), "95 % band")
+    series = [Series(run.time_s, share, "estimate", role="estimate")]
+    return Figure("Friction over the believed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
+
+
+def grade_figure(run: SlipRun) -> Figure:
+    """Grade of the ground, and whatever else disturbs the body as a grade would."""
+    grade, std = np.degrees(run.grade_rad), np.degrees(run.grade_std_rad)
+    series = [Series(run.time_s, grade, "estimate", role="estimate")]
+    return Figure("Grade", TIME, "Grade [degrees]", series, [band_95(run.time_s, grade, std)], height_px=180)
+
+
+def _around(*values: np.ndarray) -> tuple[float, float]:
+    """Limits that hold these values; wheels that spin may leave the picture."""
+    known = np.concatenate([v[np.isfinite(v)] for v in values])
+    margin = 0.2 * float(np.ptp(known)) + 0.05
+    return float(known.min()) - margin, float(known.max()) + margin
