@@ -17,7 +17,7 @@ import numpy as np
 
 from figure import DATA, Figure, at_least, at_most, data_file
 from ohmward.filters.consistency import BAND_95
-from ohmward.logs.drive_read import read_drive
+from ohmward.logs import read_drive
 from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import (
     CalibrationDrive,

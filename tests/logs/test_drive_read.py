@@ -9,7 +9,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import read_drive
-from ohmward.logs.drive_counts import counter_bits, speed_from_counts
+from ohmward.logs.wheel_speed import counter_bits, speed_from_counts
 
 PLACES = ("front_left", "front_right", "rear_left", "rear_right")
 TIME = np.arange(5) * 0.1

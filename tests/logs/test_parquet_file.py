@@ -39,7 +39,8 @@ def test_blocks_make_the_whole(tmp_path, monkeypatch):
         np.testing.assert_array_equal(blocks.columns[name], values)
     np.testing.assert_array_equal(blocks.columns["x"], columns["x"].to_numpy(zero_copy_only=False))
     np.testing.assert_array_equal(blocks.columns["ns"], columns["ns"].to_numpy())
-    np.testing.assert_array_equal(blocks.columns["took"], np.arange(1000) / 1000)
+    np.testing.assert_array_equal(blocks.columns["took"], np.arange(1000).astype("m8[ms]"))
+    np.testing.assert_array_equal(numbers(blocks, "took"), np.arange(1000) / 1000)
     np.testing.assert_array_equal(blocks.line, np.arange(1, 1001))
     assert told[0] == (70, 1000) and told[-1] == (1000, 1000)
 

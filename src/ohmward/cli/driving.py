@@ -173,11 +173,11 @@ def truth_columns(text: str | None) -> list[str]:
 def _column(log: DriveLog, name: str, kind: str) -> np.ndarray:
     """(T,) the column in SI units."""
     from ohmward.logs.columns import guess, listed
-    from ohmward.logs.drive_units import split_drive_unit
+    from ohmward.logs.units import unit_in_name
 
     if name not in log.extra:
         has = list(log.extra)
         there = f"it has: {listed(has)}" if has else "it has no further numeric columns"
         raise InputError(f"{log.name}: there is no column {name!r} for --truth{guess(name, has)}; {there}")
-    unit = next((unit for _, unit in split_drive_unit(name) if unit and unit.quantity == TRUTHS[kind]), None)
+    unit = unit_in_name(name, (TRUTHS[kind],))
     return log.extra[name] * (unit.scale if unit else 1.0)

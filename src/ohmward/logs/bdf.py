@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import listed
@@ -20,25 +19,25 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 REQUIRED = ("time_s", "voltage_V", "current_A")
 
 
-def is_bdf(path: Path) -> bool:
-    """Whether the file says that it is BDF, by its suffix."""
-    return path.name.lower().endswith(SUFFIXES)
+def is_bdf(file: str) -> bool:
+    """True where the suffix of a file's name says that it is BDF."""
+    return file.lower().endswith(SUFFIXES)
 
 
 def has_columns(names: Sequence[str]) -> bool:
-    """Whether the three required columns are there under their BDF names."""
+    """True where the three required columns have their BDF names."""
     return not _lacking(names)
 
 
-def check_names(path: Path, names: Sequence[str]) -> None:
+def check_names(file: str, names: Sequence[str]) -> None:
     """Refuse a file that calls itself BDF and lacks a required column.
 
     Raises:
         InputError: names the columns that are missing.
     """
-    if is_bdf(path) and (lacking := _lacking(names)):
+    if is_bdf(file) and (lacking := _lacking(names)):
         raise InputError(
-            f"{path.name}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
+            f"{file}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
             f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"
         )
 

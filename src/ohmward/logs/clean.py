@@ -7,12 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.channels import CURRENT, TEMPERATURE, VOLTAGE
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.log import Note, counted
+from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Table, numbers
-from ohmward.logs.units import UNITS, Unit
 
-_DEFAULT_UNIT = {"current": "a", "voltage": "v", "temperature": "degc"}
 _GAP_FACTOR = 10.0
 
 
@@ -23,20 +22,26 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
         InputError: text where a number must stand (names the line), or no value of the current or voltage at all.
     """
     columns, notes = dict(table.columns), list(table.notes)
-    for quantity in ("current", "voltage", "temperature"):
-        if quantity not in chosen:
+    for channel in (CURRENT, VOLTAGE, TEMPERATURE):
+        if channel.name not in chosen:
             continue
-        name, unit = chosen[quantity]
-        values = numbers(table, name)
-        infinite = np.isinf(values)
-        if infinite.any():
-            notes.append(Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning"))
-            values = np.where(infinite, np.nan, values)
-        columns[name] = _in_si(values, unit or UNITS[_DEFAULT_UNIT[quantity]])
-        notes.append(_unit_note(quantity, name, unit))
-        if quantity != "temperature" and not np.isfinite(columns[name]).any():
-            raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {quantity}")
+        name, unit = chosen[channel.name]
+        values, infinite = finite(name, numbers(table, name))
+        columns[name] = (unit or channel.default).in_si(values)
+        taken = f"in {unit.symbol}" if unit else f"which names no unit: taken as {channel.default.symbol}"
+        notes += [*infinite, Note(f"{channel.name} from {name!r}{' ' if unit else ', '}{taken}")]
+        if channel.required and not np.isfinite(columns[name]).any():
+            raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {channel.name}")
     return table._replace(columns=columns, notes=tuple(notes))
+
+
+def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The values (T,) of a column with NaN in place of infinite ones, and a note on their number."""
+    infinite = np.isinf(values)
+    if not infinite.any():
+        return values, ()
+    note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
+    return np.where(infinite, np.nan, values), (note,)
 
 
 def drop_untimed(table: Table, time: str) -> Table:
@@ -56,11 +61,11 @@ def drop_untimed(table: Table, time: str) -> Table:
 
 def drop_text(table: Table) -> Table:
     """The numeric columns that have a value at all, as float64."""
-    numeric = {name: numbers(table, name) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
-    kept = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
-    text, empty = table.columns.keys() - numeric.keys(), numeric.keys() - kept.keys()
-    notes = [Note(f"{what} columns left out: {listed(sorted(names))}") for what, names in _named(text, empty) if names]
-    return table._replace(columns=kept, notes=(*table.notes, *notes))
+    numeric = {name: numbers(table, name) for name, values in table.columns.items() if values.dtype.kind in "fium"}
+    measured = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
+    left_out = {"text": table.columns.keys() - numeric.keys(), "empty": numeric.keys() - measured.keys()}
+    notes = [Note(f"{kind} columns left out: {listed(sorted(names))}") for kind, names in left_out.items() if names]
+    return table._replace(columns=measured, notes=(*table.notes, *notes))
 
 
 def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
@@ -89,7 +94,7 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
 
 
 def missing_notes(table: Table, chosen: Mapping[str, Column]) -> tuple[Note, ...]:
-    """How many samples lack their current or voltage."""
+    """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
     return tuple(
         Note(f"{count} of {table.line.size} samples have no {quantity} (NaN)", "warning")
@@ -115,32 +120,13 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
 
 
 def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
-    """How many gaps the time (T,) [s] has, and the longest."""
+    """A note on the gaps in the time (T,) [s] and the longest of them, if there are any."""
     gaps = find_gaps(time_s)
     if not gaps.size:
         return ()
     longest = gaps[np.argmax(np.diff(time_s)[gaps])]
     length = time_s[longest + 1] - time_s[longest]
     return (Note(f"{counted(gaps.size, 'gap')}, the longest {length:g} s after {time_s[longest]:g} s", "warning"),)
-
-
-def _in_si(values: np.ndarray, unit: Unit) -> np.ndarray:
-    scaled = values if unit.scale == 1.0 else values * unit.scale
-    return scaled if unit.offset == 0.0 else scaled + unit.offset
-
-
-def _unit_note(quantity: str, name: str, unit: Unit | None) -> Note:
-    if unit is None:
-        return Note(f"{quantity} from {name!r}, which names no unit: taken as {_symbol(quantity)}")
-    return Note(f"{quantity} from {name!r} in {unit.symbol}")
-
-
-def _symbol(quantity: str) -> str:
-    return UNITS[_DEFAULT_UNIT[quantity]].symbol
-
-
-def _named(text: set[str], empty: set[str]) -> tuple[tuple[str, set[str]], ...]:
-    return ("text", text), ("empty", empty)
 
 
 def _bridged(time_s: np.ndarray, values: np.ndarray, rows: np.ndarray, name: str) -> tuple[np.ndarray, Note]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
-from ohmward.logs.log import Note
+from ohmward.logs.note import Note
 from ohmward.logs.table import Table, number, numbers
 from ohmward.logs.units import UNITS
 
@@ -35,7 +35,7 @@ def nanosecond_column(names: Sequence[str], name: str) -> str | None:
 
 
 def read_clock(table: Table, column: Column) -> Clock:
-    """Seconds from elapsed time, Unix time (s, ms, us or ns, told by magnitude), ISO 8601, h:mm:ss or datetime64.
+    """Seconds from elapsed time, Unix time (s, ms, us or ns, told by magnitude), ISO 8601, h:mm:ss, dates, durations.
 
     Wall clocks become seconds since their first sample; elapsed times keep the file's own zero.
 
@@ -45,15 +45,18 @@ def read_clock(table: Table, column: Column) -> Clock:
     values = table.columns[column.name]
     if (nanoseconds := nanosecond_column(tuple(table.columns), column.name)) is not None:
         values = (values.astype(np.int64) * 1_000_000_000 + table.columns[nanoseconds].astype(np.int64)).view("M8[ns]")
-    if values.dtype.kind == "M":
-        return _from_nanoseconds(values)
+    if values.dtype.kind in "mM":
+        return clock_of_dates(values)
     if values.dtype == object:
         return _from_text(table, column, values)
     return _from_numbers(column, values)
 
 
-def _from_nanoseconds(values: np.ndarray) -> Clock:
+def clock_of_dates(values: np.ndarray) -> Clock:
+    """Seconds since the first of the datetime64 values (T,), or the seconds of timedelta64 values (T,)."""
     known = ~np.isnat(values)
+    if values.dtype.kind == "m":
+        return Clock(values / np.timedelta64(1, "s"), None)
     nanoseconds = values.astype("datetime64[ns]", copy=False).view(np.int64)
     start = int(nanoseconds[np.argmax(known)]) if known.any() else 0
     return Clock(np.where(known, (nanoseconds - start) * 1e-9, np.nan), start * 1e-9)

@@ -1,42 +1,25 @@
-"""Which column of a file is the time, the current, the voltage and the temperature, and in which unit."""
+"""The column of each channel, told by its name, and the unit in it."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.units import Unit, split_unit, unit_of
+from ohmward.logs.channels import BATTERY, TEMPERATURE, TIME, Channel, channel_of, word_set
+from ohmward.logs.units import Unit, split_unit, unit_in_name, unit_of
 
-QUANTITIES = ("time", "current", "voltage", "temperature")
-REQUIRED = ("time", "current", "voltage")
-
-_SYNONYMS: dict[str, frozenset[str]] = {
-    "time": frozenset(
-        ("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
-         "unix time", "relative time", "total time", "header stamp", "seconds", "epoch")
-    ),
-    "current": frozenset(("current", "i", "curr", "amps", "amperage", "ibat", "ibatt")),
-    "voltage": frozenset(("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe")),
-    "temperature": frozenset(("temperature", "temp", "t", "tbat", "tbatt", "temperature t")),
-}  # fmt: skip
-# Words that say where the whole battery was measured; they do not make it another quantity.
-_BATTERY_WORDS = frozenset(
-    ("battery", "batt", "bat", "pack", "terminal", "total", "measured", "meas", "test", "state", "field", "data",
-     "main", "header", "stamp", "surface")
-)  # fmt: skip
-# Words of columns that serve where there is nothing better.
-_SECOND_CHOICE = frozenset(("cell", "raw", "mean", "avg", "average"))
 # Words that make a column something else than a measurement of the battery.
-_OTHER_WORDS = frozenset(
-    ("true", "truth", "std", "sigma", "var", "limit", "max", "min", "set", "setpoint", "target", "reference", "error",
-     "residual", "predicted", "estimated", "estimate", "model", "step", "open", "circuit", "ocv", "delta", "offset",
-     "bias", "nanosec", "nsecs", "nsec")
-)  # fmt: skip
-_HINTS = {"time": "time", "current": "cur", "voltage": "volt", "temperature": "temp"}
-_NEVER = 99
+_OTHER_WORDS = word_set(
+    "true truth std sigma var limit max min set setpoint target reference error residual predicted estimated estimate "
+    "model step open circuit ocv delta offset bias nanosec nsecs nsec"
+)
+# Words of clocks that may be set while a log runs.
+_WALL_CLOCK = ("stamp", "date", "unix", "epoch")
+# Ranks of the ways in which a name may fit a channel; 0 is best.
+_BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 4, 99
 
 
 class Column(NamedTuple):
@@ -52,7 +35,7 @@ def find_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> dict[str, Column]:
-    """The column of each quantity, by its name: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
+    """The column of each quantity of a battery: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
 
     Names of the whole battery win over names of a cell, and those over names that merely end in the word.
 
@@ -65,103 +48,123 @@ def find_columns(
     Raises:
         InputError: a quantity is missing, two columns fit equally well, or an override names what does not exist.
     """
-    columns, units = dict(columns or {}), dict(units or {})
-    for quantity in (*columns, *units):
-        if quantity not in QUANTITIES:
-            raise InputError(f"unknown quantity {quantity!r}; ohmward knows {', '.join(QUANTITIES)}")
-    found = {quantity: find_column(source, names, quantity, columns, units) for quantity in QUANTITIES}
+    columns, units = columns or {}, units or {}
+    known = [channel.name for channel in BATTERY]
+    if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
+        raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
+    found = {channel.name: find_column(source, names, channel, columns, units) for channel in BATTERY}
     return {quantity: column for quantity, column in found.items() if column}
 
 
 def find_column(
-    source: str, names: Sequence[str], quantity: str, columns: Mapping[str, str], units: Mapping[str, str]
+    source: str,
+    names: Sequence[str],
+    channel: Channel,
+    columns: Mapping[str, str],
+    units: Mapping[str, str],
+    leave: Collection[str] = (),
 ) -> Column | None:
-    """The column of one of the quantities; None only for one that may be missing. Arguments as of `find_columns`."""
-    if column := _choose(source, names, quantity, columns):
-        return _with_unit(column, quantity, units.get(quantity))
-    if quantity in REQUIRED:
-        raise _missing(source, names, quantity)
-    return None
+    """The column of one channel; None only where it is not required. Arguments as of `find_columns`.
 
-
-def _choose(source: str, names: Sequence[str], quantity: str, columns: Mapping[str, str]) -> Column | None:
+    leave: columns that are not to be guessed.
+    """
+    quantity = channel.name
+    free = [name for name in names if name not in {*columns.values(), *leave}]
     if quantity in columns:
-        return _named(source, names, quantity, columns[quantity])
-    return _fitting(source, [name for name in names if name not in columns.values()], quantity)
+        column = named_column(source, names, quantity, columns[quantity])
+    elif fitting := _best(source, free, channel):
+        column = fitting
+    elif channel.required:
+        raise _missing(source, names, quantity)
+    else:
+        return None
+    return column._replace(unit=given_unit(quantity, units[quantity])) if quantity in units else column
 
 
-def _named(source: str, names: Sequence[str], quantity: str, wanted: str) -> Column:
-    exact = [name for name in names if name == wanted] or [n for n in names if n.lower() == wanted.lower()]
+def named_column(source: str, names: Sequence[str], quantity: str, wanted: str) -> Column:
+    """The column that the caller named, upper or lower case.
+
+    Raises:
+        InputError: there is none.
+    """
+    exact = [name for name in names if name == wanted] or [n for n in names if n.lower() == str(wanted).lower()]
     if not exact:
         raise InputError(
-            f"{source}: there is no column {wanted!r} for the {quantity}{guess(wanted, names)}; it has: {listed(names)}"
+            f"{source}: there is no column {wanted!r} for the {quantity}{guess(str(wanted), names)}; "
+            f"it has: {listed(names)}"
         )
-    unit = next((unit for _, unit in split_unit(exact[0]) if unit.quantity == quantity), None)
-    return Column(exact[0], unit)
+    return Column(exact[0], unit_in_name(exact[0], channel_of(quantity).dimensions))
 
 
-def _fitting(source: str, names: Sequence[str], quantity: str) -> Column | None:
-    readings = [(rank, Column(name, unit)) for name in names for rank, unit in _readings(name, quantity)]
-    best = min((rank for rank, _ in readings), default=_NEVER)
-    if best == _NEVER:
-        return None
-    fits = list(dict.fromkeys(column for rank, column in readings if rank == best))
-    if len({column.name for column in fits}) > 1 and quantity in REQUIRED:
-        first, second = fits[0].name, fits[1].name
+def given_unit(quantity: str, spelling: str) -> Unit:
+    """The unit with this spelling.
+
+    Raises:
+        InputError: there is none, or it is of another dimension.
+    """
+    unit, channel = unit_of(spelling), channel_of(quantity)
+    if unit is None or unit.dimension not in channel.dimensions:
+        raise InputError(f"unit {spelling!r} of the {quantity} is not known; use for example {channel.example}")
+    return unit
+
+
+def only_one(source: str, quantity: str, fits: Sequence[Column]) -> Column:
+    """The first column that fits.
+
+    Raises:
+        InputError: another one fits as well.
+    """
+    first = fits[0].name
+    if others := [column.name for column in fits if column.name != first]:
         raise InputError(
-            f"{source}: both {first!r} and {second!r} may be the {quantity}; "
+            f"{source}: both {first!r} and {others[0]!r} may be the {quantity}; "
             f"choose with --column {argument(f'{quantity}={first}')} (columns={{{quantity!r}: {first!r}}})"
         )
     return fits[0]
 
 
-def _readings(name: str, quantity: str) -> Iterator[tuple[int, Unit | None]]:
-    """Ranks (0 is best, _NEVER is no) of the ways to read a name as this quantity."""
+def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
+    ranked = [(rank, column) for name in names for rank, column in _ranks(channel, name)]
+    best = min((rank for rank, _ in ranked), default=_NEVER)
+    if best == _NEVER:
+        return None
+    fits = [column for rank, column in ranked if rank == best]
+    return fits[0] if channel.first_of_many else only_one(source, channel.name, fits)
+
+
+def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
+    """Ranks of the ways to take a name for this channel."""
     for stem, unit in split_unit(name):
-        if unit.quantity == quantity:
-            yield _rank(stem, quantity, unit), unit
+        if unit is None or unit.dimension in channel.dimensions:
+            yield _rank(channel, stem, unit), Column(name, unit)
+
+
+def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
+    words = channel.split(stem)
     # a bare `t` is a time; a temperature called `T` must carry its unit
-    yield (_NEVER if quantity == "temperature" and name.lower() == "t" else _rank(name, quantity, None)), None
-
-
-def _rank(stem: str, quantity: str, unit: Unit | None) -> int:
-    words = re.findall(r"[^\W\d_]+", stem.lower())
-    if _OTHER_WORDS & set(words):
+    if channel is TEMPERATURE and unit is None and stem.lower() == "t":
         return _NEVER
-    plain = [word for word in words if word not in _BATTERY_WORDS]
-    for rank, candidate in enumerate((words, plain, [word for word in plain if word not in _SECOND_CHOICE])):
-        if " ".join(candidate) in _SYNONYMS[quantity]:
+    for rank, beside in enumerate(channel.beside):
+        naming = [word for word in words if word not in beside]
+        if frozenset(naming) in channel.words:
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
-            bare_letter = 2 if unit is None and len(candidate) == 1 and len(candidate[0]) == 1 else 0
-            return rank + bare_letter + _wall_clock(stem, quantity)
+            bare_letter = unit is None and len("".join(naming)) == 1
+            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem)
     # `motor_current` is a current, `current_speed` is not
-    return 4 if words and words[-1] == quantity != "time" else _NEVER
+    last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
+    return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER
 
 
-def _wall_clock(stem: str, quantity: str) -> int:
+def _wall_clock(channel: Channel, stem: str) -> int:
     """A time since the start is better than the wall clock, which may be set while the log runs."""
-    clocks = ("stamp", "date", "unix", "epoch")
-    return 3 * (quantity == "time" and any(word in stem.lower() for word in clocks))
-
-
-def _with_unit(column: Column, quantity: str, spelling: str | None) -> Column:
-    if spelling is None:
-        return column
-    unit = unit_of(spelling)
-    if unit is None or unit.quantity != quantity:
-        raise InputError(f"unit {spelling!r} of the {quantity} is not known; use for example {_EXAMPLES[quantity]}")
-    return column._replace(unit=unit)
-
-
-_EXAMPLES = {"time": "s, ms, min or h", "current": "A or mA", "voltage": "V or mV", "temperature": "degC, K or degF"}
+    return _WALL_CLOCK_TIME * (channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK))
 
 
 def _missing(source: str, names: Sequence[str], quantity: str) -> InputError:
-    near = [name for name in names if _HINTS[quantity] in name.lower()]
-    first = near[0] if near else "NAME"
+    near = next((name for name in names if quantity[:3] in name.lower()), "NAME")
     return InputError(
         f"{source}: no column for the {quantity} found; it has: {listed(names)}; "
-        f"name it with --column {argument(f'{quantity}={first}')} (columns={{{quantity!r}: {first!r}}})"
+        f"name it with --column {argument(f'{quantity}={near}')} (columns={{{quantity!r}: {near!r}}})"
     )
 
 

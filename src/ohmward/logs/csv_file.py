@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs import csv_arrow
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, open_text
-from ohmward.logs.log import Note
+from ohmward.logs.note import Note
 from ohmward.logs.table import Progress, Table, TableFile, number, row_numbers
 
 _BLOCK_ROWS = 50_000

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ohmward.logs.log import Log, counted
+from ohmward.logs.log import Log
+from ohmward.logs.note import counted
 from ohmward.logs.survey import Survey, survey
 
 _YEAR_S = 365.25 * 86400.0

@@ -1,23 +1,43 @@
-"""One recording of a drive: wheels, motors and what else the robot measured, in SI units and in the robot's order."""
+"""The log of a drive: wheels, motors and what else the robot measured, in SI units, and its reader."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs import recording
-from ohmward.logs.log import Note
+from ohmward.logs.clean import gap_notes
+from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
+from ohmward.logs.frame import to_frame
+from ohmward.logs.note import Note, counted
+from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording, stem
+from ohmward.logs.time_series import TimeSeries
+from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
+from ohmward.logs.wheel_speed import Mechanics
+
+# Channel of the body -> its field in the log.
+_BODY = {
+    "yaw_rate": "yaw_rate_rad_s",
+    "acceleration": "acceleration_m_s2",
+    "pitch": "pitch_rad",
+    "speed": "speed_m_s",
+    "speed_std": "speed_std_m_s",
+    "speed_age": "speed_age_s",
+}
 
 #: Channels of the body: optional, (T,) each.
-BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+BODY = tuple(_BODY.values())
 
 
 @dataclass(frozen=True, eq=False)
-class DriveLog:
+class DriveLog(TimeSeries):
     """A recording of a drive. Arrays are read-only float64; NaN where nothing new was measured.
+
+    Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
     name: what to call it, usually the file's stem.
     time_s: (T,) [s], finite and strictly increasing.
@@ -27,12 +47,12 @@ class DriveLog:
     acceleration_m_s2: of an accelerometer along x, gravity included: at rest g sin(pitch).
     pitch_rad: of an attitude filter, > 0 with the nose up.
     speed_m_s, speed_std_m_s, speed_age_s: forward, from GNSS, visual or lidar odometry or optical flow; its standard
-        deviation; how long before `time_s` it was true.
+        deviation; the time before `time_s` at which it was true.
     extra: further numeric columns by their name in the file, (T,) each: truths, for example.
     notes: everything that was assumed, converted or dropped on the way.
 
     Raises:
-        InputError: no samples, shapes that differ, time that is not finite or does not increase.
+        InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
     """
 
     name: str
@@ -49,19 +69,14 @@ class DriveLog:
     notes: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
-        recording.freeze(self, ("time_s", "wheel_speed_rad_s", "motor_current_A", *BODY))
-        recording.require_time(self)
-        recording.require_lengths(self, BODY)
+        self._freeze(("wheel_speed_rad_s", "motor_current_A", *BODY))
+        self._require_lengths(BODY)
         for name in ("wheel_speed_rad_s", "motor_current_A"):
-            self._require_row_for_each_time(name)
-
-    def __len__(self) -> int:
-        return self.time_s.size
-
-    @property
-    def duration_s(self) -> float:
-        """Last minus first time [s]."""
-        return float(self.time_s[-1] - self.time_s[0])
+            shape = getattr(self, name).shape
+            if len(shape) != 2 or shape[0] != len(self):
+                raise InputError(
+                    f"DriveLog {self.name!r}: {name} must be ({len(self)}, wheels), one row for each time, not {shape}"
+                )
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -69,21 +84,122 @@ class DriveLog:
         values = {name: getattr(self, name) for name in BODY}
         return tuple(name for name, v in values.items() if v is not None and np.isfinite(v).any())
 
-    def select(self, rows: slice | np.ndarray) -> DriveLog:
-        """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
-        return recording.select(self, rows)
+    @classmethod
+    def from_pandas(cls, frame: Any, robot: Any, driven: int | None = None, **options: Any) -> DriveLog:
+        """The drive in a DataFrame; the same as `read_drive(frame, robot, driven, **options)`."""
+        return read_drive(frame, robot, driven, **options)
 
-    def between(self, start_s: float, stop_s: float) -> DriveLog:
-        """The samples with start_s <= time_s < stop_s; the clock keeps its zero."""
-        return recording.between(self, start_s, stop_s)
+    def to_pandas(self, places: Sequence[str] | None = None) -> Any:
+        """A DataFrame with a column for each channel and the extra columns, units in their names, over `time_s` [s].
 
-    def with_notes(self, *notes: Note) -> DriveLog:
-        """The same log with more notes."""
-        return replace(self, notes=self.notes + notes)
+        places: names of the wheels, driven ones first; wheel_1, wheel_2, ... unless given.
+        """
+        wheels = self.wheel_speed_rad_s.shape[1]
+        names = places or [f"wheel_{number + 1}" for number in range(wheels)]
+        if len(names) != wheels:
+            raise InputError(f"places must name the {wheels} wheels of the log, got {len(names)}: {list(names)}")
+        columns = {"time_s": self.time_s}
+        columns |= {f"{p}_wheel_speed_rad_s": self.wheel_speed_rad_s[:, k] for k, p in enumerate(names)}
+        columns |= {f"{p}_motor_current_A": v for p, v in zip(names, self.motor_current_A.T, strict=False)}
+        body = {name: getattr(self, name) for name in BODY if getattr(self, name) is not None}
+        return to_frame({**columns, **body, **self.extra}, self.name)
 
-    def _require_row_for_each_time(self, name: str) -> None:
-        shape = getattr(self, name).shape
-        if len(shape) != 2 or shape[0] != len(self):
-            raise InputError(
-                f"DriveLog {self.name!r}: {name} must be ({len(self)}, wheels), one row for each time, not {shape}"
-            )
+
+def read_drive(
+    source: str | PathLike[str] | Any,
+    robot: Sequence[str] | Any,
+    driven: int | None = None,
+    *,
+    radius_m: float | None = None,
+    gear_ratio: float | None = None,
+    at_motor_shaft: bool = False,
+    counts_per_turn: float | None = None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    where: Mapping[str, float | str] | None = None,
+    extra: Collection[str] | None = None,
+    leave: Collection[str] = (),
+    sort_time: bool = False,
+) -> DriveLog:
+    """The drive in a CSV or Parquet file, or in a DataFrame of pandas.
+
+    source: the path of the file, whose content, not its name, says whether it is Parquet; or the DataFrame.
+    robot: a Robot, or the names of its wheels, driven ones first.
+    driven: number of driven wheels; only with names.
+    radius_m: of the wheels; needed for speeds in m/s at the rim; that of the robot unless given.
+    gear_ratio: of the motors; used where the speeds are the motors' own; that of the robot, or 1, unless given.
+    at_motor_shaft: wheel speeds and counts are of the motor, before the gear.
+    counts_per_turn: of the encoders; needed for counts.
+    columns: channel -> column name, where names alone do not tell: {"front_left_wheel_speed": "velL"}.
+    units: channel or kind -> unit: {"wheel_speed": "rpm"}.
+    where: column -> value, to choose one of several recordings; "recording" counts clock restarts.
+    extra: further columns to keep; None keeps every numeric one.
+    leave: columns not to take for a sensor by their names: truths.
+    sort_time: sort rows that are out of order, whatever the reason.
+
+    Raises:
+        InputError: the file cannot be read as a drive; the message names the file, the place and the fix.
+        OhmwardError: Parquet without pyarrow.
+    """
+    wheels = _wheels(robot, driven)
+    if hasattr(robot, "places"):
+        radius_m = robot.wheel.radius_m if radius_m is None else radius_m
+        gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
+    mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
+    mechanics.require_valid()
+    file = open_table(source)
+    given = {"time": file.time} if file.time else {}
+    found = find_drive_columns(file.source, file.names, wheels, given | dict(columns or {}), units, leave)
+    wanted = Wanted(where or {}, extra, sort_time)
+    rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
+    channels = drive_channels(rows.table, found, wheels, mechanics)
+    return _as_log(file.source, rows, channels, _order_notes(found, wheels))
+
+
+def _as_log(source: str, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
+    """The rows in which something was measured.
+
+    Raises:
+        InputError: there is none.
+    """
+    measured = channels.measured
+    if not measured.any():
+        raise InputError(f"{source}: no row has the speed of a wheel or anything else that the robot measured")
+    notes = [*rows.table.notes, *channels.notes]
+    if not measured.all():
+        notes.append(Note(f"{counted(int((~measured).sum()), 'row')} in which nothing was measured: dropped"))
+    log = DriveLog(
+        name=stem(source),
+        time_s=channels.time_s,
+        wheel_speed_rad_s=channels.wheel_speed_rad_s,
+        motor_current_A=channels.motor_current_A,
+        **{_BODY[channel]: values for channel, values in channels.body.items() if channel in _BODY},
+        extra={name: values for name, values in rows.table.columns.items() if name not in rows.own},
+        notes=(*notes, *order, *channels.absent, *gap_notes(channels.time_s)),
+    )
+    return log.select(measured)
+
+
+def _order_notes(found: Found, wheels: Wheels) -> tuple[Note, ...]:
+    """A warning where wheels without numbers in their names were told by numbers."""
+    if not found.by_number or all(any(c.isdigit() for c in place) for place in wheels.places):
+        return ()
+    text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
+    return (Note(text, "warning"),)
+
+
+def _wheels(robot: Any, driven: int | None) -> Wheels:
+    """The wheels of a robot, or of a sequence of names.
+
+    Raises:
+        InputError: neither, or the number of driven wheels is not told or told twice.
+    """
+    if hasattr(robot, "places") and driven in (None, robot.driven):
+        return Wheels(tuple(place.name for place in robot.places), robot.driven)
+    names = () if isinstance(robot, str) or not isinstance(robot, Sequence) else tuple(robot)
+    if not names or driven is None or not 0 <= driven <= len(names):
+        raise InputError(
+            "read_drive needs a Robot, or the names of its wheels, driven ones first, and the number of driven ones: "
+            f"read_drive(path, ('left', 'right', 'castor'), 2); got {robot!r:.60} and driven={driven!r}"
+        )
+    return Wheels(names, driven)

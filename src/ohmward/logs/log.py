@@ -1,36 +1,32 @@
-"""What every part of ohmward reads: one recording of a battery, in SI units, with everything said that was assumed."""
+"""The log of a battery: a recording of current, voltage and temperature in SI units, and its reader."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
-from ohmward.logs import recording
+from ohmward.logs import bdf
+from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
+from ohmward.logs.columns import find_columns
+from ohmward.logs.frame import to_frame
+from ohmward.logs.note import Note, counted
+from ohmward.logs.read import Wanted, open_table, read_recording, stem
+from ohmward.logs.sign import CurrentSign, decide_sign, sign_evidence
+from ohmward.logs.table import Progress, TableFile
+from ohmward.logs.time_series import TimeSeries
 
 SECONDS_PER_HOUR = 3600.0
 
 
-class Note(NamedTuple):
-    """One thing that was assumed, converted, dropped or found; `level` is "info" or "warning"."""
-
-    text: str
-    level: str = "info"
-
-    def __str__(self) -> str:
-        return f"{self.level}: {self.text}"
-
-
-def counted(count: int, noun: str) -> str:
-    """A count with its noun for a message: "1 row", "2 rows"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 @dataclass(frozen=True, eq=False)
-class Log:
+class Log(TimeSeries):
     """A recording: current, voltage and temperature over time. Arrays are read-only float64.
+
+    Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
     name: what to call it, usually the file's stem.
     time_s: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock.
@@ -42,7 +38,7 @@ class Log:
     start_unix_s: Unix time [s] of time_s = 0, or None when the file has no wall clock.
 
     Raises:
-        InputError: no samples, shapes that differ, time that is not finite or does not increase.
+        InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
     """
 
     name: str
@@ -56,34 +52,28 @@ class Log:
 
     def __post_init__(self) -> None:
         columns = ("current_A", "voltage_V", "temperature_degC")
-        recording.freeze(self, ("time_s", *columns))
-        recording.require_time(self)
-        recording.require_lengths(self, columns)
+        start_unix_s = self._freeze(columns)
+        if self.start_unix_s is None:
+            object.__setattr__(self, "start_unix_s", start_unix_s)
+        self._require_lengths(columns)
 
-    def __len__(self) -> int:
-        return self.time_s.size
+    @classmethod
+    def from_pandas(cls, frame: Any, **options: Any) -> Log:
+        """The log in a DataFrame; the same as `read_log(frame, **options)`."""
+        return read_log(frame, **options)
 
-    @property
-    def duration_s(self) -> float:
-        """Last minus first time [s]."""
-        return float(self.time_s[-1] - self.time_s[0])
+    def to_pandas(self) -> Any:
+        """A DataFrame with the measured and the extra columns, units in their names, over `time_s` [s]."""
+        return to_frame({**self.measured(), **self.extra}, self.name)
 
-    @property
-    def dt_s(self) -> np.ndarray:
-        """(T-1,) [s], the time between neighbouring samples."""
-        return np.diff(self.time_s)
-
-    def select(self, rows: slice | np.ndarray) -> Log:
-        """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
-        return recording.select(self, rows)
-
-    def between(self, start_s: float, stop_s: float) -> Log:
-        """The samples with start_s <= time_s < stop_s; the clock keeps its zero."""
-        return recording.between(self, start_s, stop_s)
-
-    def with_notes(self, *notes: Note) -> Log:
-        """The same log with more notes."""
-        return replace(self, notes=self.notes + notes)
+    def measured(self) -> dict[str, np.ndarray]:
+        """The time and what was measured, each (T,) under ohmward's own name; with a wall clock also `unix_time_s`."""
+        columns = {"time_s": self.time_s, "current_A": self.current_A, "voltage_V": self.voltage_V}
+        if self.temperature_degC is not None:
+            columns["temperature_degC"] = self.temperature_degC
+        if self.start_unix_s is not None:
+            columns["unix_time_s"] = self.start_unix_s + self.time_s
+        return columns
 
     def charge_Ah(self) -> np.ndarray:
         """(T,) [Ah], the integral of the current from the first sample, > 0 when charge went in.
@@ -98,8 +88,9 @@ class Log:
         return np.concatenate([[0.0], np.cumsum(mean * self.dt_s)]) / SECONDS_PER_HOUR
 
     def describe(self) -> str:
-        """A few lines for people: what is in the log, then its notes."""
-        lines = [f"{self.name}: {counted(len(self), 'sample')}, {self.duration_s:g} s, {_interval(self)}"]
+        """A few lines for people: the content of the log, then its notes."""
+        interval = f"median interval {np.median(self.dt_s):g} s" if len(self) > 1 else "one sample"
+        lines = [f"{self.name}: {counted(len(self), 'sample')}, {self.duration_s:g} s, {interval}"]
         lines += [_range("current", self.current_A, "A (> 0 charges)"), _range("voltage", self.voltage_V, "V")]
         if self.temperature_degC is not None:
             lines.append(_range("temperature", self.temperature_degC, "degC"))
@@ -108,8 +99,78 @@ class Log:
         return "\n".join(lines + [f"  {note}" for note in self.notes])
 
 
-def _interval(log: Log) -> str:
-    return f"median interval {np.median(log.dt_s):g} s" if len(log) > 1 else "one sample"
+def read_log(
+    source: str | PathLike[str] | Any,
+    *,
+    current_sign: CurrentSign = "auto",
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    where: Mapping[str, float | str] | None = None,
+    extra: Collection[str] | None = None,
+    sort_time: bool = False,
+    progress: Progress | None = None,
+) -> Log:
+    """The log in a CSV, Parquet or BDF file, or in a DataFrame of pandas.
+
+    source: the path of the file, whose content, not its name, says whether it is Parquet; or the DataFrame.
+    current_sign: what a positive current in the file does: "charge", "discharge", or "auto" to tell from the voltage.
+    columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
+    units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.
+    where: column -> value, to choose one of several recordings: {"script": 1}; "recording" counts clock restarts.
+    extra: further columns to keep; None keeps every numeric one.
+    sort_time: sort rows that are out of order, whatever the reason.
+    progress: called now and then with what is read and what there is to read.
+
+    Raises:
+        InputError: the file cannot be read as a log; the message names the file, the place and the fix.
+        OhmwardError: Parquet without pyarrow.
+    """
+    file = open_table(source)
+    bdf.check_names(file.source, file.names)
+    columns = ({"time": file.time} if file.time else {}) | dict(columns or {})
+    chosen = find_columns(file.source, file.names, columns, units)
+    wanted = Wanted(where or {}, extra, sort_time, progress)
+    rows = read_recording(file, chosen, wanted, lambda table: to_si(table, chosen))
+    table = merge_rates(rows.table, chosen)
+    measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
+    time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
+    current_A, sign_note = _charging(file, current_sign, measured)
+    left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
+    own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
+    return Log(
+        name=stem(file.source),
+        time_s=time_s,
+        current_A=current_A,
+        voltage_V=measured["voltage"],
+        temperature_degC=measured.get("temperature"),
+        extra={name: column for name, column in table.columns.items() if name not in own},
+        notes=(*table.notes, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        start_unix_s=start_unix_s,
+    )
+
+
+def _charging(file: TableFile, wanted: CurrentSign, measured: Mapping[str, np.ndarray]) -> tuple[np.ndarray, Note]:
+    """The current (T,) [A], > 0 charging, and a note on how that was decided."""
+    current_A = measured["current"]
+    sign, note = decide_sign(
+        stem(file.source),
+        wanted,
+        sign_evidence(measured["time"], current_A, measured["voltage"]),
+        bdf_file=bdf.is_bdf(file.source),
+        bdf_names=bdf.has_columns(file.names),
+        flows=bool(np.nan_to_num(current_A).any()),
+    )
+    return -current_A if sign == "discharge" else current_A, note
+
+
+def _since_start(
+    time_s: np.ndarray, start_unix_s: float | None, columns: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, float | None]:
+    """The time [s], from the first sample for a wall clock, and its Unix start, which a column beside it may tell."""
+    if start_unix_s is not None:
+        return time_s - time_s[0], start_unix_s + float(time_s[0])
+    wall_clock = next((columns[name] for name in bdf.NAMES["unix_time_s"] if name in columns), None)
+    return time_s, None if wall_clock is None else float(wall_clock[0] - time_s[0])
 
 
 def _range(name: str, values: np.ndarray, unit: str) -> str:

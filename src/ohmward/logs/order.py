@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.log import Note, counted
+from ohmward.logs.note import Note, counted
 from ohmward.logs.selection import explain_recordings
 from ohmward.logs.table import Table
 

@@ -98,14 +98,14 @@ def _pyarrow():
 
 
 def _values(column: Any) -> np.ndarray:
-    """Numbers as float64 or int64 (NaN for null), dates as datetime64, everything else as text."""
+    """Numbers as float64 or int64 (NaN for null), dates and durations as such, everything else as text."""
     kind = str(column.type)
     if kind.startswith(("timestamp", "date")):
         return _numpy(column).astype("datetime64[ns]")
     if kind.startswith(("int", "uint", "float", "double", "halffloat")):
         return _numbers(column)
     if kind.startswith("duration"):
-        return _numpy(column).astype("timedelta64[ns]") / np.timedelta64(1, "s")
+        return _numpy(column).astype("timedelta64[ns]")
     if kind.startswith(("decimal", "bool")):
         return _numpy(column.cast("float64"))
     return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)

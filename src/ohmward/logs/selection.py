@@ -9,8 +9,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import argument, guess, listed
-from ohmward.logs.log import Note
-from ohmward.logs.table import Table
+from ohmward.logs.note import Note
+from ohmward.logs.table import Table, numbers
 
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"
@@ -97,9 +97,9 @@ def _equal(table: Table, name: str, wanted: float | str) -> np.ndarray:
             f"it has: {listed(list(table.columns))}"
         )
     values = table.columns[name]
-    if values.dtype.kind in "fiu":
+    if values.dtype.kind in "fium":
         try:
-            return np.isclose(values.astype(float), float(wanted), rtol=1e-9, atol=0.0)
+            return np.isclose(numbers(table, name), float(wanted), rtol=1e-9, atol=0.0)
         except ValueError:
             return np.zeros(values.size, dtype=bool)
     return values.astype(str) == str(wanted)

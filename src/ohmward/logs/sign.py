@@ -1,4 +1,4 @@
-"""Which sign of a current charges the battery, told from how the voltage answers.
+"""The sign of a current that charges the battery, told from the response of the voltage.
 
 With current > 0 charging, an edge of the current moves the voltage the same way at once, because the ohmic resistance
 is positive; and a long steady current that charges raises the voltage. Either may decide; where they contradict each
@@ -7,12 +7,16 @@ other, or neither is clear, the answer is that the data do not tell.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from ohmward.logs.log import counted
+from ohmward.errors import InputError
+from ohmward.logs.note import Note, counted
 from ohmward.runs import runs
+
+#: What a positive current in a file does; "auto" tells it from the data.
+CurrentSign = Literal["auto", "charge", "discharge"]
 
 # Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
 CLEAR_T = 10.0
@@ -50,7 +54,7 @@ class EdgeTest(NamedTuple):
 
 
 class SignEvidence(NamedTuple):
-    """What the data say a positive current does: verdict "charge", "discharge" or "undecidable".
+    """Effect of a positive current according to the data: verdict "charge", "discharge" or "undecidable".
 
     edges: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
     """
@@ -79,6 +83,46 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     signs = {edges.sign, trend}
     verdict = "undecidable" if signs == {1, -1} or signs == {0} else "charge" if 1 in signs else "discharge"
     return SignEvidence(verdict, edges, trend)
+
+
+def decide_sign(
+    name: str, wanted: CurrentSign, evidence: SignEvidence, *, bdf_file: bool, bdf_names: bool, flows: bool
+) -> tuple[str, Note]:
+    """Effect of a positive current in a file, "charge" or "discharge": as told, as its format defines, or from the data.
+
+    name: of the log, for messages.  wanted: by the caller.
+    bdf_file, bdf_names: the file says that it is BDF, or its columns have the names of BDF.
+    flows: the current is not always zero.
+
+    Raises:
+        InputError: `wanted` is none of the three, or nothing tells the sign.
+    """
+    if wanted not in get_args(CurrentSign):
+        raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
+    if wanted != "auto":
+        return wanted, _told_note(wanted, "given", evidence)
+    if bdf_file:
+        return "charge", _told_note("charge", "by definition of BDF", evidence)
+    if evidence.verdict != "undecidable":
+        text = f"positive current {evidence.verdict}s the battery, told from the data: {evidence}"
+        return evidence.verdict, Note(text)
+    if bdf_names:
+        text = "positive current charges the battery (by definition of BDF, whose column names these are)"
+        return "charge", Note(text)
+    if not flows:
+        return "charge", Note("the current is zero throughout: its sign does not matter", "warning")
+    raise InputError(
+        f"{name}: the data do not tell whether a positive current charges or discharges the battery ({evidence}); "
+        "say it with --current-sign charge or --current-sign discharge (current_sign='charge')"
+    )
+
+
+def _told_note(told: str, by: str, evidence: SignEvidence) -> Note:
+    """A note on a sign that somebody told; a warning where the data say the opposite."""
+    text = f"positive current {told}s the battery ({by})"
+    if evidence.verdict in (told, "undecidable"):
+        return Note(text)
+    return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
 
 
 def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:

@@ -1,4 +1,4 @@
-"""A file as columns, before anyone decides what they mean."""
+"""A file or DataFrame as columns, before anyone decides what they mean."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.log import Note
+from ohmward.logs.note import Note
 
 #: Called now and then with what is done and what there is to do: rows, or bytes of a text file.
 Progress = Callable[[int, int], None]
 
-#: What a cell without a number says, in small letters.
+#: Cells without a number, in small letters.
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
 
 
@@ -22,10 +22,10 @@ class Table(NamedTuple):
     """Columns of one file and where each row stands in it.
 
     source: the file's name, for messages.
-    columns: name -> (T,); numbers, datetime64, or text (dtype object).
-    line: (T,) int, the row's line in a text file or its number (from 1) in a Parquet file.
-    place: what `line` counts, "line" or "row", for messages.
-    notes: what the reader dropped.
+    columns: name -> (T,); numbers, datetime64, timedelta64, or text (dtype object).
+    line: (T,) int, the row's line in a text file or its number (from 1) elsewhere.
+    place: "line" or "row", for messages.
+    notes: of the reader, on what it dropped.
     """
 
     source: str
@@ -49,16 +49,18 @@ class ColumnLoader(Protocol):
 
 
 class TableFile(NamedTuple):
-    """A file whose column names are known and whose columns are read on demand.
+    """A file or DataFrame whose column names are known and whose columns are read on demand.
 
-    source: the file's name, for messages.
+    source: its name, for messages.
     names: the columns in the file's order.
     load: reads columns.
+    time: the column that is the time whatever its name, or None.
     """
 
     source: str
     names: tuple[str, ...]
     load: ColumnLoader
+    time: str | None = None
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:
@@ -77,7 +79,7 @@ def number(cell: str) -> float:
 
 
 def numbers(table: Table, name: str) -> np.ndarray:
-    """(T,) the column as float64.
+    """(T,) the column as float64, durations in seconds.
 
     Raises:
         InputError: a cell is text; names its line.
@@ -85,6 +87,8 @@ def numbers(table: Table, name: str) -> np.ndarray:
     values = table.columns[name]
     if values.dtype.kind in "fiu":
         return values.astype(float, copy=False)
+    if values.dtype.kind == "m":
+        return values / np.timedelta64(1, "s")
     for row, cell in enumerate(values):
         try:
             number(str(cell))

@@ -1,22 +1,30 @@
-"""Units of the columns of a log, and how they are written into column names."""
+"""Units of measured quantities, and their notation in the names of columns."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
+
+import numpy as np
 
 
 class Unit(NamedTuple):
-    """A unit of `quantity`: SI value (degC for temperature) = scale * value + offset."""
+    """A unit of `dimension`: SI value (degC for temperature) = scale * value + offset."""
 
     symbol: str
-    quantity: str
+    dimension: str
     scale: float
     offset: float = 0.0
 
+    def in_si(self, values: np.ndarray) -> np.ndarray:
+        """The values in SI units; the very array where nothing changes."""
+        scaled = values if self.scale == 1.0 else values * self.scale
+        return scaled if self.offset == 0.0 else scaled + self.offset
 
-# Spelled in lower case; the first spelling is the symbol.
+
+# Spelled in lower case. A slash stands for an underscore as well: `speed_m_s`.
 _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes"),
     Unit("mA", "current", 1e-3): ("ma", "milliamp", "milliamps", "milliampere", "milliamperes"),
@@ -33,27 +41,56 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("min", "time", 60.0): ("min", "mins", "minute", "minutes"),
     Unit("h", "time", 3600.0): ("h", "hr", "hrs", "hour", "hours"),
     Unit("d", "time", 86400.0): ("d", "day", "days"),
-    Unit("degC", "temperature", 1.0): ("c", "degc", "deg c", "°c", "ºc", "℃", "celsius", "degree celsius"),
+    Unit("degC", "temperature", 1.0): ("c", "degc", "deg c", "deg_c", "°c", "ºc", "℃", "celsius", "degree celsius"),
     Unit("K", "temperature", 1.0, -273.15): ("k", "kelvin"),
-    Unit("degF", "temperature", 5 / 9, -160 / 9): ("f", "degf", "deg f", "°f", "ºf", "℉", "fahrenheit"),
+    Unit("degF", "temperature", 5 / 9, -160 / 9): ("f", "degf", "deg f", "deg_f", "°f", "ºf", "℉", "fahrenheit"),
+    Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "rads"),
+    Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "°/s"),
+    Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min"),
+    Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
+    Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),
+    Unit("km/h", "speed", 1 / 3.6): ("km/h", "kmh", "kph"),
+    Unit("m/s2", "acceleration", 1.0): ("m/s2", "m/s^2", "m/s²", "mps2", "m_per_s2"),
+    Unit("g", "acceleration", 9.80665): ("g",),
+    Unit("rad", "angle", 1.0): ("rad", "radian", "radians"),
+    Unit("deg", "angle", math.pi / 180): ("deg", "degree", "degrees", "°"),
+    Unit("counts", "turn", 1.0): ("counts", "count", "ticks", "tick"),
 }
-UNITS: dict[str, Unit] = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+
+
+def _key(spelling: str) -> str:
+    return "".join(spelling.split()).lower().replace("_", "/")
+
+
+UNITS: dict[str, Unit] = {_key(spelling): unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 
 # `Current [mA]`, `I (A)`, `Temperature (C)_1`
 _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*_?(?P<rest>\d*)$")
 # `Voltage / V`, `U/V`
 _SLASH = re.compile(r"^(?P<stem>.+?)\s*/\s*(?P<unit>[^/]+?)\s*(?P<rest>)$")
 # `current_A`, `voltage mV`, `time.ms`
-_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w+|deg[ _][cfCF]|degree[ _]celsius)(?P<rest>)$")
+_SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w*)(?P<rest>)$")
+# `speed_m_s`, `wheel rad/s`, `temp_deg_C`: units of more than letters, the longest first
+_OF_PARTS = sorted(
+    (s for spellings in _SPELLINGS.values() for s in spellings if not s.isalpha()), key=len, reverse=True
+)
+_PARTS = "|".join(re.escape(spelling).replace("/", "[/_]") for spelling in _OF_PARTS)
+_COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$", re.IGNORECASE)
 
 
 def unit_of(spelling: str) -> Unit | None:
     """The unit with this spelling, or None."""
-    return UNITS.get(" ".join(spelling.replace("_", " ").split()).lower())
+    return UNITS.get(_key(spelling))
 
 
-def split_unit(name: str) -> Iterator[tuple[str, Unit]]:
-    """Every way to read a column name as a stem and a unit, the most explicit notation first."""
-    for notation in (_BRACKETS, _SLASH, _SUFFIX):
+def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
+    """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name."""
+    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX):
         if (found := notation.match(name.strip())) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
+    yield name, None
+
+
+def unit_in_name(name: str, dimensions: Collection[str]) -> Unit | None:
+    """The unit of one of the dimensions that a column's name ends in, or None."""
+    return next((unit for _, unit in split_unit(name) if unit and unit.dimension in dimensions), None)

@@ -30,8 +30,8 @@ def write_log(log: Log, path: str | PathLike[str]) -> None:
         OhmwardError: the disk refused, or Parquet without pyarrow.
     """
     path = Path(path)
-    own = {field: values for field, values in _fields(log).items() if values is not None}
-    if bdf.is_bdf(path):
+    own = log.measured()
+    if bdf.is_bdf(path.name):
         own = {bdf.NAMES[field][0]: values for field, values in own.items()}
     if taken := own.keys() & log.extra.keys():
         raise InputError(f"log {log.name!r}: the extra column {min(taken)!r} has the name of a measured one; rename it")
@@ -56,17 +56,6 @@ def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], pr
         raise InputError(f"{path.name}: unknown suffix {path.suffix!r}; name the file .csv or .parquet")
     with replacing(path) as temporary:
         writers[path.suffix.lower()](temporary, columns, progress)
-
-
-def _fields(log: Log) -> dict[str, np.ndarray | None]:
-    unix_time_s = None if log.start_unix_s is None else log.start_unix_s + log.time_s
-    return {
-        "time_s": log.time_s,
-        "current_A": log.current_A,
-        "voltage_V": log.voltage_V,
-        "temperature_degC": log.temperature_degC,
-        "unix_time_s": unix_time_s,
-    }
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:

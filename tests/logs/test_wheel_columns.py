@@ -3,7 +3,7 @@
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.logs.drive_columns import Wheels, find_drive_columns
+from ohmward.logs.wheel_columns import Wheels, find_drive_columns
 
 FRONT = Wheels(("front_left", "front_right", "rear_left", "rear_right"), 2)
 ALL = Wheels(FRONT.places, 4)

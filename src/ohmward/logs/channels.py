@@ -1,0 +1,157 @@
+"""The channels of batteries and drives, one table: names, units, and the words that columns call them by."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+from ohmward.logs.units import UNITS, Unit
+
+SIDES = frozenset(("left", "right"))
+CORNERS = SIDES | {"front", "rear"}
+
+# Abbreviations in the names of wheels and of the body's sensors, spelled out.
+_SPELLED_OUT: dict[str, tuple[str, ...]] = {
+    "l": ("left",), "r": ("right",), "back": ("rear",),
+    **dict.fromkeys(("fl", "lf"), ("front", "left")), **dict.fromkeys(("fr", "rf"), ("front", "right")),
+    **dict.fromkeys(("rl", "bl", "lr", "lb"), ("rear", "left")),
+    **dict.fromkeys(("rr", "br", "rb"), ("rear", "right")),
+    "wl": ("w", "left"), "wr": ("w", "right"), "vl": ("v", "left"), "vr": ("v", "right"),
+    "il": ("i", "left"), "ir": ("i", "right"),
+    "wz": ("w", "z"), "gz": ("gyro", "z"), "ax": ("a", "x"), "yawrate": ("yaw", "rate"),
+}  # fmt: skip
+
+
+def letters(stem: str) -> list[str]:
+    """Words of letters in lower case: `T1_Batt` as t, batt."""
+    return re.findall(r"[^\W\d_]+", stem.lower())
+
+
+def robot_words(stem: str) -> list[str]:
+    """Words and numbers, abbreviations spelled out: `velL` as vel, left; `m1vel` as m, 1, vel."""
+    parts = re.findall(r"[A-Z]?[a-zäöü]+|[A-Z]+(?![a-z])|\d+", stem)
+    return [word for part in parts for word in _SPELLED_OUT.get(part.lower(), (part.lower(),))]
+
+
+class Channel(NamedTuple):
+    """A quantity that a column may hold.
+
+    name: as in `columns={"current": "I_batt"}`; a channel of wheels stands behind a wheel's name.
+    dimensions: of its units; default: the unit where a column names none; example: units for a message.
+    words: each a set of words that names it, in any order.
+    beside: words that may stand beside those, the best fit first.
+    split: the words in a column's name.
+    required: without it a recording is refused.
+    first_of_many: of several columns that fit equally well the first is taken, not refused.
+    """
+
+    name: str
+    dimensions: tuple[str, ...]
+    default: Unit
+    example: str
+    words: frozenset[frozenset[str]]
+    beside: tuple[frozenset[str], ...]
+    split: Callable[[str], list[str]] = robot_words
+    required: bool = False
+    first_of_many: bool = False
+
+
+def word_set(text: str) -> frozenset[str]:
+    """The words of a text."""
+    return frozenset(text.split())
+
+
+def _words(*names: str) -> frozenset[frozenset[str]]:
+    return frozenset(map(word_set, names))
+
+
+def _each(first: str, second: str) -> list[str]:
+    """Every word of the first with every word of the second; `-` stands for none."""
+    return [f"{a} {b}".replace("-", "") for a in first.split() for b in second.split()]
+
+
+# Words that say where the whole battery was measured; they do not make it another quantity.
+_OF_BATTERY = word_set(
+    "battery batt bat pack terminal total measured meas test state field data main header stamp surface"
+)
+# Words of columns that serve where there is nothing better.
+_SECOND_CHOICE = word_set("cell raw mean avg average")
+_BESIDE_BATTERY = (frozenset[str](), _OF_BATTERY, _OF_BATTERY | _SECOND_CHOICE)
+_BESIDE_WHEELS = (
+    word_set(
+        "wheel wheels motor m joint joints state states drive angular ang rim encoder enc measured meas actual act "
+        "feedback fb service"
+    ),
+)
+_BESIDE_BODY = (word_set("imu data body base robot msg"),)
+_SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
+
+TIME = Channel(
+    "time", ("time",), UNITS["s"], "s, ms, min or h",
+    _words("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
+           "unix time", "relative time", "total time", "header stamp", "seconds", "epoch"),
+    _BESIDE_BATTERY, letters, required=True,
+)  # fmt: skip
+CURRENT = Channel(
+    "current", ("current",), UNITS["a"], "A or mA", _words("current", "i", "curr", "amps", "amperage", "ibat", "ibatt"),
+    _BESIDE_BATTERY, letters, required=True,
+)  # fmt: skip
+VOLTAGE = Channel(
+    "voltage", ("voltage",), UNITS["v"], "V or mV",
+    _words("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe"),
+    _BESIDE_BATTERY, letters, required=True,
+)  # fmt: skip
+TEMPERATURE = Channel(
+    "temperature", ("temperature",), UNITS["degc"], "degC, K or degF",
+    _words("temperature", "temp", "t", "tbat", "tbatt", "temperature t"), _BESIDE_BATTERY, letters, first_of_many=True,
+)  # fmt: skip
+WHEEL_SPEED = Channel(
+    "wheel_speed", ("rotation", "speed", "turn"), UNITS["rad/s"], "rad/s, rpm, m/s or counts",
+    _words("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"), _BESIDE_WHEELS,
+)  # fmt: skip
+WHEEL_COUNTS = WHEEL_SPEED._replace(
+    dimensions=("turn",), default=UNITS["counts"], words=_words("counts", "count", "ticks", "tick", "encoder", "enc")
+)
+MOTOR_CURRENT = Channel(
+    "motor_current", ("current",), UNITS["a"], "A or mA",
+    _words("current", "currents", "cur", "curr", "i", "amps"), _BESIDE_WHEELS,
+)  # fmt: skip
+
+#: The channels of a battery's log.
+BATTERY = (TIME, CURRENT, VOLTAGE, TEMPERATURE)
+#: The channels of each wheel, those of the motor only where it is driven.
+WHEEL = (WHEEL_SPEED, MOTOR_CURRENT)
+#: The channels of a robot's body.
+BODY = (
+    Channel(
+        "yaw_rate", ("rotation",), UNITS["rad/s"], "rad/s or deg/s",
+        _words(*_each("yaw", "rate vel velocity speed gyro"), *_each("gyro w omega", "z"), "angular velocity z",
+               "ang vel z"), _BESIDE_BODY,
+    ),
+    Channel("heading", ("angle",), UNITS["rad"], "rad or deg", _words("yaw", "heading"), _BESIDE_BODY),
+    Channel(
+        "acceleration", ("acceleration",), UNITS["m/s2"], "m/s2 or g",
+        _words(*_each("acceleration accel acc", "- x forward"), "a x",
+               *(f"linear {name}" for name in _each("acceleration accel acc", "x forward"))), _BESIDE_BODY,
+    ),
+    Channel("pitch", ("angle",), UNITS["rad"], "rad or deg", _words("pitch", "pitch angle"), _BESIDE_BODY),
+    Channel(
+        "speed", ("speed",), UNITS["m/s"], "m/s or km/h", _words(*_each("speed velocity", _SPEEDOMETERS)), _BESIDE_BODY
+    ),
+    Channel(
+        "speed_std", ("speed",), UNITS["m/s"], "m/s",
+        _words(*(f"speed {name}" for name in _each("std sigma", _SPEEDOMETERS))), _BESIDE_BODY,
+    ),
+    Channel(
+        "speed_age", ("time",), UNITS["s"], "s or ms",
+        _words(*(f"age {name}" for name in _each("speed", _SPEEDOMETERS))), _BESIDE_BODY,
+    ),
+)  # fmt: skip
+CHANNELS = {channel.name: channel for channel in (*BATTERY, *WHEEL, *BODY)}
+
+
+def channel_of(quantity: str) -> Channel:
+    """The channel of a quantity of one wheel or of the whole: `front_left_wheel_speed` is a `wheel_speed`."""
+    of_wheels = [channel for channel in WHEEL if quantity.endswith(channel.name)]
+    return of_wheels[0] if of_wheels else CHANNELS[quantity]

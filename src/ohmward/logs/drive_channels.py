@@ -1,0 +1,126 @@
+"""The channels of a drive in SI units, from the columns of its table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.logs.channels import BODY, MOTOR_CURRENT, WHEEL, WHEEL_SPEED, Channel, channel_of
+from ohmward.logs.clean import finite
+from ohmward.logs.columns import Column
+from ohmward.logs.motor_currents import mend_currents
+from ohmward.logs.note import Note
+from ohmward.logs.table import Table, numbers
+from ohmward.logs.wheel_columns import Found, Wheels
+from ohmward.logs.wheel_speed import Mechanics, unit_notes, unit_of_channel, wheel_speed
+
+
+class DriveChannels(NamedTuple):
+    """Everything that the robot measured, in SI units; NaN where there is nothing new.
+
+    time_s: (T,) [s].
+    wheel_speed_rad_s: (T, wheels).  motor_current_A: (T, driven).
+    body: channel -> (T,), those that were measured.
+    notes: everything that was assumed, converted or mended.
+    absent: notes on driven wheels that lack a channel.
+    """
+
+    time_s: np.ndarray
+    wheel_speed_rad_s: np.ndarray
+    motor_current_A: np.ndarray
+    body: dict[str, np.ndarray]
+    notes: tuple[Note, ...]
+    absent: tuple[Note, ...]
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(T,) bool, rows with a value of any channel."""
+        columns = np.column_stack([self.wheel_speed_rad_s, self.motor_current_A, *self.body.values()])
+        return np.isfinite(columns).any(axis=1)
+
+
+def to_numbers(table: Table, columns: Mapping[str, Column]) -> Table:
+    """The columns of all channels but the time as float64.
+
+    Raises:
+        InputError: text where a number must stand; names the line.
+    """
+    names = {column.name for quantity, column in columns.items() if quantity != "time"}
+    return table._replace(columns={**table.columns, **{name: numbers(table, name) for name in names}})
+
+
+def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechanics) -> DriveChannels:
+    """The channels of a drive from the rows of one recording.
+
+    Raises:
+        InputError: a wheel's speed needs a radius or counts per turn that are not given.
+    """
+    time_s = table.columns[found.columns["time"].name]
+    measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
+    columns = {quantity: found.columns[quantity] for quantity in measured}
+    channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
+    speed_rad_s = _side_by_side(channels, WHEEL_SPEED, wheels.places, time_s)
+    current_A = _side_by_side(channels, MOTOR_CURRENT, wheels.driven_places, time_s)
+    names = [columns[q].name if q in columns else "" for q in _quantities(MOTOR_CURRENT, wheels.driven_places)]
+    current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
+    body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
+    notes = [*unit_notes(columns, mechanics), *conversion_notes]
+    if "heading" in body and "yaw_rate" not in body:
+        body["yaw_rate"] = _rate_of_change(time_s, body["heading"])
+        notes.append(Note("no gyro: the yaw rate is the change of the heading"))
+    absent = _absent_notes(columns, wheels)
+    return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *current_notes), absent)
+
+
+def _in_si(
+    table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
+) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """Every channel (T,) in SI units, and notes on infinite values and counters that rolled over."""
+    channels: dict[str, np.ndarray] = {}
+    notes: list[Note] = []
+    for quantity, column in columns.items():
+        values, infinite = finite(column.name, table.columns[column.name])
+        unit = unit_of_channel(quantity, column)
+        notes += infinite
+        if channel_of(quantity) is WHEEL_SPEED:
+            channels[quantity], rolled = wheel_speed(table.source, column.name, unit, values, time_s, mechanics)
+            notes += rolled
+        else:
+            channels[quantity] = unit.in_si(values)
+    return channels, list(dict.fromkeys(notes))  # several wheels may share a column
+
+
+def _quantities(channel: Channel, places: Sequence[str]) -> list[str]:
+    return [f"{place}_{channel.name}" for place in places]
+
+
+def _side_by_side(
+    channels: Mapping[str, np.ndarray], channel: Channel, places: Sequence[str], time_s: np.ndarray
+) -> np.ndarray:
+    """(T, places) one channel of the wheels at these places, NaN where it was not measured."""
+    values = np.full((time_s.size, len(places)), np.nan)
+    for k, quantity in enumerate(_quantities(channel, places)):
+        values[:, k] = channels.get(quantity, np.nan)
+    return values
+
+
+def _rate_of_change(time_s: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
+    """(T,) [rad/s] since the angle before, the short way round; NaN in rows without an angle."""
+    known = np.flatnonzero(np.isfinite(angle_rad))
+    turned = np.mod(np.diff(angle_rad[known]) + math.pi, 2 * math.pi) - math.pi
+    rate = np.full(time_s.size, np.nan)
+    rate[known[1:]] = turned / np.diff(time_s[known])
+    return rate
+
+
+def _absent_notes(columns: Collection[str], wheels: Wheels) -> tuple[Note, ...]:
+    """Notes on driven wheels without a speed or a motor current."""
+    notes = []
+    for channel in WHEEL:
+        absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
+        if absent:
+            notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
+    return tuple(notes)

@@ -1,0 +1,123 @@
+"""The common part of logs: read-only arrays over one time that increases, and the choice of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.arrays import plain_array
+from ohmward.logs.clock import clock_of_dates
+from ohmward.logs.note import Note
+
+
+class TimeSeries:
+    """Base of the frozen dataclasses with `name`, `time_s` (T,), further arrays of T rows, `extra` and `notes`."""
+
+    name: str
+    time_s: np.ndarray
+    extra: Mapping[str, np.ndarray]
+    notes: tuple[Note, ...]
+
+    def __len__(self) -> int:
+        return self.time_s.size
+
+    @property
+    def duration_s(self) -> float:
+        """Last minus first time [s]."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def dt_s(self) -> np.ndarray:
+        """(T-1,) [s], the time between neighbouring samples."""
+        return np.diff(self.time_s)
+
+    def select(self, rows: slice | np.ndarray) -> Self:
+        """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""
+        log: Any = self
+        arrays = {f.name: value[rows] for f in fields(log) if isinstance(value := getattr(log, f.name), np.ndarray)}
+        return replace(log, **arrays, extra={name: values[rows] for name, values in self.extra.items()})
+
+    def between(self, start_s: float, stop_s: float) -> Self:
+        """The samples with start_s <= time_s < stop_s; the clock keeps its zero.
+
+        Raises:
+            InputError: there is none.
+        """
+        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
+        if first == last:
+            raise InputError(
+                f"log {self.name!r} has no sample in {start_s:g} s <= time < {stop_s:g} s; "
+                f"it spans {self.time_s[0]:g} s to {self.time_s[-1]:g} s"
+            )
+        return self.select(slice(first, last))
+
+    def with_notes(self, *notes: Note) -> Self:
+        """The same log with more notes."""
+        log: Any = self
+        return replace(log, notes=self.notes + notes)
+
+    def _freeze(self, names: Iterable[str]) -> float | None:
+        """Make the time, the arrays of these names and all in `extra` read-only float64; leave the caller's as they are.
+
+        Returns: Unix time [s] of the first sample where the time was given as dates, else None.
+
+        Raises:
+            InputError: something else than numbers, a time that does not increase.
+        """
+        start_unix_s = None
+        time_s = self._plain("time_s", self.time_s)
+        if time_s.dtype.kind in "mM":
+            time_s, start_unix_s, _ = clock_of_dates(time_s)
+        columns = {"time_s": time_s, **{name: getattr(self, name) for name in names}}
+        arrays = {name: self._numbers(name, values) for name, values in columns.items() if values is not None}
+        arrays |= {"extra": {name: self._numbers(name, values) for name, values in self.extra.items()}}
+        for name, values in {**arrays, "notes": tuple(self.notes)}.items():
+            object.__setattr__(self, name, values)
+        self._require_time()
+        return start_unix_s
+
+    def _plain(self, name: str, values: Any) -> np.ndarray:
+        try:
+            return plain_array(values)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self._title}: {name} must be an array of numbers ({error})") from error
+
+    def _numbers(self, name: str, values: Any) -> np.ndarray:
+        array = self._plain(name, values)
+        if array.dtype.kind not in "iuf":
+            kind = {"M": "dates", "m": "durations"}.get(array.dtype.kind, "text")
+            raise InputError(
+                f"{self._title}: {name} must be numbers, not {kind}; only time_s may be dates or durations"
+            )
+        array = array.astype(float, copy=False).view()
+        array.flags.writeable = False
+        return array
+
+    @property
+    def _title(self) -> str:
+        return f"{type(self).__name__} {self.name!r}"
+
+    def _require_time(self) -> None:
+        time_s, what = self.time_s, f"{self._title}: time_s"
+        if time_s.ndim != 1 or not time_s.size:
+            raise InputError(f"{what} must be one-dimensional with at least one sample, not {time_s.shape}")
+        if not np.isfinite(time_s).all():
+            raise InputError(f"{what} must be finite; drop the samples without a time")
+        if (falls := np.flatnonzero(np.diff(time_s) <= 0)).size:
+            i = int(falls[0])
+            raise InputError(
+                f"{what} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
+                f"{i} ({time_s[i]:g} s); sort the samples and merge equal times"
+            )
+
+    def _require_lengths(self, names: Iterable[str]) -> None:
+        """The arrays of these names and all in `extra` are (T,) where they are there."""
+        for name, values in {**{name: getattr(self, name) for name in names}, **self.extra}.items():
+            if values is not None and values.shape != self.time_s.shape:
+                raise InputError(
+                    f"{self._title}: {name} has shape {values.shape}, time_s has {self.time_s.shape}; give equal lengths"
+                )

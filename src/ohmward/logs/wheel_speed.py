@@ -1,0 +1,153 @@
+"""The speed of a wheel from a rotation, from the speed of its rim, or from the counts of its encoder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.logs.channels import WHEEL_SPEED, channel_of, robot_words
+from ohmward.logs.clean import find_gaps
+from ohmward.logs.columns import Column, listed
+from ohmward.logs.note import Note
+from ohmward.logs.units import UNITS, Unit
+
+#: Widths of counters that roll over within a drive.
+WIDTHS = (8, 16, 32)
+
+
+class Mechanics(NamedTuple):
+    """The way from the shaft that is measured to the rim of the wheel.
+
+    radius_m: of the wheels, for speeds in m/s.
+    gear_ratio: turns of the motor for one of the wheel.
+    at_motor_shaft: speeds and counts are of the motor, before the gear.
+    counts_per_turn: of an encoder, for one turn of the shaft that it sits on.
+    """
+
+    radius_m: float | None = None
+    gear_ratio: float = 1.0
+    at_motor_shaft: bool = False
+    counts_per_turn: float | None = None
+
+    def require_valid(self) -> None:
+        """Raise InputError where a number is not > 0."""
+        for name in ("radius_m", "gear_ratio", "counts_per_turn"):
+            if (value := getattr(self, name)) is not None:
+                require_positive(name, value)
+
+
+class EncoderSpeed(NamedTuple):
+    """The speed that an encoder shows.
+
+    speed_rad_s: (T,) mean since the count before, NaN in rows without a new count and after gaps.
+    bits: of the counter, None where it never rolled over.
+    rollovers: their number.
+    """
+
+    speed_rad_s: np.ndarray
+    bits: int | None
+    rollovers: int
+
+
+def unit_of_channel(quantity: str, column: Column) -> Unit:
+    """The unit of a column; where nothing tells it, that of the channel, but m/s for a wheel's speed called `v`."""
+    if column.unit:
+        return column.unit
+    channel = channel_of(quantity)
+    of_rim = channel is WHEEL_SPEED and "v" in robot_words(column.name)
+    return UNITS["m/s"] if of_rim else channel.default
+
+
+def wheel_speed(
+    source: str, name: str, unit: Unit, values: np.ndarray, time_s: np.ndarray, mechanics: Mechanics
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The speed of a wheel (T,) [rad/s] from a column, and a note where a counter rolled over.
+
+    source, name: of the file and the column, for messages.
+    values: (T,) in `unit`.  time_s: (T,) [s], increasing.
+
+    Raises:
+        InputError: the radius or the counts per turn are needed and not given.
+    """
+    if unit.dimension == "speed":
+        if mechanics.radius_m is None:
+            raise InputError(f"{source}: {name!r} is in {unit.symbol}; give the radius of the wheels (radius_m)")
+        return unit.in_si(values) / mechanics.radius_m, ()
+    gear_ratio = mechanics.gear_ratio if mechanics.at_motor_shaft else 1.0
+    if unit.dimension == "rotation":
+        return unit.in_si(values) / gear_ratio, ()
+    if mechanics.counts_per_turn is None:
+        raise InputError(
+            f"{source}: {name!r} counts the turns of a wheel; say how far with --counts-per-turn 4096 "
+            "(counts_per_turn=4096)"
+        )
+    encoder = speed_from_counts(values, time_s, mechanics.counts_per_turn)
+    rolled = Note(f"{name!r}: a counter of {encoder.bits} bits rolled over {encoder.rollovers} times: undone")
+    return encoder.speed_rad_s / gear_ratio, (rolled,) if encoder.rollovers else ()
+
+
+def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float) -> EncoderSpeed:
+    """The speed of a wheel from its encoder.
+
+    counts: (T,) whole numbers, NaN where nothing new.  time_s: (T,) [s], increasing.
+    counts_per_turn: of the wheel, > 0.
+    """
+    known = np.flatnonzero(np.isfinite(counts))
+    values = counts[known]
+    steps = np.diff(values)
+    bits = counter_bits(values)
+    if bits is not None:
+        steps = np.mod(steps + 2.0 ** (bits - 1), 2.0**bits) - 2.0 ** (bits - 1)
+    speed = np.full(counts.size, np.nan)
+    speed[known[1:]] = 2 * math.pi / counts_per_turn * steps / np.diff(time_s[known])
+    speed[known[1:][find_gaps(time_s[known])]] = np.nan
+    rollovers = int(np.count_nonzero(steps != np.diff(values)))
+    return EncoderSpeed(speed, bits if rollovers else None, rollovers)
+
+
+def counter_bits(counts: np.ndarray) -> int | None:
+    """Width of the counter that fits its values (N,) and jumps over half of its range; None if none does.
+
+    A counter of b bits shows 0 to 2^b - 1, or with a sign -2^(b-1) to 2^(b-1) - 1.
+    """
+    if counts.size < 2:
+        return None
+    low, high, jump = counts.min(), counts.max(), np.abs(np.diff(counts)).max()
+    for bits in WIDTHS:
+        span = 2.0**bits
+        if (low >= 0 and high < span) or (-span / 2 <= low and high < span / 2):
+            return bits if jump > span / 2 else None
+    return None
+
+
+def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note]:
+    """Notes on the units of the channels of a drive, one for all columns of a kind that are read alike."""
+    alike: dict[tuple[str, str, bool], list[str]] = {}
+    for quantity, column in columns.items():
+        key = channel_of(quantity).name, unit_of_channel(quantity, column).symbol, column.unit is None
+        alike.setdefault(key, []).append(column.name)
+    notes = []
+    for (kind, symbol, guessed), names in alike.items():
+        unit = f"taken as {symbol}, which the name does not say" if guessed else f"in {symbol}"
+        notes.append(Note(f"{kind.replace('_', ' ')} from {listed(list(dict.fromkeys(names)))}, {unit}"))
+        if kind == WHEEL_SPEED.name:
+            notes += _shaft_notes(UNITS[symbol], names, mechanics)
+    return notes
+
+
+def _shaft_notes(unit: Unit, names: list[str], mechanics: Mechanics) -> list[Note]:
+    """A note on the shaft or rim that the speeds of wheels are taken to be of, where that is not plain."""
+    gear = f"{mechanics.gear_ratio:g}"
+    if unit.dimension == "speed":
+        return [Note(f"that is the speed of a rim of radius {mechanics.radius_m:g} m")]
+    if mechanics.at_motor_shaft:
+        return [Note(f"that is the motor's, before a gear of {gear} (--motor-shaft)")]
+    if mechanics.gear_ratio != 1.0 and any({"motor", "m"} & set(robot_words(name)) for name in names):
+        text = f"taken as the wheel's, behind the gear of {gear}; if not, say --motor-shaft"
+        return [Note(text, "warning")]
+    return []
