@@ -54,3 +54,8 @@ def test_arrays_cannot_be_changed():
 def test_refuses_what_is_no_recording(changes, message):
     with pytest.raises(InputError, match=message):
         a_log(**changes)
+
+
+def test_dates_become_seconds_since_the_first_sample():
+    dates = np.array(["2026-01-31T12:00:00.0", "2026-01-31T12:00:00.1", "2026-01-31T12:00:00.3"], dtype="M8[ms]")
+    np.testing.assert_allclose(a_log(time_s=dates).time_s, [0.0, 0.1, 0.3], rtol=1e-12)

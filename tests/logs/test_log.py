@@ -1,4 +1,5 @@
 import pickle
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
@@ -80,5 +81,53 @@ def test_describe_names_ranges_missing_values_and_notes():
     ],
 )
 def test_bad_arrays_raise(changes, message):
+    with pytest.raises(InputError, match=message):
+        log(**changes)
+
+
+NOON = datetime(2026, 1, 31, 12, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    "time_s",
+    [
+        np.array(["2026-01-31T12:00:00", "2026-01-31T12:00:01", "2026-01-31T12:00:03"], dtype="M8[s]"),
+        np.array(["2026-01-31T12:00:00", "2026-01-31T12:00:01", "2026-01-31T12:00:03"], dtype="M8[ns]"),
+        [NOON + timedelta(seconds=k) for k in (0, 1, 3)],
+        [NOON.replace(tzinfo=None) + timedelta(seconds=k) for k in (0, 1, 3)],
+        [(NOON + timedelta(seconds=k)).astimezone(timezone(timedelta(hours=-5))) for k in (0, 1, 3)],
+    ],
+)
+def test_dates_become_seconds_since_the_first_sample(time_s):
+    dated = log(time_s=time_s)
+    np.testing.assert_array_equal(dated.time_s, [0.0, 1.0, 3.0])
+    assert dated.start_unix_s == NOON.timestamp()
+    assert dated.select(slice(1, 3)).start_unix_s == NOON.timestamp()
+    assert log(time_s=time_s, start_unix_s=5.0).start_unix_s == 5.0
+
+
+@pytest.mark.parametrize(
+    "time_s", [np.array([2000, 3000, 5000], dtype="m8[ms]"), [timedelta(seconds=k) for k in (2, 3, 5)]]
+)
+def test_durations_become_seconds_and_keep_their_zero(time_s):
+    np.testing.assert_array_equal(log(time_s=time_s).time_s, [2.0, 3.0, 5.0])
+
+
+def test_none_is_a_missing_value():
+    np.testing.assert_array_equal(log(voltage_V=[12.1, None, 11.8]).voltage_V, [12.1, np.nan, 11.8])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"current_A": ["a", "b", "c"]}, "Log 'test': current_A must be numbers, not text"),
+        ({"voltage_V": np.zeros(3, dtype="M8[s]")}, "voltage_V must be numbers, not dates; only time_s may be"),
+        ({"extra": {"took": np.zeros(3, dtype="m8[s]")}}, "took must be numbers, not durations"),
+        ({"time_s": ["now", "then", "never"]}, "time_s must be numbers, not text"),
+        ({"time_s": [NOON, None, NOON]}, "time_s must be finite; drop the samples without a time"),
+        ({"current_A": [[1.0], [1.0, 2.0], 3.0]}, "current_A must be an array of numbers"),
+    ],
+)
+def test_what_is_no_number_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         log(**changes)

@@ -9,6 +9,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import parquet_file, write_table
 from ohmward.logs.parquet_file import open_parquet
+from ohmward.logs.table import numbers
 
 pyarrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")

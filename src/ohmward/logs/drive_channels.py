@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.logs.channels import BODY, MOTOR_CURRENT, WHEEL, WHEEL_SPEED, Channel, channel_of
+from ohmward.logs.channels import BODY, MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
 from ohmward.logs.clean import finite
 from ohmward.logs.columns import Column
 from ohmward.logs.motor_currents import mend_currents
@@ -62,9 +62,9 @@ def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechan
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
-    speed_rad_s = _side_by_side(channels, WHEEL_SPEED, wheels.places, time_s)
-    current_A = _side_by_side(channels, MOTOR_CURRENT, wheels.driven_places, time_s)
-    names = [columns[q].name if q in columns else "" for q in _quantities(MOTOR_CURRENT, wheels.driven_places)]
+    speed_rad_s = _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s)
+    current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
+    names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
     current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
     notes = [*unit_notes(columns, mechanics), *conversion_notes]
@@ -93,17 +93,11 @@ def _in_si(
     return channels, list(dict.fromkeys(notes))  # several wheels may share a column
 
 
-def _quantities(channel: Channel, places: Sequence[str]) -> list[str]:
-    return [f"{place}_{channel.name}" for place in places]
-
-
-def _side_by_side(
-    channels: Mapping[str, np.ndarray], channel: Channel, places: Sequence[str], time_s: np.ndarray
-) -> np.ndarray:
-    """(T, places) one channel of the wheels at these places, NaN where it was not measured."""
-    values = np.full((time_s.size, len(places)), np.nan)
-    for k, quantity in enumerate(_quantities(channel, places)):
-        values[:, k] = channels.get(quantity, np.nan)
+def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, str], time_s: np.ndarray) -> np.ndarray:
+    """(T, wheels) one channel of several wheels, NaN where it was not measured."""
+    values = np.full((time_s.size, len(quantities)), np.nan)
+    for wheel, quantity in enumerate(quantities.values()):
+        values[:, wheel] = channels.get(quantity, np.nan)
     return values
 
 

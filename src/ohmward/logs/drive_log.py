@@ -107,7 +107,7 @@ class DriveLog(TimeSeries):
 
 def read_drive(
     source: str | PathLike[str] | Any,
-    robot: Sequence[str] | Any,
+    robot: Any,
     driven: int | None = None,
     *,
     radius_m: float | None = None,

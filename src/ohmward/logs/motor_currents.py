@@ -72,5 +72,5 @@ def _bridge(time_s: np.ndarray, current_A: np.ndarray, wheels_measured: np.ndarr
         for gap in find_gaps(times):
             line[(time_s > times[gap]) & (time_s < times[gap + 1])] = np.nan
         bridged[:, motor] = line
-    names = ", ".join(f"{places[motor]} motor current".replace("_", " ") for motor in apart)
+    names = ", ".join(f"{places[int(motor)]} motor current".replace("_", " ") for motor in apart)
     return bridged, [Note(f"{names}: sampled on other rows than the wheels, straight lines in between")]

@@ -88,7 +88,7 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
 def decide_sign(
     name: str, wanted: CurrentSign, evidence: SignEvidence, *, bdf_file: bool, bdf_names: bool, flows: bool
 ) -> tuple[str, Note]:
-    """Effect of a positive current in a file, "charge" or "discharge": as told, as its format defines, or from the data.
+    """Effect of a positive current, "charge" or "discharge": as told, as the file's format defines, or from the data.
 
     name: of the log, for messages.  wanted: by the caller.
     bdf_file, bdf_names: the file says that it is BDF, or its columns have the names of BDF.

@@ -61,21 +61,19 @@ class TimeSeries:
         return replace(log, notes=self.notes + notes)
 
     def _freeze(self, names: Iterable[str]) -> float | None:
-        """Make the time, the arrays of these names and all in `extra` read-only float64; leave the caller's as they are.
+        """Make the time, the arrays of these names and those in `extra` read-only float64 views.
 
         Returns: Unix time [s] of the first sample where the time was given as dates, else None.
-
-        Raises:
-            InputError: something else than numbers, a time that does not increase.
         """
         start_unix_s = None
         time_s = self._plain("time_s", self.time_s)
         if time_s.dtype.kind in "mM":
             time_s, start_unix_s, _ = clock_of_dates(time_s)
-        columns = {"time_s": time_s, **{name: getattr(self, name) for name in names}}
-        arrays = {name: self._numbers(name, values) for name, values in columns.items() if values is not None}
-        arrays |= {"extra": {name: self._numbers(name, values) for name, values in self.extra.items()}}
-        for name, values in {**arrays, "notes": tuple(self.notes)}.items():
+        arrays = {"time_s": time_s} | {name: getattr(self, name) for name in names}
+        frozen: dict[str, Any] = {name: self._numbers(name, v) for name, v in arrays.items() if v is not None}
+        frozen["extra"] = {name: self._numbers(name, values) for name, values in self.extra.items()}
+        frozen["notes"] = tuple(self.notes)
+        for name, values in frozen.items():
             object.__setattr__(self, name, values)
         self._require_time()
         return start_unix_s
@@ -118,6 +116,5 @@ class TimeSeries:
         """The arrays of these names and all in `extra` are (T,) where they are there."""
         for name, values in {**{name: getattr(self, name) for name in names}, **self.extra}.items():
             if values is not None and values.shape != self.time_s.shape:
-                raise InputError(
-                    f"{self._title}: {name} has shape {values.shape}, time_s has {self.time_s.shape}; give equal lengths"
-                )
+                shapes = f"{name} has shape {values.shape}, time_s has {self.time_s.shape}"
+                raise InputError(f"{self._title}: {shapes}; give equal lengths")

@@ -22,8 +22,6 @@ from ohmward.logs.channels import (
 from ohmward.logs.columns import Column, find_column, given_unit, guess, listed, named_column, only_one
 from ohmward.logs.units import split_unit
 
-_KINDS = tuple(channel.name for channel in (TIME, *WHEEL, *BODY))
-
 
 class Wheels(NamedTuple):
     """The wheels that are looked for: their names, driven ones first, and the number of driven ones."""
@@ -36,12 +34,16 @@ class Wheels(NamedTuple):
         """The names of the driven wheels."""
         return self.places[: self.driven]
 
+    def of(self, channel: Channel) -> dict[str, str]:
+        """Place -> quantity of every wheel that has the channel; a motor's current only the driven ones have."""
+        places = self.driven_places if channel is MOTOR_CURRENT else self.places
+        return {place: f"{place}_{channel.name}" for place in places}
+
     @property
     def quantities(self) -> tuple[str, ...]:
         """Every channel that a file may have, by name."""
-        speeds = (f"{place}_{WHEEL_SPEED.name}" for place in self.places)
-        currents = (f"{place}_{MOTOR_CURRENT.name}" for place in self.driven_places)
-        return (TIME.name, *speeds, *currents, *(channel.name for channel in BODY))
+        of_wheels = [quantity for channel in WHEEL for quantity in self.of(channel).values()]
+        return (TIME.name, *of_wheels, *(channel.name for channel in BODY))
 
 
 class Found(NamedTuple):
@@ -83,21 +85,17 @@ def find_drive_columns(
     """
     units = units or {}
     given = {quantity: name for key, name in (columns or {}).items() for quantity in _meant(key, wheels)}
-    for key, spelling in units.items():
-        if key not in _KINDS:
-            _meant(key, wheels)
-        given_unit(key, spelling)
-    found: dict[str, Column | None] = {TIME.name: find_column(source, names, TIME, given, units, leave)}
-    taken = {column.name for column in found.values() if column} | {*leave, *given.values()}
-    free = [name for name in names if name not in taken]
-    speeds = _find_wheels(source, free, WHEEL_SPEED, wheels.places, wheels, given)
+    _require_units(units, wheels)
+    time = find_column(source, names, TIME, given, units, leave)
+    free = [name for name in names if name not in {*leave, *given.values(), time and time.name}]
+    speeds = _find_wheels(source, free, WHEEL_SPEED, wheels, given)
     if not speeds.columns:
-        speeds = _find_wheels(source, free, WHEEL_COUNTS, wheels.places, wheels, given)
-    currents = _find_wheels(source, free, MOTOR_CURRENT, wheels.driven_places, wheels, given)
-    found |= speeds.columns | currents.columns
-    found |= {channel.name: find_column(source, free, channel, {}, {}) for channel in BODY if channel.name not in given}
-    found |= {key: named_column(source, names, key, name) for key, name in given.items()}
-    if not any(quantity.endswith(WHEEL_SPEED.name) for quantity in found):
+        speeds = _find_wheels(source, free, WHEEL_COUNTS, wheels, given)
+    currents = _find_wheels(source, free, MOTOR_CURRENT, wheels, given)
+    body = {channel.name: find_column(source, free, channel, {}, {}) for channel in BODY if channel.name not in given}
+    named = {quantity: named_column(source, names, quantity, name) for quantity, name in given.items()}
+    found = {TIME.name: time, **speeds.columns, **currents.columns, **body, **named}
+    if not any(quantity in found for quantity in wheels.of(WHEEL_SPEED).values()):
         raise _no_wheels(source, names, wheels)
     chosen = {quantity: _with_unit(column, quantity, units) for quantity, column in found.items() if column}
     return Found(chosen, speeds.by_number or currents.by_number)
@@ -121,43 +119,43 @@ def _meant(quantity: str, wheels: Wheels) -> list[str]:
     return [f"{place}_{kind}" for place in served]
 
 
-def _find_wheels(
-    source: str, names: Sequence[str], channel: Channel, places: Sequence[str], wheels: Wheels, given: Collection[str]
-) -> Found:
-    """The columns of the wheels at these places: by their corners, and only if there are none by their numbers."""
-    wanted = [place for place in places if f"{place}_{channel.name}" not in given]
+def _require_units(units: Mapping[str, str], wheels: Wheels) -> None:
+    """Raise InputError for a unit that is not known, or is of a channel that the robot does not have."""
+    for key, spelling in units.items():
+        if key not in [channel.name for channel in (TIME, *WHEEL, *BODY)]:
+            _meant(key, wheels)
+        given_unit(key, spelling)
+
+
+def _find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Wheels, given: Collection[str]) -> Found:
+    """The columns of one channel of the wheels: by their corners, and only if there are none by their numbers."""
+    wanted = {place: quantity for place, quantity in wheels.of(channel).items() if quantity not in given}
     candidates = [found for name in names if (found := _of_wheel(name, channel))]
-    fits = _by_corner(candidates, wanted, wheels)
-    by_number = not any(fits.values())
-    if by_number:
-        fits = _by_number(candidates, wanted, wheels)
-    quantities = {f"{place}_{channel.name}": columns for place, columns in fits.items() if columns}
-    columns = {quantity: only_one(source, quantity, columns) for quantity, columns in quantities.items()}
-    return Found(columns, by_number and bool(columns))
+    for find in (_by_corner, _by_number):
+        fits = {place: find(candidates, place, wheels) for place in wanted}
+        columns = {wanted[place]: only_one(source, wanted[place], found) for place, found in fits.items() if found}
+        if columns:
+            return Found(columns, find is _by_number)
+    return Found({}, False)
 
 
-def _by_corner(candidates: Sequence[_OfWheel], wanted: Sequence[str], wheels: Wheels) -> dict[str, list[Column]]:
-    """Wheels by their corner; driven ones also by their side."""
-    fits = {}
-    for place in wanted:
-        corner = set(place.split("_"))
-        fits[place] = [c.column for c in candidates if c.corner and c.corner == corner]
-        if not fits[place] and place in wheels.driven_places:
-            fits[place] = [c.column for c in candidates if c.corner and c.corner == corner & SIDES]
-    return fits
+def _by_corner(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> list[Column]:
+    """The columns of the corner of a wheel, or else of the side of a driven one."""
+    corner = set(place.split("_"))
+    exact = [c.column for c in candidates if c.corner and c.corner == corner]
+    if exact or place not in wheels.driven_places:
+        return exact
+    return [c.column for c in candidates if c.corner and c.corner == corner & SIDES]
 
 
-def _by_number(candidates: Sequence[_OfWheel], wanted: Sequence[str], wheels: Wheels) -> dict[str, list[Column]]:
-    """Wheels in the robot's order, counted from 0 or 1; two numbers for four driven wheels are the sides."""
+def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> list[Column]:
+    """The columns of a wheel in the robot's order, counted from 0 or 1; two numbers for four driven ones are sides."""
     numbered = [c for c in candidates if c.number is not None and not c.corner]
     numbers = {c.number for c in numbered}
-    first = 0 if 0 in numbers else 1
     sides = len(numbers) == 2 and wheels.driven == 4
-    fits = {}
-    for index, place in enumerate(wheels.places):
-        number = first + (("left" not in place) if sides else index)
-        fits[place] = [c.column for c in numbered if c.number == number]
-    return {place: fits[place] for place in wanted}
+    index = int("left" not in place) if sides else list(wheels.places).index(place)
+    first = 0 if 0 in numbers else 1
+    return [c.column for c in numbered if c.number == first + index]
 
 
 def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
