@@ -156,8 +156,8 @@ def observer(s: Sensors) -> tuple[MomentumObserver, Kernel]:
         accelerometer_std_m_s2=0.05 if s.imu else None,
         gyro_std_rad_s=0.005,
         speed_std_m_s=0.03 if s.speed else None,
-        push_walk=0.1 if s.imu else 0.03,
-        push_std_m_s2=math.hypot(GRAVITY * math.radians(s.pitch_std_deg), 0.05),
+        disturbance_walk=0.1 if s.imu else 0.03,
+        disturbance_std_m_s2=math.hypot(GRAVITY * math.radians(s.pitch_std_deg), 0.05),
     )
     made = MomentumObserver(
         scene(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace import maximum, where
+from ohmward.trace import maximum, sqrt, where
 
 PIVOT_FLOOR = 1e-14
 """Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""
@@ -102,3 +102,8 @@ def symmetric_from(lower: np.ndarray) -> np.ndarray:
     i, j = np.indices((n, n))
     row, column = np.maximum(i, j), np.minimum(i, j)
     return np.asarray(lower)[row * (row + 1) // 2 + column]
+
+
+def std(variance: Any) -> Any:
+    """Standard deviation of a variance that rounding may have made negative."""
+    return sqrt(maximum(variance, 0.0))

@@ -26,7 +26,7 @@ def observer(edge_std_counts=0.02):
     return MomentumObserver(scene(RLMA, FLOOR), noise)
 
 
-def reading(turned_rad, age_s):
+def sample_of(turned_rad, age_s):
     blank = observer().no_sample()
     return blank._replace(
         dt_s=DT,
@@ -54,7 +54,7 @@ def spinning(rng=None, until_s=0.2):
     edge = (shown - phase + (0.02 * rng.standard_normal(len(time)) if rng else 0.0)) * COUNT_RAD
     age = np.clip(time - np.sqrt(2 * np.maximum(edge, 0.0) / TURNING), 0.0, DT)
     turned = COUNT_RAD * np.diff(shown, prepend=math.floor(phase))
-    return TURNING * time, [reading(c, a if c else math.nan) for c, a in zip(turned, age, strict=True)]
+    return TURNING * time, [sample_of(c, a if c else math.nan) for c, a in zip(turned, age, strict=True)]
 
 
 def wheel_speeds(observer_, samples):
@@ -73,13 +73,13 @@ def test_an_edge_is_where_the_wheel_was(age_s, way):
     speed = 2.0 * way
     now = -0.5 * way * COUNT_RAD + speed * age_s - 0.5 * TURNING * age_s**2
     model, belief, b = believed(now, speed)
-    seen = edge_angle(model, 0, belief, reading(way * COUNT_RAD, age_s), b)
+    seen = edge_angle(model, 0, belief, sample_of(way * COUNT_RAD, age_s), b)
     assert seen.row @ belief.mean == pytest.approx(seen.angle_rad, abs=1e-15)
     assert math.sqrt(seen.variance) == pytest.approx(0.02 * COUNT_RAD)
 
 
 def test_without_an_edge_a_wheel_is_within_its_count():
-    still = reading(0.0, math.nan)
+    still = sample_of(0.0, math.nan)
     model, belief, b = believed(0.4 * COUNT_RAD)
     assert math.isnan(edge_angle(model, 0, belief, still, b).angle_rad)
     for side in (1.0, -1.0):
@@ -90,7 +90,7 @@ def test_without_an_edge_a_wheel_is_within_its_count():
 @pytest.mark.parametrize("age_s", [math.nan, -1e-4, 2 * DT])
 def test_where_no_time_was_captured_the_count_counts(age_s):
     model, belief, b = believed(0.3 * COUNT_RAD)
-    seen = edge_angle(model, 0, belief, reading(COUNT_RAD, age_s), b)
+    seen = edge_angle(model, 0, belief, sample_of(COUNT_RAD, age_s), b)
     count = count_angle(model, 0)
     assert seen.row == pytest.approx(count.row)
     assert (seen.angle_rad, seen.variance) == (count.angle_rad, count.variance)

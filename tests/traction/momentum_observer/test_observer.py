@@ -32,7 +32,7 @@ def rolling_N(v):
     return sum(t.rolling.force_N(v, n) for t, n in zip(SCENE.terrains, observer().model.load_N, strict=True))
 
 
-def world(force_N, push_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0):
+def world(force_N, disturbance_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0):
     """Rest, then both wheels with a force of (T,): torque, angle, speed of rim and body, acceleration.
 
     The rim slips by a tenth of a second's worth of the force, so torque, wheel and body fit together exactly.
@@ -42,7 +42,7 @@ def world(force_N, push_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0):
     v, rim, angle, rows = 0.0, 0.0, 0.0, []
     for k, force in enumerate(F):
         moving = time[k] >= rest_s
-        a = (2 * force + rolling_N(v)) / M - push_m_s2 - GRAVITY * math.sin(grade_rad) if moving else 0.0
+        a = (2 * force + rolling_N(v)) / M - disturbance_m_s2 - GRAVITY * math.sin(grade_rad) if moving else 0.0
         slipping = v + 0.01 * (time[k] - rest_s) * force / 10.0 if moving else 0.0
         torque = (R * force + J / R * (slipping - rim) / DT) if moving else 0.0
         v, before, rim = v + DT * a, rim, slipping
@@ -84,7 +84,8 @@ def follow(observer_, rows):
 def test_at_constant_force_without_noise_the_momentum_is_exact():
     truth = world(lambda t: 20.0)
     *_, last = follow(
-        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)), samples(truth)
+        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, disturbance_std_m_s2=1e-6, disturbance_walk=0.0)),
+        samples(truth),
     )
     assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.002)
     assert last.force_N == pytest.approx([20.0, 20.0], abs=0.2)
@@ -95,7 +96,8 @@ def test_impulse_is_momentum_whatever_the_force_did():
     """The sum of torque over radius, less what wheels and rolling resistance took, over the mass."""
     truth = world(lambda t: 20.0 + 10.0 * math.sin(9.0 * t))
     *_, last = follow(
-        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)), samples(truth)
+        observer(MomentumNoise(STD, gyro_std_rad_s=0.005, disturbance_std_m_s2=1e-6, disturbance_walk=0.0)),
+        samples(truth),
     )
     time, torque, _, v, rim, _ = truth
     impulse = 2 * np.sum(torque) * DT / R - 2 * J / R**2 * rim[-1] + sum(rolling_N(x) for x in v[time >= 0.3]) * DT
@@ -113,17 +115,17 @@ def test_at_rest_the_accelerometer_learns_its_zero_on_any_slope(offset, grade, p
 
 def test_without_an_accelerometer_the_pitch_is_the_slope():
     truth = world(lambda t: 25.0, grade_rad=0.05)
-    noise = MomentumNoise(STD, gyro_std_rad_s=0.005, push_std_m_s2=1e-6, push_walk=0.0)
+    noise = MomentumNoise(STD, gyro_std_rad_s=0.005, disturbance_std_m_s2=1e-6, disturbance_walk=0.0)
     *_, last = follow(observer(noise), samples(truth, grade_rad=0.05, acceleration=False))
     assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.003)
 
 
-def test_an_unknown_push_is_found_by_the_accelerometer_and_not_without():
-    truth = world(lambda t: 25.0, push_m_s2=0.2)
+def test_an_unknown_disturbance_is_found_by_the_accelerometer_and_not_without():
+    truth = world(lambda t: 25.0, disturbance_m_s2=0.2)
     with_it = follow(observer(), samples(truth))[-1]
     without = follow(observer(MomentumNoise(STD, gyro_std_rad_s=0.005)), samples(truth, acceleration=False))[-1]
     assert with_it.speed_m_s == pytest.approx(truth[3][-1], abs=0.006)
-    assert with_it.push_m_s2 == pytest.approx(0.2, abs=0.05)
+    assert with_it.disturbance_m_s2 == pytest.approx(0.2, abs=0.05)
     assert without.speed_m_s - truth[3][-1] == pytest.approx(0.2, abs=0.02)
     assert without.speed_std_m_s == pytest.approx(0.17, rel=0.2)
 
@@ -132,8 +134,8 @@ def test_the_sigma_of_the_speed_is_true():
     errors, stds = [], []
     rng = np.random.default_rng(7)
     for _ in range(12):
-        push = rng.normal(0.0, 0.17)
-        truth = world(lambda t: 30.0, push_m_s2=push, duration_s=0.4)
+        disturbance_m_s2 = rng.normal(0.0, 0.17)
+        truth = world(lambda t: 30.0, disturbance_m_s2=disturbance_m_s2, duration_s=0.4)
         *_, last = follow(observer(), samples(truth, rng, offset=rng.normal(0.0, 0.1)))
         errors.append(last.speed_m_s - truth[3][-1])
         stds.append(last.speed_std_m_s)
@@ -161,11 +163,11 @@ def test_a_ground_that_gives_way_is_seen_within_six_milliseconds():
 def test_samples_that_lack_everything_are_bridged():
     rows = list(samples(world(lambda t: 20.0)))
     blank = observer().no_sample()
-    lost = [row if k % 3 else blank._replace(dt_s=DT) for k, row in enumerate(rows)]
+    missing = [row if k % 3 else blank._replace(dt_s=DT) for k, row in enumerate(rows)]
     for k in range(3, len(rows), 3):
-        kept = lost[k - 2 : k]
-        assert all(np.isfinite(s.current_A).all() for s in kept)
-    estimates = follow(observer(), lost)
+        others = missing[k - 2 : k]
+        assert all(np.isfinite(s.current_A).all() for s in others)
+    estimates = follow(observer(), missing)
     assert all(math.isfinite(e.speed_m_s) for e in estimates)
     assert int(estimates[900].flags) & MomentumFlag.NO_CURRENT
 
@@ -181,7 +183,7 @@ def test_after_a_gap_the_speed_is_anything():
 
 def test_an_external_speed_and_passive_wheels_are_used():
     noise = MomentumNoise(STD, passive_std_rad=STD, speed_std_m_s=0.03, gyro_std_rad_s=0.005)
-    truth = world(lambda t: 25.0, push_m_s2=0.3)
+    truth = world(lambda t: 25.0, disturbance_m_s2=0.3)
     angle = np.cumsum(truth[3]) * DT / R
     turned = np.diff(angle, prepend=0.0)
     rows = [

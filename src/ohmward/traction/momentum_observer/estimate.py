@@ -1,36 +1,35 @@
-"""What goes into the momentum observer and what comes out: plain numbers, one sample at a time."""
+"""Sample and estimate of the momentum observer: plain numbers, one sample at a time."""
 
 from __future__ import annotations
 
 import math
-from enum import IntFlag
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.filters.flags import SampleFlag
 
-class MomentumFlag(IntFlag):
-    """What happened at a sample."""
 
-    BAD_TIME = 1  #: dt_s no number, negative or longer than `gap_s`: the belief is one of a robot that is anywhere
-    NO_CURRENT = 2  #: of at least one motor; the last one was held
-    GROUND_CHANGED = (
-        4  #: counts of a driven wheel moved as its torque excludes: the force on it is as unknown as can be
-    )
-    STANDSTILL = 8  #: wheels and motors at rest: speed is zero, and the accelerometer is read for its zero
+class MomentumFlag(SampleFlag):
+    """Events at a sample. None of them stops the observer."""
+
+    BAD_TIME = 1  # dt_s is not a number, negative or longer than `gap_s`: the speed may be anything
+    NO_CURRENT = 2  # of at least one motor; the last torque was held
+    GROUND_CHANGED = 4  # counts of a driven wheel moved as its torque excludes: the force on it is unknown
+    STANDSTILL = 8  # wheels and motors at rest: speed is zero, and the accelerometer is read for its zero
 
 
 class AngleSample(NamedTuple):
-    """One sample of whatever has arrived; nan where there is nothing new.
+    """One sample of the sensors; nan where there is nothing new.
 
     dt_s: time since the sample before [s].
     turned_rad: (wheels,) counts since the sample before, as an angle; driven wheels first.
     current_A: (driven,) of the motors over the step that ends now.
     edge_age_s: (wheels,) time since the last edge of a count, >= 0, where a timer captures it.
     acceleration_m_s2: from an accelerometer along x, gravity included.
-    pitch_rad: of the body, > 0 with the nose up; no number counts as level.
+    pitch_rad: of the body, > 0 with the nose up; nan counts as level.
     yaw_rate_rad_s: from a gyro.
-    speed_m_s: forward, from outside, of now.
+    speed_m_s: forward, external, of now.
     """
 
     dt_s: Any
@@ -44,15 +43,15 @@ class AngleSample(NamedTuple):
 
 
 class MomentumEstimate(NamedTuple):
-    """What is known after a sample; arrays are (driven,).
+    """Estimate after a sample; arrays are (driven,).
 
     speed_m_s, speed_std_m_s: of the body.
     yaw_rate_rad_s: > 0 to the left.
     wheel_speed_rad_s, travel_speed_m_s: of each driven wheel, and of its centre along it.
-    slip_speed_m_s, slip_speed_std_m_s, slip_ratio: nan below a floor of speed.
+    slip_speed_m_s, slip_speed_std_m_s, slip_ratio: the ratio is nan below a floor of speed.
     force_N: of the ground on the wheel.
     acceleration_m_s2: of the wheel's centre.
-    push_m_s2: unknown push against the robot.
+    disturbance_m_s2: unmodelled acceleration against the robot.
     flags: sum of `MomentumFlag`.
     """
 
@@ -66,5 +65,5 @@ class MomentumEstimate(NamedTuple):
     slip_ratio: np.ndarray
     force_N: np.ndarray
     acceleration_m_s2: np.ndarray
-    push_m_s2: Any
+    disturbance_m_s2: Any
     flags: Any

@@ -1,15 +1,15 @@
 """The robot as its momentum: linear, without tyre and without friction.
 
-dmotion/dt   = M^-1 (G' F - R) - g sin(pitch) - push       the last two along x only
+dv/dt        = M^-1 (G' F - R) - g sin(pitch) - d          the last two along x only
 J domega/dt  = tau - r F                                   each driven wheel
 dahead/dt    = omega                                       driven wheels; v_wheel / r for the others
-F+           = F + following (tau+ - tau) / r + w          at each step
+F+           = F + phi (tau+ - tau) / r + w                at each step
 
-The force of the ground is what the wheel's torque and acceleration leave over. It follows a change of torque fully
-while the wheel grips and not at all while it spins; which of the two is learnt as it goes, and forgotten in
-`FOLLOWING_S`. `push` is all that is not known along x: rolling resistance, mass, slope. `ahead` is the angle of a wheel
-beyond its last count, so numbers stay small however far the robot goes. The chains from push and force to angle have
-three links, so exp(A dt) ends after its square.
+The force F of the ground is what the wheel's torque and acceleration leave over. It follows a change of torque fully
+while the wheel grips and not at all while it spins; the share phi (`following`) is learnt as it goes, and forgotten in
+`FOLLOWING_S`. The disturbance acceleration d is all that is unknown along x: rolling resistance, mass, slope. `ahead`
+is the angle of a wheel beyond its last count, so numbers stay small however far the robot goes. The chains from d and F
+to the angle have three links, so exp(A dt) ends after its square.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.trace import clip, sin
+from ohmward.trace import clip, exp, sin
+from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.momentum_observer.noise import MomentumNoise
 from ohmward.traction.robot.robot import GRAVITY
 
-#: What is believed of `following`: mean and standard deviation, and for how long [s] it stays what it was.
+#: Mean and standard deviation of `following` before anything is known, and its correlation time [s].
 FOLLOWING, FOLLOWING_STD, FOLLOWING_S = 0.5, 0.5, 0.3
 
 
 @dataclass(frozen=True)
 class MomentumModel:
-    """Robot, and how wrong sensors and model may be; of the terrain only the rolling resistance is used."""
+    """Robot, and the noise of its sensors and of the model; of the terrain only the rolling resistance is used."""
 
     scene: Scene
     noise: MomentumNoise
@@ -47,7 +48,7 @@ class MomentumModel:
             *(f"force_{name}_N" for name in driven),
             *(f"following_{name}" for name in driven),
             *(f"ahead_{name}_rad" for name in places[: self.counted]),
-            "push_m_s2",
+            "disturbance_m_s2",
             "accelerometer_offset_m_s2",
         )
 
@@ -58,30 +59,30 @@ class MomentumModel:
         return robot.driven if self.noise.passive_std_rad is None else len(robot.places)
 
     def wheel(self, k: int) -> int:
-        """Where the speed of driven wheel k stands."""
+        """Index of the speed of driven wheel k."""
         return self.scene.robot.freedoms + k
 
     def force(self, k: int) -> int:
-        """Where the force on driven wheel k stands."""
+        """Index of the force on driven wheel k."""
         return self.scene.robot.freedoms + self.scene.robot.driven + k
 
     def following(self, k: int) -> int:
-        """Where the share of a change of torque that the force on driven wheel k follows stands."""
+        """Index of the share phi of driven wheel k."""
         return self.scene.robot.freedoms + 2 * self.scene.robot.driven + k
 
     def ahead(self, k: int) -> int:
-        """Where the angle of counted wheel k stands."""
+        """Index of the angle of counted wheel k."""
         return self.scene.robot.freedoms + 3 * self.scene.robot.driven + k
 
     @property
-    def push(self) -> int:
-        """Where the unknown push stands."""
-        return len(self.names) - 2
+    def disturbance(self) -> int:
+        """Index of the disturbance acceleration."""
+        return self.names.index("disturbance_m_s2")
 
     @property
     def offset(self) -> int:
-        """Where the accelerometer's offset stands."""
-        return len(self.names) - 1
+        """Index of the accelerometer's offset."""
+        return self.names.index("accelerometer_offset_m_s2")
 
     @cached_property
     def rate(self) -> np.ndarray:
@@ -90,7 +91,7 @@ class MomentumModel:
         free, n = robot.freedoms, robot.driven
         A = np.zeros((len(self.names), len(self.names)))
         A[:free, free + n : free + 2 * n] = (robot.rolling[:n] / robot.inertia[:free]).T
-        A[0, self.push] = -1.0
+        A[0, self.disturbance] = -1.0
         for k in range(self.counted):
             if k < n:
                 A[self.wheel(k), self.force(k)] = -r / robot.inertia[free + k]
@@ -99,7 +100,7 @@ class MomentumModel:
                 A[self.ahead(k), :free] = robot.rolling[k] / r
         return A
 
-    def drive(self, motion: np.ndarray, torque_Nm: np.ndarray, pitch_rad: Any) -> np.ndarray:
+    def drive(self, motion: np.ndarray, torque_Nm: np.ndarray, pitch_rad: Scalar) -> np.ndarray:
         """Vector b (n,) of torques (driven,), rolling resistance and slope."""
         robot, free = self.scene.robot, self.scene.robot.freedoms
         travel = robot.rolling @ motion
@@ -109,44 +110,50 @@ class MomentumModel:
         rest = np.zeros(len(self.names) - free - robot.driven)
         return np.array([body[0] - GRAVITY * sin(pitch_rad), *body[1:], *wheels, *rest])
 
-    def follow(self, x: np.ndarray, change_N: np.ndarray, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
-        """State (n,) and its derivative (n, n) after the torques over the radius have changed by (driven,) [N]."""
-        n, kept = len(self.names), np.exp(-dt_s / FOLLOWING_S)
-        within: list[Any] = [0.0] * n
-        S = [[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)]
-        back = [0.0] * n
-        for k, change in enumerate(change_N):
-            S[self.force(k)][self.following(k)] = change
-            S[self.following(k)][self.following(k)] = kept
-            back[self.following(k)] = (1.0 - kept) * FOLLOWING
-            within[self.force(k)] = (clip(x[self.following(k)], 0.0, 1.0) - x[self.following(k)]) * change
-        return np.array(S) @ x + np.array(back) + np.array(within), np.array(S)
+    def follow(self, x: np.ndarray, change_N: np.ndarray, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
+        """State (n,) and its Jacobian (n, n) after the torques over the radius have changed by dF (driven,) [N].
 
-    def transition(self, dt_s: Any) -> np.ndarray:
+        F+ = F + clip(phi, 0, 1) dF,    phi+ = phi_0 + e^(-dt/T) (phi - phi_0)
+
+        The Jacobian leaves the clip out, so that a phi outside of [0, 1] is still corrected.
+        """
+        decay = exp(-dt_s / FOLLOWING_S)
+        jacobian = np.eye(len(self.names)).tolist()
+        rest: list[Any] = [0.0] * len(self.names)
+        for k, dF in enumerate(change_N):
+            F, phi = self.force(k), self.following(k)
+            jacobian[F][phi] = dF
+            jacobian[phi][phi] = decay
+            rest[F] = (clip(x[phi], 0.0, 1.0) - x[phi]) * dF
+            rest[phi] = (1.0 - decay) * FOLLOWING
+        S = np.array(jacobian)
+        return S @ x + np.array(rest), S
+
+    def transition(self, dt_s: Scalar) -> np.ndarray:
         """exp(A dt), (n, n), exact."""
         return np.eye(len(self.names)) + self.rate * dt_s + self.rate @ self.rate * (0.5 * dt_s * dt_s)
 
-    def added(self, b: np.ndarray, dt_s: Any) -> np.ndarray:
-        """(n,) what a constant b adds in `dt_s`."""
+    def added(self, b: np.ndarray, dt_s: Scalar) -> np.ndarray:
+        """Change (n,) of the state by a constant b over `dt_s`."""
         return b * dt_s + self.rate @ b * (0.5 * dt_s * dt_s)
 
-    def process_noise(self, dt_s: Any) -> np.ndarray:
+    def process_noise(self, dt_s: Scalar) -> np.ndarray:
         """Q (n, n) of a step."""
         robot, noise = self.scene.robot, self.noise
         walks = dict.fromkeys(self.names[: robot.freedoms], noise.yaw_rate_walk) | {
             "v_m_s": noise.speed_walk,
-            "push_m_s2": noise.push_walk,
+            "disturbance_m_s2": noise.disturbance_walk,
             "accelerometer_offset_m_s2": noise.accelerometer_offset_walk,
         }
         variances = [walks.get(name, 0.0) ** 2 * dt_s for name in self.names]
         for k in range(robot.driven):
             variances[self.wheel(k)] = (noise.torque_std_Nm * dt_s / robot.inertia[robot.freedoms + k]) ** 2
             variances[self.force(k)] = noise.force_walk_N**2 * dt_s
-            variances[self.following(k)] = FOLLOWING_STD**2 * (1 - np.exp(-2 * dt_s / FOLLOWING_S))
+            variances[self.following(k)] = FOLLOWING_STD**2 * (1 - exp(-2 * dt_s / FOLLOWING_S))
         return np.diag(np.array(variances))
 
     @cached_property
     def load_N(self) -> np.ndarray:
-        """(wheels,) on level ground."""
+        """Loads (wheels,) on level ground."""
         robot = self.scene.robot
         return robot.loads[:, 0] * robot.mass_kg * GRAVITY

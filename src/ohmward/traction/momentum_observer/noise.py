@@ -1,4 +1,4 @@
-"""How wrong the sensors and the momentum balance may be. What the observer claims rests on these numbers."""
+"""Noise of the sensors and of the momentum balance, on which the sigmas of the observer rest."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ _OPTIONAL = ("edge_std_counts", "passive_std_rad", "accelerometer_std_m_s2", "gy
 
 @dataclass(frozen=True)
 class MomentumNoise:
-    """Standard deviations of sensors for one sample, and walks over the root of a second.
+    """Standard deviations of sensors for one sample, and random walks over the root of a second.
 
     A sensor with None does not exist: nothing is compiled for it.
 
     Attributes:
         encoder_std_rad: of the angle of a driven wheel; `count_std_rad`.
-        edge_std_counts: of where an edge lies, as a share of a count; None where the time of edges is not captured.
+        edge_std_counts: of the position of an edge, as a share of a count; None where the time of edges is not
+            captured.
         torque_std_Nm: of the torque at a wheel.
         passive_std_rad: of the angle of a wheel that is not driven.
         accelerometer_std_m_s2: of an accelerometer along x; offset and slope are learnt at rest.
@@ -27,11 +28,11 @@ class MomentumNoise:
         speed_std_m_s: of an external speed.
         force_walk_N: of the ground's force while the torque does not change.
         speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s].
-        push_std_m_s2, push_walk: of the unknown push: 0.17 m/s^2 for each degree of unknown slope, 0.1 m/s^2 for a
-            rolling resistance that is unknown by 1 % of the weight, and the share of the mass that is unknown times the
-            acceleration.
+        disturbance_std_m_s2, disturbance_walk: of the unmodelled acceleration: 0.17 m/s^2 for each degree of unknown
+            slope, 0.1 m/s^2 for a rolling resistance that is unknown by 1 % of the weight, and the share of the mass
+            that is unknown times the acceleration.
         accelerometer_offset_std_m_s2, accelerometer_offset_walk: before the first rest, and after it.
-        standstill_std_m_s: how well a robot at rest stands.
+        standstill_std_m_s: of the zero speed of a robot at rest.
     """
 
     encoder_std_rad: float
@@ -44,8 +45,8 @@ class MomentumNoise:
     force_walk_N: float = 1.0
     speed_walk: float = 0.001
     yaw_rate_walk: float = 0.3
-    push_std_m_s2: float = 0.17
-    push_walk: float = 0.1
+    disturbance_std_m_s2: float = 0.17
+    disturbance_walk: float = 0.1
     accelerometer_offset_std_m_s2: float = 0.5
     accelerometer_offset_walk: float = 0.002
     standstill_std_m_s: float = 0.001

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief
+from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import linearize, maximum, sqrt, where
+from ohmward.trace import linearize, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
@@ -126,8 +127,3 @@ def std_of(name: str, P: np.ndarray, model: Model) -> Scalar:
         return 0.0
     i = model.layout.index(name)
     return std(P[i, i])
-
-
-def std(variance: Scalar) -> Scalar:
-    """Standard deviation of a variance, which rounding may have made negative."""
-    return sqrt(maximum(variance, 0.0))

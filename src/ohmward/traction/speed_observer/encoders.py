@@ -15,9 +15,9 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.kalman import correct_state
-from ohmward.filters.linear_algebra import TINY
+from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
-from ohmward.trace import logical_not, maximum, sqrt, where
+from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
@@ -238,4 +238,4 @@ def doubted_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scal
     """Variance [m^2/s^2] that the speed gains in `dt_s` while the traction of driven wheel k is not known."""
     force_N = abs(model.traction_N(belief.mean)[k])
     growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
-    return growth * (growth + 2 * sqrt(maximum(belief.cov[0, 0], 0.0)))
+    return growth * (growth + 2 * std(belief.cov[0, 0]))
