@@ -1,14 +1,14 @@
-enum { N = @N@, KEPT = @KEPT@, MOVED = N - KEPT };
+enum { N = @N@, PARAMETERS = @PARAMETERS@, MOVED = N - PARAMETERS };
 
 static const float @NAME@_walk[N] = {@WALK@};
 
-/* Rows of the states: what sigma point k differs from the mean, then what the images of the pair differ, in `odd`; and
-   their sum about twice the mean, last the central point's, in `even`. States that are kept have no such sums. */
+/* A row for each state. `odd`: offset of sigma point k from the mean, later the difference of the images of its pair.
+   `even`: sum of the images of a pair minus twice the mean, last that of the central point; parameters have none. */
 typedef struct {
     float odd[N][N], even[MOVED][N + 1];
 } @NAME@_points;
 
-/* Columns that are sqrt(c) standard deviations long: the lower factor of c P, every pivot kept above a floor. */
+/* Offsets of the sigma points: the lower factor of c P, no pivot below a floor. */
 static void @NAME@_draw(const float *lower, @NAME@_points *points)
 {
     float u[N][N], v[N][N]; /* P = U D U', V = U D */
@@ -37,20 +37,20 @@ static void @NAME@_draw(const float *lower, @NAME@_points *points)
 }
 
 /* The points through the model; the mean becomes that of their images. */
-static void @NAME@_propagate(float *mean, const @NAME@_reading *reading, @NAME@_points *points)
+static void @NAME@_propagate(float *mean, const @NAME@_clean *clean, @NAME@_points *points)
 {
     float y[3][MOVED];
-    @NAME@_move(mean, reading, y[2]);
+    @NAME@_move(mean, clean, y[2]);
     for (int k = 0; k < N; ++k) {
         for (int s = 0; s < 2; ++s) {
             float point[N];
             for (int i = 0; i < N; ++i) {
                 point[i] = s ? mean[i] - points->odd[i][k] : mean[i] + points->odd[i][k];
             }
-            @NAME@_move(point, reading, y[s]);
+            @NAME@_move(point, clean, y[s]);
         }
         for (int i = 0; i < MOVED; ++i) {
-            points->odd[KEPT + i][k] = y[0][i] - y[1][i];
+            points->odd[PARAMETERS + i][k] = y[0][i] - y[1][i];
             points->even[i][k] = y[0][i] + y[1][i];
         }
     }
@@ -64,7 +64,7 @@ static void @NAME@_propagate(float *mean, const @NAME@_reading *reading, @NAME@_
             even[k] -= 2.0f * m;
         }
         even[N] = @CENTRE@ * (y[2][i] - m);
-        mean[KEPT + i] = m;
+        mean[PARAMETERS + i] = m;
     }
 }
 
@@ -77,12 +77,12 @@ static float @NAME@_dot(const float *a, const float *b, int count)
     return sum;
 }
 
-/* Covariance of the images of a moved state i and of state j; a kept one differs by twice its offset. */
+/* Covariance of the images of a moved state i and of state j; the images of a parameter differ by twice its offset. */
 static float @NAME@_covariance(const @NAME@_points *points, int i, int j)
 {
-    const bool kept = j < KEPT;
-    const float sum = @NAME@_dot(points->odd[i], points->odd[j], N);
-    return @PAIR@ * (sum + (kept ? sum : @NAME@_dot(points->even[i - KEPT], points->even[j - KEPT], N + 1)));
+    float sum = @NAME@_dot(points->odd[i], points->odd[j], N);
+    sum += j < PARAMETERS ? sum : @NAME@_dot(points->even[i - PARAMETERS], points->even[j - PARAMETERS], N + 1);
+    return @PAIR@ * sum;
 }
 
 void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output *output)
@@ -90,25 +90,25 @@ void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output
     float *const mean = state->belief_mean, *const gain = state->gain, *row = state->belief_lower + N * (N + 1) / 2;
     float K[N]; /* first the covariance of states and output */
     @NAME@_points points;
-    @NAME@_reading reading;
-    @NAME@_read(state, sample, &reading);
+    @NAME@_clean clean;
+    @NAME@_sanitize(state, sample, &clean);
     @NAME@_draw(state->belief_lower, &points);
-    @NAME@_propagate(mean, &reading, &points);
+    @NAME@_propagate(mean, &clean, &points);
 
     for (int j = 0; j < N; ++j) {
         K[j] = @NAME@_covariance(&points, N - 1, j);
     }
     const float R = state->noise_residual[0] + row[-1] + @VOLTAGE_VARIANCE@;
-    const float S = K[N - 1] + R, innovation = reading.voltage_V - mean[N - 1];
+    const float S = K[N - 1] + R, innovation = clean.voltage_V - mean[N - 1];
     const float reciprocal = 1.0f / (S <= @TINY@ ? @TINY@ : S);
     for (int i = 0; i < N; ++i) {
-        K[i] = reading.measured ? K[i] * reciprocal : 0.0f;
+        K[i] = clean.measured ? K[i] * reciprocal : 0.0f;
         mean[i] += K[i] * innovation;
     }
     for (int i = N - 1; i >= 0; --i) {
         row -= i + 1;
         for (int j = 0; j <= i; ++j) {
-            if (i >= KEPT) {
+            if (i >= PARAMETERS) {
                 row[j] = @NAME@_covariance(&points, i, j);
             }
             const float Q = (i == j ? @NAME@_walk[i] : 0.0f) + state->noise_innovation[0] * (gain[i] * gain[j]);
@@ -116,5 +116,5 @@ void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output
         }
         gain[i] = K[i];
     }
-    @NAME@_conclude(state, &reading, innovation, output);
+    @NAME@_conclude(state, &clean, innovation, output);
 }

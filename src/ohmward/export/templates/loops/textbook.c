@@ -3,17 +3,17 @@ enum { N = @N@ };
 void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output *output)
 {
     float *const mean = state->belief_mean, *const lower = state->belief_lower;
-    @NAME@_reading reading;
-    @NAME@_predict(state, sample, &reading);
+    @NAME@_clean clean;
+    @NAME@_predict(state, sample, &clean);
 
 @LINEARISED@
-    /* What the voltage shows of the states: h, with the noise R beside it. */
+    /* Row h of the output matrix; the variance R of the noise. */
     float h[N], C[N], K[N], M[N][N], S = 0.0f, v = 0.0f;
     for (int i = 0; i < N; ++i) {
         h[i] = i ? 1.0f : slope;
         v += i ? mean[i] : 0.0f;
     }
-    const float innovation = reading.voltage_V - (expected + v);
+    const float innovation = clean.voltage_V - (expected + v);
     for (int i = 0; i < N; ++i) {
         C[i] = 0.0f;
         for (int j = 0; j < N; ++j) {
@@ -25,7 +25,7 @@ void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output
     S += R;
 
     /* The measurement; the covariance in Joseph's form. */
-    const float reciprocal = reading.measured ? 1.0f / (S <= @TINY@ ? @TINY@ : S) : 0.0f;
+    const float reciprocal = clean.measured ? 1.0f / (S <= @TINY@ ? @TINY@ : S) : 0.0f;
     for (int i = 0; i < N; ++i) {
         K[i] = C[i] * reciprocal;
         mean[i] += K[i] * innovation;
@@ -41,5 +41,5 @@ void @NAME@_step(@NAME@_state *state, const @NAME@_sample *sample, @NAME@_output
             lower[at] = M[i][j] - excess * K[j];
         }
     }
-    @NAME@_conclude(state, &reading, innovation, S, output);
+    @NAME@_conclude(state, &clean, innovation, S, output);
 }
