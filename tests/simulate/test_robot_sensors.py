@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.robot_sensors import Board, RobotSensors, Sensor, read, record, sample, wheel_speed
+from ohmward.simulate.robot_sensors import Board, RobotSensors, Sensor, measure, record, sample_board, wheel_speed
 from ohmward.simulate.robot_truth import RobotTruth
 
 EXACT = Sensor(low=-100.0, high=100.0, resolution=1e-9, noise_std=0.0)
@@ -37,7 +37,7 @@ def rng():
 
 
 def test_ideal_sensors_show_the_truth():
-    reading = read(at(turning(), 100), IDEAL, rng())
+    reading = measure(at(turning(), 100), IDEAL, rng())
     assert reading.motor_current_A == pytest.approx(np.array([1.0, 2.0]) / IDEAL.torque_constant_N_m_per_A)
     assert reading.gyro_rad_s == pytest.approx([0.1, 0.2, 0.3])
     assert reading.specific_force_m_s2 == pytest.approx([1.0, 2.0, 9.81])
@@ -52,7 +52,7 @@ def test_an_encoder_counts_whole_steps_and_forgets_none():
 
 
 def test_an_encoder_counts_down_when_the_wheel_turns_back():
-    reading = read(at(turning(speed_rad_s=-4.0), 200), replace(IDEAL, counts_per_turn=100), rng())
+    reading = measure(at(turning(speed_rad_s=-4.0), 200), replace(IDEAL, counts_per_turn=100), rng())
     assert reading.encoder_count[0] == np.floor(-4.0 * 100 / (2 * np.pi))
 
 
@@ -64,7 +64,7 @@ def test_wheel_speed_comes_out_to_within_a_count():
 
 
 def test_only_the_wheels_with_an_encoder_or_motor_are_read():
-    reading = read(at(turning(), 50), replace(IDEAL, encoder_wheels=(0, 2), motor_wheels=(1,)), rng())
+    reading = measure(at(turning(), 50), replace(IDEAL, encoder_wheels=(0, 2), motor_wheels=(1,)), rng())
     assert reading.encoder_count.shape == (2,)
     assert reading.encoder_count[0] > 1.9 * reading.encoder_count[1]
     assert reading.motor_current_A == pytest.approx([2.0 / IDEAL.torque_constant_N_m_per_A])
@@ -79,7 +79,7 @@ def test_a_late_link_delivers_in_time_and_keeps_the_time_of_the_sample():
     sensors, board, truth = replace(IDEAL, delay_s=0.03), Board(), turning()
     seen = []
     for k in range(truth.time_s.size):
-        board, arrived = sample(board, at(truth, k), sensors, rng())
+        board, arrived = sample_board(board, at(truth, k), sensors, rng())
         seen += [(truth.time_s[k], r.time_s) for r in arrived]
     now, taken = np.array(seen).T
     assert now - taken == pytest.approx(np.full(now.size, 0.03))
@@ -129,6 +129,6 @@ def test_impossible_sensors_are_refused(change, message):
 
 
 def test_wheel_speed_needs_time_to_pass():
-    reading = read(at(turning(), 3), IDEAL, rng())
+    reading = measure(at(turning(), 3), IDEAL, rng())
     with pytest.raises(InputError, match="after must be taken later than before"):
         wheel_speed(reading, reading, IDEAL)

@@ -12,7 +12,7 @@ IDEAL = Sensor(low=-20.0, high=20.0, resolution=1e-9, noise_std=0.0)
 
 
 def read(sensor, true, seed=0):
-    return sensor.read(np.broadcast_to(np.asarray(true, dtype=float), COUNT), TIME, np.random.default_rng(seed))
+    return sensor.measure(np.broadcast_to(np.asarray(true, dtype=float), COUNT), TIME, np.random.default_rng(seed))
 
 
 def test_an_ideal_sensor_shows_the_truth():
@@ -52,7 +52,7 @@ def test_missing_and_spikes_have_their_shares():
 def test_the_offset_walks_with_the_square_root_of_time():
     sensor = replace(IDEAL, offset_walk_std=0.1)
     time = np.array([0.0, 1800.0, 3600.0, 4 * 3600.0])
-    walks = np.array([sensor.read(np.zeros(4), time, np.random.default_rng(seed)) for seed in range(3000)])
+    walks = np.array([sensor.measure(np.zeros(4), time, np.random.default_rng(seed)) for seed in range(3000)])
     np.testing.assert_allclose(walks.std(axis=0), 0.1 * np.sqrt([0.0, 0.5, 1.0, 4.0]), rtol=0.05)
 
 

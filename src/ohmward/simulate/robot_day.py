@@ -79,9 +79,9 @@ def record(
     return Log(
         name=name,
         time_s=time_s,
-        current_A=sensors.current.read(truth.current_A, time_s, rng),
-        voltage_V=sensors.voltage.read(truth.voltage_V, time_s, rng),
-        temperature_degC=sensors.temperature.read(truth.temperature_degC, time_s, rng),
+        current_A=sensors.current.measure(truth.current_A, time_s, rng),
+        voltage_V=sensors.voltage.measure(truth.voltage_V, time_s, rng),
+        temperature_degC=sensors.temperature.measure(truth.temperature_degC, time_s, rng),
         extra={"soc_true": truth.soc},
         notes=(
             Note(f"simulated, not measured: {battery.name}, capacity {battery.circuit.capacity_Ah:g} Ah"),

@@ -1,6 +1,7 @@
 """The sensors of a robot's wheels and body: one board that samples all at once, and a link that is late and lossy.
 
-`sample` is called with the truth as often as one likes and says what has arrived by then. Two rates are two boards.
+`sample_board` is called with the truth at any rate and returns the frames that have arrived by then. Two rates are two
+boards.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ class RobotSensors:
 
     Attributes:
         interval_s: between samples.
-        delay_s, jitter_s: a reading is under way for delay_s plus an even share of jitter_s, and may be overtaken.
-        drop_share: share of the readings that never arrive.
+        delay_s, jitter_s: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken.
+        drop_share: share of the frames that never arrive.
         encoder_wheels: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1).
         counts_per_turn: of each encoder.
         motor_wheels: wheels with a motor whose current is measured.
@@ -70,9 +71,9 @@ class RobotSensors:
 
 
 class SensorFrame(NamedTuple):
-    """What the board saw at one instant.
+    """Measurements of the board at one instant.
 
-    time_s, arrival_s: when it was taken, and when it arrives [s].
+    time_s, arrival_s: times [s] at which it was taken, and at which it arrives.
     encoder_count: one for each of `encoder_wheels`, counted from the reset, whole numbers.
     motor_current_A: one for each of `motor_wheels`, > 0 drives forward.
     gyro_rad_s, specific_force_m_s2: (3,) forward, left, up.
@@ -89,44 +90,46 @@ class SensorFrame(NamedTuple):
 
 
 class Board(NamedTuple):
-    """When the next sample is due [s], and the readings that are still under way."""
+    """Time [s] at which the next frame is due, and the frames that are still under way."""
 
     next_s: float = 0.0
     under_way: tuple[SensorFrame, ...] = ()
 
 
-def sample(
+def sample_board(
     board: Board, truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator
 ) -> tuple[Board, tuple[SensorFrame, ...]]:
-    """Take a reading of `truth` if one is due; the board after it and the readings that have arrived by now.
+    """Take a frame of `truth` if one is due; the board after it and the frames that have arrived by now.
 
-    Call it at least every `interval_s`; where calls come later than samples are due, the samples come late too.
+    Call it at least every `interval_s`; where calls come later than frames are due, the frames come late too.
     """
-    now, under_way = truth.time_s + _SAME_TIME_S, board.under_way
+    now = truth.time_s + _SAME_TIME_S
+    under_way = board.under_way
     if now >= board.next_s:
-        reading = read(truth, sensors, rng)
-        lost = rng.random() < sensors.drop_share
-        under_way = under_way if lost else (*under_way, reading)
+        frame = measure(truth, sensors, rng)
+        dropped = rng.random() < sensors.drop_share
+        under_way = under_way if dropped else (*under_way, frame)
         board = board._replace(next_s=max(board.next_s + sensors.interval_s, now))
-    arrived = tuple(sorted((r for r in under_way if r.arrival_s <= now), key=lambda r: r.arrival_s))
-    return board._replace(under_way=tuple(r for r in under_way if r.arrival_s > now)), arrived
+    arrived = sorted((frame for frame in under_way if frame.arrival_s <= now), key=lambda frame: frame.arrival_s)
+    waiting = tuple(frame for frame in under_way if frame.arrival_s > now)
+    return board._replace(under_way=waiting), tuple(arrived)
 
 
 def record(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> list[SensorFrame]:
-    """The readings of a whole drive that arrive before its end, in the order of arrival; truth: stacked over time."""
+    """Frames of a whole drive that arrive before its end, in the order of arrival; truth: stacked over time."""
     board = Board(float(truth.time_s[0]))
-    readings: list[SensorFrame] = []
+    frames: list[SensorFrame] = []
     for instant in zip(*truth, strict=True):
-        board, arrived = sample(board, RobotTruth(*instant), sensors, rng)
-        readings.extend(arrived)
-    return readings
+        board, arrived = sample_board(board, RobotTruth(*instant), sensors, rng)
+        frames.extend(arrived)
+    return frames
 
 
-def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> SensorFrame:
-    """What the board shows of this instant."""
+def measure(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> SensorFrame:
+    """Frame of the board at this instant."""
 
-    def shown(sensor: Sensor, true: np.ndarray) -> np.ndarray:
-        return sensor.read(true, np.full(true.size, truth.time_s), rng)
+    def measured(sensor: Sensor, true: np.ndarray) -> np.ndarray:
+        return sensor.measure(true, np.full(true.size, truth.time_s), rng)
 
     current_A = truth.torque_N_m[list(sensors.motor_wheels)] / sensors.torque_constant_N_m_per_A
     turns = truth.wheel_angle_rad[list(sensors.encoder_wheels)] / (2 * np.pi)
@@ -134,10 +137,10 @@ def read(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> 
         time_s=float(truth.time_s),
         arrival_s=float(truth.time_s + sensors.delay_s + sensors.jitter_s * rng.random()),
         encoder_count=np.floor(turns * sensors.counts_per_turn).astype(int),
-        motor_current_A=shown(sensors.motor_current, current_A),
-        gyro_rad_s=shown(sensors.gyro, truth.gyro_rad_s),
-        specific_force_m_s2=shown(sensors.accelerometer, truth.specific_force_m_s2),
-        pitch_rad=float(shown(sensors.pitch, pitch(truth))[0]) if sensors.pitch else math.nan,
+        motor_current_A=measured(sensors.motor_current, current_A),
+        gyro_rad_s=measured(sensors.gyro, truth.gyro_rad_s),
+        specific_force_m_s2=measured(sensors.accelerometer, truth.specific_force_m_s2),
+        pitch_rad=float(measured(sensors.pitch, pitch(truth))[0]) if sensors.pitch else math.nan,
     )
 
 
@@ -147,7 +150,7 @@ def pitch(truth: RobotTruth) -> np.ndarray:
 
 
 def wheel_speed(before: SensorFrame, after: SensorFrame, sensors: RobotSensors) -> np.ndarray:
-    """Mean speed of the encoder wheels between two readings [rad/s], to within a count.
+    """Mean speed of the encoder wheels between two frames [rad/s], to within a count.
 
     Raises:
         InputError: `after` was not taken after `before`.

@@ -1,4 +1,4 @@
-"""Sensors as robots have them: wrong in offset and gain, noisy, coarse, limited, at times absurd or silent."""
+"""Sensors with errors of offset and gain, noise, resolution, range, spikes and missing samples."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class Sensor:
     """One analogue sensor and its converter; all in the unit of what it measures.
 
     Attributes:
-        low, high: range of the converter; what lies beyond reads as the end.
+        low, high: range of the converter; values beyond it are limited to its ends.
         resolution: of the converter, > 0.
         noise_std: white, before the converter.
-        offset: reading at zero, constant over one recording.
+        offset: output at zero, constant over one recording.
         offset_walk_std: random walk of the offset over one hour.
-        gain_error: share of the true value that is added to the reading.
+        gain_error: share of the true value that is added to the output.
         spike_share, spike_std: share of the samples that are hit by interference, and its size.
         missing_share: share of the samples that are NaN.
 
@@ -47,14 +47,14 @@ class Sensor:
         for name in ("spike_share", "missing_share"):
             require_between(f"sensor.{name}", getattr(self, name), 0.0, 1.0)
 
-    def read(self, true: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """What the sensor shows of `true` (T,) at the times [s]: disturbed, rounded, limited, NaN where it is mute."""
+    def measure(self, true: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Measured values of `true` (T,) at the times [s]: disturbed, rounded, limited, NaN where missing."""
         signal = (1.0 + self.gain_error) * true + self.offset + self._drift(time_s, rng)
         signal = signal + self.noise_std * rng.standard_normal(true.size)
         hit = rng.random(true.size) < self.spike_share
         signal = signal + np.where(hit, self.spike_std * rng.standard_normal(true.size), 0.0)
-        shown = np.clip(self.resolution * np.round(signal / self.resolution), self.low, self.high)
-        return np.where(rng.random(true.size) < self.missing_share, np.nan, shown)
+        measured = np.clip(self.resolution * np.round(signal / self.resolution), self.low, self.high)
+        return np.where(rng.random(true.size) < self.missing_share, np.nan, measured)
 
     def _drift(self, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         hours = np.diff(time_s, prepend=time_s[0]) / 3600.0
@@ -62,7 +62,7 @@ class Sensor:
 
 
 class BatterySensors(NamedTuple):
-    """What measures a battery on board: current [A], voltage [V], temperature [degC]."""
+    """Sensors of a battery on board: current [A], voltage [V], temperature [degC]."""
 
     current: Sensor
     voltage: Sensor

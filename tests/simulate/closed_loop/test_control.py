@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import CASCADE_S, LAWS, MODES, Command, Control, make_controller, wanted
+from ohmward.simulate.closed_loop.control import (
+    CASCADE_S,
+    LAWS,
+    MODES,
+    Command,
+    Control,
+    make_controller,
+    wheel_command,
+)
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.control import Measurement
@@ -22,7 +30,7 @@ def torques(control, command, steps=200, wheel_speed_rad_s=0.0):
     """(steps, 2) that the compiled controller gives to wheels that do not move."""
     controller = make_controller(control, RLMA)
     at = REST._replace(wheel_speed_rad_s=np.full(2, wheel_speed_rad_s))
-    state, goal = controller.init(at), wanted(command, RLMA)
+    state, goal = controller.init(at), wheel_command(command, RLMA)
     step = Kernel(controller.step, state, goal, at, DT)
     given = []
     for _ in range(steps):
@@ -61,7 +69,7 @@ def test_the_ramp_asks_for_less_at_first():
 
 def test_the_cascade_gives_a_new_wheel_speed_fifty_times_a_second():
     controller = make_controller(Control("slip", "cascade"), RLMA)
-    state, goal = controller.init(REST), wanted(Command(slip_ratio=0.12), RLMA)
+    state, goal = controller.init(REST), wheel_command(Command(slip_ratio=0.12), RLMA)
     references = []
     for k in range(101):
         faster = REST._replace(travel_speed_m_s=np.full(2, k * DT))
@@ -71,9 +79,9 @@ def test_the_cascade_gives_a_new_wheel_speed_fifty_times_a_second():
 
 
 def test_a_turn_asks_each_wheel_for_its_own_speed():
-    goal = wanted(Command(speed_m_s=0.5, yaw_rate_rad_s=1.0), RLMA)
+    goal = wheel_command(Command(speed_m_s=0.5, yaw_rate_rad_s=1.0), RLMA)
     assert goal.travel_m_s == pytest.approx([0.35, 0.65])
-    turning = wanted(Command(speed_m_s=0.0, yaw_rate_rad_s=1.0), ROBOTINO)
+    turning = wheel_command(Command(speed_m_s=0.0, yaw_rate_rad_s=1.0), ROBOTINO)
     assert turning.travel_m_s == pytest.approx([0.125] * 3)
 
 
@@ -84,7 +92,7 @@ def test_a_turn_asks_each_wheel_for_its_own_speed():
         (
             Control("speed"),
             Command(speed_m_s=0.1, slip_ratio=0.1),
-            "commands.slip_ratio means nothing to controller.mode",
+            "commands.slip_ratio is not taken by controller.mode",
         ),
         (Control("slip"), Command(slip_ratio=0.1, yaw_rate_rad_s=1.0), "which takes slip_ratio, reverse; remove it"),
         (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within \+-12 .* got 20"),

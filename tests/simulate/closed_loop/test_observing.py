@@ -9,7 +9,7 @@ from ohmward.simulate.closed_loop.ground import Patch
 from ohmward.simulate.closed_loop.observing import (
     Observation,
     Observing,
-    believed_ground,
+    assumed_terrain,
     free_sideways,
     make_observer,
     noise,
@@ -28,7 +28,7 @@ def sample(dt_s, wheel_speed_rad_s):
 
 def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():
     observation = Observation(make_observer(Observing("ekf"), Sensing(), RLMA, BASE), RLMA)
-    observation.take(Arrival(0.10, sample(0.0, 2.0)))
+    observation.update(Arrival(0.10, sample(0.0, 2.0)))
     told = observation.measurement(np.array([2.0, 2.1]), np.zeros(2), 0.14)
     assert told.age_s == pytest.approx(0.04)
     assert told.wheel_speed_rad_s.tolist() == [2.0, 2.1]
@@ -38,26 +38,26 @@ def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():
 
 def test_without_an_observer_the_truth_is_told():
     observation = Observation(None, RLMA)
-    assert observation.take(Arrival(0.0, sample(0.0, 1.0))) is None
+    assert observation.update(Arrival(0.0, sample(0.0, 1.0))) is None
     told = observation.measurement(np.ones(2), np.array([0.3, 0.4]), 5.0)
     assert told.travel_speed_m_s.tolist() == [0.3, 0.4]
     assert told.age_s == 0.0
     assert told.travel_speed_std_m_s.tolist() == [0.0, 0.0]
 
 
-def test_the_believed_ground_keeps_slope_and_limit_without_the_corner():
-    creep, smooth = BASE.ground(RLMA).traction, believed_ground(BASE, RLMA).traction
+def test_the_assumed_terrain_keeps_slope_and_limit_without_the_corner():
+    creep, smooth = BASE.ground(RLMA).traction, assumed_terrain(BASE, RLMA).traction
     assert smooth.force_N(contact(1e-6, 0.0, 100.0)) == pytest.approx(
         creep.force_N(contact(1e-6, 0.0, 100.0)), rel=1e-4
     )
     assert smooth.force_N(contact(5.0, 0.0, 100.0)) == pytest.approx(50.0)
-    assert believed_ground(Patch(terrain="gravel"), RLMA) == Patch(terrain="gravel").ground(RLMA)
+    assert assumed_terrain(Patch(terrain="gravel"), RLMA) == Patch(terrain="gravel").ground(RLMA)
 
 
 def test_what_is_believed_is_the_base_unless_it_is_said():
-    assert Observing().believed(BASE) == BASE
-    assert Observing(terrain="ice").believed(BASE).name == "ice"
-    assert Observing(slip_stiffness_s_per_m=3.0).believed(BASE) == replace(BASE, slip_stiffness_s_per_m=3.0)
+    assert Observing().assumed_patch(BASE) == BASE
+    assert Observing(terrain="ice").assumed_patch(BASE).name == "ice"
+    assert Observing(slip_stiffness_s_per_m=3.0).assumed_patch(BASE) == replace(BASE, slip_stiffness_s_per_m=3.0)
 
 
 def test_methods_are_filters_with_and_without_learnt_noise():

@@ -23,7 +23,7 @@ def truths():
 def watch(sensing, truths, seed=1):
     """When each sample arrives, and what arrives."""
     sensors = SensorSuite(sensing, RLMA, np.random.default_rng(seed))
-    return [(truth.time_s, arrival) for truth in truths for arrival in sensors.see(truth)]
+    return [(truth.time_s, arrival) for truth in truths for arrival in sensors.sample(truth)]
 
 
 def test_samples_come_at_the_interval_with_the_speeds_of_the_wheels(truths):

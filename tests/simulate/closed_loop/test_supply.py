@@ -40,7 +40,7 @@ def test_the_charge_that_flows_is_the_charge_that_is_missing():
 
 def test_the_largest_power_ends_at_the_lowest_voltage():
     supply = Supply(Pack("lead-acid", start_soc=0.6))
-    now = supply.draw(supply.now.most_W, 1e-4)
+    now = supply.draw(supply.now.available_W, 1e-4)
     assert now.voltage_V == pytest.approx(supply.battery.voltage_min_V, rel=1e-6)
 
 
@@ -92,7 +92,7 @@ def test_the_voltage_limits_the_current_of_a_wheel_that_turns_back():
 
 
 def test_the_power_limits_all_motors_in_proportion():
-    robot, now = replace(RLMA, idle_W=20.0), full_supply()._replace(most_W=120.0)
+    robot, now = replace(RLMA, idle_W=20.0), full_supply()._replace(available_W=120.0)
     asked, omega = np.array([10.0, 5.0]), np.array([4.0, 4.0])
     torque = available_torque(asked, omega, robot, now)
     current = torque / robot.motor.wheel_constant_Nm_per_A

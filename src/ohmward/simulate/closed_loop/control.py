@@ -1,4 +1,4 @@
-"""What drives the robot: commands over time, and a controller of torque for the driven wheels at its own rate."""
+"""Commands over time, and the controller of torque for the driven wheels at its own rate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from ohmward.traction.control import (
 from ohmward.traction.control.slip_law import SlipLaw
 from ohmward.traction.robot.robot import Robot
 
-#: What each mode takes of a command, the first of it without fail.
+#: Keys of a command that each mode takes; the first one is required.
 MODES: dict[str, tuple[str, ...]] = {
     "speed": ("speed_m_s", "yaw_rate_rad_s"),
     "slip": ("slip_ratio", "reverse"),
@@ -42,18 +42,18 @@ MODES: dict[str, tuple[str, ...]] = {
     "ramp": ("speed_m_s", "yaw_rate_rad_s"),
 }
 LAWS = ("sliding-mode", "fuzzy", "slip-ratio", "pid", "cascade")
-#: Between two steps of the cascade; drives take a new wheel speed at 50 Hz.
+#: Time [s] between two steps of the cascade; drives take a new wheel speed at 50 Hz.
 CASCADE_S = 0.02
-#: A ramp so steep that it is none.
-AT_ONCE_M_S2 = 1e6
+#: Acceleration limit that disables the ramp.
+NO_RAMP_M_S2 = 1e6
 
 
 @dataclass(frozen=True)
 class Command:
-    """What is asked of the robot from a time on; which of it counts, the controller's mode says.
+    """Command from a time on; the mode of the controller says which keys it takes.
 
     Attributes:
-        from_s: when it begins, >= 0.
+        from_s: time at which it begins, >= 0.
         speed_m_s: forward, < 0 in reverse; 0 stops.
         yaw_rate_rad_s: > 0 to the left.
         slip_ratio: in (-1, 1), < 0 brakes.
@@ -89,7 +89,7 @@ class Control:
         slip_bound: in mode "speed", >= 0.001 and < 1.
         acceleration_m_s2: of the ramps, > 0.
         torque_limit_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.
-        friction: that the laws assume, give or take as much, > 0.
+        friction: that the laws assume, with an error of up to as much, > 0.
         interval_s: between steps, > 0 and at most 0.02.
     """
 
@@ -124,7 +124,7 @@ class Control:
             raise InputError(f'commands.{used[0]} is missing; controller.mode = "{self.mode}" needs it')
         if unused := [name for name in given if name not in used]:
             raise InputError(
-                f'commands.{unused[0]} means nothing to controller.mode = "{self.mode}", which takes '
+                f'commands.{unused[0]} is not taken by controller.mode = "{self.mode}", which takes '
                 f"{', '.join(used)}; remove it or choose another mode"
             )
         if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
@@ -134,11 +134,11 @@ class Control:
             )
 
 
-class Wanted(NamedTuple):
-    """A command as the wheels see it.
+class WheelCommand(NamedTuple):
+    """Command for the wheels.
 
     travel_m_s: (driven,) of the wheels' centres.
-    slip_ratio, direction, torque_Nm: numbers.
+    slip_ratio, direction, torque_Nm: numbers, the same for all wheels.
     """
 
     travel_m_s: Any
@@ -148,21 +148,21 @@ class Wanted(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """A controller: `init(measurement)` and `step(state, wanted, measurement, dt_s)`.
+    """A controller: `init(measurement)` and `step(state, command, measurement, dt_s)`.
 
     step returns the state after it, the torque [N m] to hold, and a `Report`; all of it traces.
     """
 
     init: Callable[[Measurement], Any]
-    step: Callable[[Any, Wanted, Measurement, Any], tuple[Any, Any, Report]]
+    step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
 
 
-def wanted(command: Command, robot: Robot) -> Wanted:
+def wheel_command(command: Command, robot: Robot) -> WheelCommand:
     """The command for this robot's wheels."""
     motion = np.zeros(robot.freedoms)
     motion[0], motion[-1] = command.speed_m_s or 0.0, command.yaw_rate_rad_s or 0.0
     travel = robot.rolling[: robot.driven] @ motion
-    return Wanted(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, command.torque_Nm or 0.0)
+    return WheelCommand(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, command.torque_Nm or 0.0)
 
 
 def make_controller(control: Control, robot: Robot) -> Controller:
@@ -172,8 +172,8 @@ def make_controller(control: Control, robot: Robot) -> Controller:
     def init(m: Measurement) -> tuple:
         return tuple(one.init(of_wheel(m, k)) for k in range(robot.driven))
 
-    def step(states: tuple, wanted: Wanted, m: Measurement, dt_s: Any) -> tuple[tuple, np.ndarray, Report]:
-        steps = [one.step(state, of_wheel(wanted, k), of_wheel(m, k), dt_s) for k, state in enumerate(states)]
+    def step(states: tuple, command: WheelCommand, m: Measurement, dt_s: Any) -> tuple[tuple, np.ndarray, Report]:
+        steps = [one.step(state, of_wheel(command, k), of_wheel(m, k), dt_s) for k, state in enumerate(states)]
         after, torques, reports = zip(*steps, strict=True)
         return tuple(after), np.array(torques), Report(*(np.array(values) for values in zip(*reports, strict=True)))
 
@@ -191,7 +191,7 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
     if control.mode == "torque":
         return _open_loop(limits)
     if control.mode in ("wheel-speed", "ramp"):
-        acceleration = control.acceleration_m_s2 if control.mode == "ramp" else AT_ONCE_M_S2
+        acceleration = control.acceleration_m_s2 if control.mode == "ramp" else NO_RAMP_M_S2
         return _wheel_speed_loop(WheelSpeedDrive(limits), robot.wheel.radius_m, acceleration)
     wheel = driven_wheel(robot)
     sliding = SlidingMode(Uncertainty(force_N=control.friction * wheel.load_N))
@@ -210,21 +210,21 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
 
 
 def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
-    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
-        return loop.step(state, SpeedCommand(wanted.travel_m_s, slip_bound), m, dt_s)
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SpeedCommand(command.travel_m_s, slip_bound), m, dt_s)
 
     return Controller(loop.init, step)
 
 
 def _slip_loop(loop: SlipController) -> Controller:
-    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
-        return loop.step(state, SlipCommand(wanted.slip_ratio, wanted.direction), m, dt_s)
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SlipCommand(command.slip_ratio, command.direction), m, dt_s)
 
     return Controller(loop.init, step)
 
 
 class CascadeLoop(NamedTuple):
-    """States of the cascade and of the drive, the reference [rad/s] and report of its last step, and its age [s]."""
+    """States of the cascade and of the drive; reference [rad/s], report and age [s] of the cascade's last step."""
 
     outer: Any
     drive: Any
@@ -236,14 +236,14 @@ class CascadeLoop(NamedTuple):
 def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
     def init(m: Measurement) -> CascadeLoop:
         state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
-        return CascadeLoop(state, drive.init(zero), state.reference_rad_s, _silent(zero), CASCADE_S)
+        return CascadeLoop(state, drive.init(zero), state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
 
-    def step(state: CascadeLoop, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
-        command = SlipCommand(wanted.slip_ratio, wanted.direction)
+    def step(state: CascadeLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        slip_command = SlipCommand(command.slip_ratio, command.direction)
         due = state.age_s > CASCADE_S - 0.5 * dt_s
-        fresh = outer.step(state.outer, command, m, CASCADE_S)
-        kept = state.outer, state.reference_rad_s, state.report
-        after, reference, report = (choose(due, new, old) for new, old in zip(fresh, kept, strict=True))
+        now = outer.step(state.outer, slip_command, m, CASCADE_S)
+        before = state.outer, state.reference_rad_s, state.report
+        after, reference, report = (choose(due, new, old) for new, old in zip(now, before, strict=True))
         motor, torque = drive.step(state.drive, reference, m.wheel_speed_rad_s, dt_s)
         age_s = where(due, 0.0, state.age_s) + dt_s
         return CascadeLoop(after, motor, reference, report, age_s), torque, report
@@ -262,24 +262,24 @@ def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2
     def init(m: Measurement) -> RampLoop:
         return RampLoop(drive.init(m.wheel_speed_rad_s), radius_m * m.wheel_speed_rad_s)
 
-    def step(state: RampLoop, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
+    def step(state: RampLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         change = acceleration_m_s2 * dt_s
-        rim = clip(wanted.travel_m_s, state.rim_m_s - change, state.rim_m_s + change)
+        rim = clip(command.travel_m_s, state.rim_m_s - change, state.rim_m_s + change)
         motor, torque = drive.step(state.drive, rim / radius_m, m.wheel_speed_rad_s, dt_s)
-        return RampLoop(motor, rim), torque, _silent(torque)
+        return RampLoop(motor, rim), torque, _report_without_slip(torque)
 
     return Controller(init, step)
 
 
 def _open_loop(limits: Limits) -> Controller:
-    def step(state: Any, wanted: Wanted, m: Measurement, dt_s: Any) -> Any:
-        torque = limits.apply(wanted.torque_Nm + 0.0 * state, state, dt_s)
-        return torque, torque, _silent(torque)
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        torque = limits.apply(command.torque_Nm + 0.0 * state, state, dt_s)
+        return torque, torque, _report_without_slip(torque)
 
     return Controller(lambda m: 0.0 * m.wheel_speed_rad_s, step)
 
 
-def _silent(torque_Nm: Any) -> Report:
-    """The report of a controller that knows no slip."""
+def _report_without_slip(torque_Nm: Any) -> Report:
+    """Report of a controller without slip."""
     nothing = math.nan + 0.0 * torque_Nm
     return Report(nothing, nothing, nothing, nothing, torque_Nm, 0.0 * torque_Nm)

@@ -1,4 +1,4 @@
-"""Figures of a simulated drive: how well slip was held, how good the observer was, what the energy went for."""
+"""Figures of a simulated drive: tracking of slip, score of the observer, energy balance."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ohmward.traction.dynamics.slip import driving_slip_ratio
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 
-#: A slip this close to the one asked for counts as reached.
+#: A slip this close to the commanded one counts as reached.
 TOLERANCE = 0.02
-#: Below this speed [m/s] a braking slip is no ratio any more: there controllers hold a slip speed (v_0).
+#: Below this speed [m/s] controllers hold a slip speed (v_0) instead of a braking slip ratio.
 SLOWEST_M_S = 0.2
-#: A shorter way [m] is no way to spread energy over.
+#: Energy per metre is not defined for a shorter way [m].
 _SHORTEST_M = 0.01
 
 
-class Held(NamedTuple):
-    """How one command of slip was followed, by the worst of the driven wheels.
+class SlipTracking(NamedTuple):
+    """Tracking of one command of slip by the worst of the driven wheels.
 
-    from_s, to_s: when it held; a braking robot's ends where it is slower than `SLOWEST_M_S`.
-    slip_ratio: asked for.
+    from_s, to_s: time for which it held; a braking robot's ends where it is slower than `SLOWEST_M_S`.
+    slip_ratio: commanded.
     settle_s: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did.
     rms_error: of the true slip, in the second half of that time.
     """
@@ -39,9 +39,9 @@ class Held(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Of a whole drive; nan where a figure means nothing.
+    """Figures of a whole drive; nan where one is not defined.
 
-    duration_s, distance_m: time, and way of the robot's centre whichever direction it went.
+    duration_s, distance_m: time, and length of the way of the robot's centre, forward and back.
     slip: each command of slip.
     slip_settle_s, slip_rms_error: of the first command of slip, and the root mean square over all of them.
     energy_J: balance of the drive.
@@ -51,7 +51,7 @@ class Figures(NamedTuple):
 
     duration_s: float
     distance_m: float
-    slip: tuple[Held, ...]
+    slip: tuple[SlipTracking, ...]
     slip_settle_s: float
     slip_rms_error: float
     energy_J: EnergyBalance
@@ -64,13 +64,13 @@ def figures(run: ClosedLoopRun) -> Figures:
     history = run.history
     distance_m = distance(history)
     energy = EnergyBalance(*(float(term[-1]) for term in history.energy_J))
-    held = tuple(held_slips(run))
+    slip = tuple(slip_tracking(run))
     return Figures(
         duration_s=float(history.truth.time_s[-1]),
         distance_m=distance_m,
-        slip=held,
-        slip_settle_s=held[0].settle_s if held else math.nan,
-        slip_rms_error=_rms(np.array([h.rms_error for h in held])),
+        slip=slip,
+        slip_settle_s=slip[0].settle_s if slip else math.nan,
+        slip_rms_error=_rms(np.array([tracked.rms_error for tracked in slip])),
         energy_J=energy,
         energy_J_per_m=energy.battery / distance_m if distance_m > _SHORTEST_M else math.nan,
         score=score(run),
@@ -78,23 +78,24 @@ def figures(run: ClosedLoopRun) -> Figures:
 
 
 def distance(history: Instant) -> float:
-    """Way of the centre [m]."""
+    """Length of the way of the centre [m]."""
     steps = np.diff(history.truth.position_m[:, :2], axis=0, prepend=np.zeros((1, 2)))
     return float(np.hypot(*steps.T).sum())
 
 
-def held_slips(run: ClosedLoopRun) -> list[Held]:
-    """How each command of slip was followed."""
+def slip_tracking(run: ClosedLoopRun) -> list[SlipTracking]:
+    """Tracking of each command of slip."""
     truth, commands = run.history.truth, run.scenario.commands
     slip = true_slip(run.history, run.scenario.model)
-    held = []
-    for command, end_s in zip(commands, [*(c.from_s for c in commands[1:]), math.inf], strict=True):
+    ends_s = [*(c.from_s for c in commands[1:]), math.inf]
+    tracked = []
+    for command, end_s in zip(commands, ends_s, strict=True):
         rows = (truth.time_s > command.from_s) & (truth.time_s <= end_s)
         if command.slip_ratio is not None and command.slip_ratio < 0:
             rows &= np.cumsum(rows & (np.abs(truth.speed_m_s) < SLOWEST_M_S)) == 0
         if command.slip_ratio is not None and rows.any():
-            held.append(held_slip(truth.time_s[rows], slip[rows], command.from_s, command.slip_ratio))
-    return held
+            tracked.append(track_command(truth.time_s[rows], slip[rows], command.from_s, command.slip_ratio))
+    return tracked
 
 
 def true_slip(history: Instant, robot: Robot) -> np.ndarray:
@@ -104,14 +105,15 @@ def true_slip(history: Instant, robot: Robot) -> np.ndarray:
     return driving_slip_ratio(rim, truth.wheel_centre_speed_m_s[:, :n])
 
 
-def held_slip(time_s: np.ndarray, slip: np.ndarray, from_s: float, target: float) -> Held:
-    """How one command was followed; time_s (K,) and slip (K, driven) while it held."""
-    error, to_s = slip - target, float(time_s[-1])
+def track_command(time_s: np.ndarray, slip: np.ndarray, from_s: float, target: float) -> SlipTracking:
+    """Tracking of one command; time_s (K,) and slip (K, driven) while it held."""
+    error = slip - target
+    to_s = float(time_s[-1])
     away = np.flatnonzero(~(np.abs(error) <= TOLERANCE).all(axis=1))
     first = int(away[-1]) + 1 if away.size else 0
     settle_s = float(time_s[first] - from_s) if first < time_s.size else math.nan
     late = error[time_s > 0.5 * (from_s + to_s)]
-    return Held(from_s, to_s, target, settle_s, max((_rms(column) for column in late.T), default=math.nan))
+    return SlipTracking(from_s, to_s, target, settle_s, max((_rms(column) for column in late.T), default=math.nan))
 
 
 def score(run: ClosedLoopRun) -> DriveScore | None:

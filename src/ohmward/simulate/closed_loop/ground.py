@@ -1,4 +1,4 @@
-"""What is under each wheel, and how steep it is: patches along x or over time, and a profile of the grade."""
+"""Ground of a scenario: patches of terrain along x or over time, and a profile of the grade."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class Patch:
 
     @property
     def name(self) -> str:
-        """Of the terrain, or its friction."""
+        """Name of the terrain, or its friction."""
         return f"friction {self.friction:g}" if self.friction is not None else self.terrain or "dry asphalt"
 
     @cached_property
     def bounded(self) -> bool:
-        """Whether it ends anywhere; what does not lies under all others."""
+        """True where it has an edge; a patch without one lies under all others."""
         return any(getattr(self, edge) is not None for edge in _EDGES) or bool(self.wheels)
 
     @property
@@ -85,7 +85,7 @@ class Patch:
         return -math.inf if self.from_s is None else self.from_s, math.inf if self.to_s is None else self.to_s
 
     def covers(self, wheel: str, x_m: float, time_s: float) -> bool:
-        """Whether it is under this wheel now."""
+        """True where it is under this wheel now."""
         from_m, to_m = self.span_m
         from_s, to_s = self.span_s
         return from_m <= x_m < to_m and from_s <= time_s < to_s and (not self.wheels or wheel in self.wheels)
@@ -180,7 +180,7 @@ def surface(patches: Sequence[Patch], wheels: Sequence[str]) -> GroundSurface:
 
 
 def adhesion(terrain: Terrain) -> float:
-    """The most that a terrain gives over the load; nan where its law has no such number."""
+    """Largest traction of a terrain over the load; nan where its law has no such number."""
     law: Any = terrain.traction
     return float(getattr(law, "adhesion", getattr(law, "peak_adhesion", math.nan)))
 

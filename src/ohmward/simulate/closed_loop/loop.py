@@ -1,22 +1,24 @@
 """The closed loop: sensors, observer, controller, battery, robot and ground, step by step.
 
-readings = sensors(truth)                 at their rates, late, noisy, some lost
-estimate = observer(readings)
+samples  = sensors(truth)                 at their rates, late, noisy, some of them dropped
+estimate = observer(samples)
 torque   = controller(command, estimate)  every millisecond, within what the battery can feed
 truth    = plant(torque)
-battery gives what the motors took, and what the electronics draw
+battery feeds the motors and the electronics
 """
 
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import Wanted, make_controller, wanted
+from ohmward.simulate.closed_loop.control import WheelCommand, make_controller, wheel_command
+from ohmward.simulate.closed_loop.drive_warnings import DriveWarnings
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observation, make_observer
 from ohmward.simulate.closed_loop.pack_sensors import PackSensors
@@ -27,16 +29,20 @@ from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.closed_loop.sensing import SensorSuite
 from ohmward.simulate.closed_loop.supply import Supplied, Supply
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward.simulate.closed_loop.watch import Watch
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement, Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
-#: Instants of the history, at most, and the shortest time between them.
-_INSTANTS, _SHORTEST_S = 25_000, 0.002
+#: Largest number of instants of the history.
+_INSTANTS = 25_000
+#: Shortest time between two instants of the history.
+_SHORTEST_S = 0.002
+#: Steps of the controller between two reports of progress.
 _PROGRESS_STEPS = 200
+#: Times that differ by less are equal: sums of steps are rounded.
+_TIME_EPS_S = 1e-9
 
 Plant = TractionPlant | MujocoRobot
 
@@ -44,7 +50,7 @@ Plant = TractionPlant | MujocoRobot
 def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> ClosedLoopRun:
     """Simulate the whole drive; it ends early where the battery is empty.
 
-    progress: called now and then with (steps done, steps).
+    progress: called every 200 steps with (steps done, steps).
 
     Raises:
         InputError: the plant cannot be made so, MuJoCo is not installed, or no sample of the sensors arrives.
@@ -55,11 +61,11 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     for k in range(steps):
         drive.step()
         if drive.empty:
-            drive.watch.battery_empty()
+            drive.warnings.battery_empty()
             break
         if progress and k % _PROGRESS_STEPS == 0:
             progress(k, steps)
-    drive.look()
+    drive.sample()
     if not len(drive.rows):
         raise InputError(
             f"no sample of the sensors arrived in {drive.truth.time_s:.3g} s; lower sensors.drop_share or "
@@ -69,7 +75,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
         scenario,
         drive.history.stacked(),
         drive.rows.stacked(),
-        drive.watch.sentences(),
+        drive.warnings.sentences(),
         time.perf_counter() - begun,
     )
 
@@ -80,11 +86,20 @@ def make_plant(scenario: Scenario) -> Plant:
     return kind(scenario.model, scenario.ground, scenario.grade)
 
 
+class SampleOnTheWay(NamedTuple):
+    """Truth of the robot and measurements of the battery at the time of a sample that has not arrived yet."""
+
+    truth: RobotTruth
+    current_A: float
+    voltage_V: float
+    soc: float
+
+
 class ClosedLoopDrive:
     """A drive under way.
 
     Args:
-        scenario: which.
+        scenario: to be driven.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -96,47 +111,51 @@ class ClosedLoopDrive:
         self.sensors = SensorSuite(scenario.sensors, self.robot, sensors_rng)
         self.observation = Observation(_observer(scenario), self.robot)
         self.pack = PackSensors(self.supply.now, pack_rng)
-        self.watch = Watch(scenario)
-        self.energy = EnergyBalance()
-        self._wanted = [wanted(command, self.robot) for command in scenario.commands]
-        self._command = -1
-        self._state, self._control = _controller(scenario, self._wanted[0])
-        self._keep_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
-        self._under_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
+        self.warnings = DriveWarnings(scenario)
+        self.energy_J = EnergyBalance()
+        self._commands = [wheel_command(command, self.robot) for command in scenario.commands]
+        self._starts_s = [command.from_s for command in scenario.commands]
+        self._state, self._control = _controller(scenario, self._commands[0])
+        self._history_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
+        self._on_the_way: dict[float, SampleOnTheWay] = {}
         self.history: Records[Instant] = Records()
         self.rows: Records[RunRow] = Records()
 
     @property
     def empty(self) -> bool:
-        """Whether the battery can no longer feed the electronics."""
-        return self.supply.now.most_W < self.robot.idle_W or self.supply.now.soc <= 0.0
+        """True where the battery can no longer feed the electronics."""
+        return self.supply.now.available_W < self.robot.idle_W or self.supply.now.soc <= 0.0
 
-    def look(self) -> None:
-        """Let the sensors sample, and the observer use what has arrived."""
-        arrivals = self.sensors.see(self.truth)
+    def sample(self) -> None:
+        """Let the sensors sample, and the observer use the samples that have arrived."""
+        arrivals = self.sensors.sample(self.truth)
         if self.sensors.sampled:
-            self._under_way[self.truth.time_s] = self.truth, *self.pack.read(), float(self.supply.now.soc)
+            soc = float(self.supply.now.soc)
+            self._on_the_way[self.truth.time_s] = SampleOnTheWay(self.truth, *self.pack.sample(), soc)
         for arrival in arrivals:
-            truth, current_A, voltage_V, soc = self._under_way.pop(arrival.taken_s)
-            estimate = self.observation.take(arrival)
-            row = RunRow(arrival.taken_s, arrival.sample, estimate, truth, current_A, voltage_V, soc)
-            self.rows.add(row)
-            self._under_way = {t: known for t, known in self._under_way.items() if t > arrival.taken_s}
+            estimate = self.observation.update(arrival)
+            at = self._on_the_way[arrival.taken_s]
+            self.rows.add(RunRow(arrival.taken_s, arrival.sample, estimate, *at))
+            self._on_the_way = {t: later for t, later in self._on_the_way.items() if t > arrival.taken_s}
 
     def step(self) -> None:
         """One step of the controller."""
         dt_s, n = self.scenario.controller.interval_s, self.robot.driven
-        self.look()
+        self.sample()
         wheel_speed, travel = self.sensors.drive_speeds(self.truth), self.truth.wheel_centre_speed_m_s[:n]
         measurement = self.observation.measurement(wheel_speed, travel, self.truth.time_s)
-        self._state, asked, report = self._control(self._state, self._now(), measurement, dt_s)
-        torque = available_torque(asked, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
+        self._state, demanded, report = self._control(self._state, self._command_now(), measurement, dt_s)
+        torque = available_torque(demanded, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
         self.truth = self.plant.step(torque, dt_s)
         supplied = self.supply.draw(self.plant.energy.electrical / dt_s + self.robot.idle_W, dt_s)
-        self.energy = self.energy.accumulate(self._energy_step(supplied, dt_s))
-        self.pack.feel(supplied)
-        self.watch.see(report, asked, torque, dt_s)
-        self._keep(report, supplied)
+        self.energy_J = self.energy_J.accumulate(self._energy_step(supplied, dt_s))
+        self.pack.add_step(supplied)
+        self.warnings.add_step(report, demanded, torque, dt_s)
+        self._record(report, supplied)
+
+    def _command_now(self) -> WheelCommand:
+        """The command that holds now."""
+        return self._commands[bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1]
 
     def _energy_step(self, supplied: Supplied, dt_s: float) -> EnergyBalance:
         """Balance [J] of the step with battery and electronics; a resistor burns what the battery does not take."""
@@ -145,20 +164,14 @@ class ClosedLoopDrive:
         battery_J = supplied.power_W * dt_s
         return motors._replace(battery=battery_J, idle=idle_J, resistor=battery_J - motors.electrical - idle_J)
 
-    def _now(self) -> Wanted:
-        """The command that holds now, for the wheels."""
-        commands = self.scenario.commands
-        while self._command + 1 < len(commands) and self.truth.time_s > commands[self._command + 1].from_s - 1e-9:
-            self._command += 1
-        return self._wanted[self._command]
-
-    def _keep(self, report: Report, supplied: Supplied) -> None:
-        if self.truth.time_s > (len(self.history) + 1) * self._keep_s - 1e-9 or self.empty:
+    def _record(self, report: Report, supplied: Supplied) -> None:
+        """Add an instant to the history where one is due."""
+        if self.truth.time_s > (len(self.history) + 1) * self._history_s - _TIME_EPS_S or self.empty:
             battery = supplied.current_A, supplied.voltage_V, supplied.soc, supplied.temperature_degC
-            self.history.add(Instant(self.truth, report, *battery, self.energy))
+            self.history.add(Instant(self.truth, report, *battery, self.energy_J))
 
 
-def _controller(scenario: Scenario, first: Wanted) -> tuple[Any, Kernel]:
+def _controller(scenario: Scenario, first: WheelCommand) -> tuple[Any, Kernel]:
     """State of the controller before the first step of a robot at rest, and its compiled step."""
     zero = np.zeros(scenario.model.driven)
     at_rest = Measurement(zero, zero, 0.0, zero)
@@ -168,6 +181,7 @@ def _controller(scenario: Scenario, first: Wanted) -> tuple[Any, Kernel]:
 
 
 def _observer(scenario: Scenario) -> SpeedObserver | None:
+    """The scenario's observer; None where the controller gets the true speed."""
     if scenario.observer.method == "true":
         return None
     return make_observer(scenario.observer, scenario.sensors, scenario.model, scenario.surface.patches[-1])

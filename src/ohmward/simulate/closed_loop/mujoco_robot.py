@@ -17,12 +17,12 @@ from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 
-#: Height of the centre of gravity [m] where the robot does not say it.
+#: Height of the centre of gravity [m] of a robot that has none.
 HEIGHT_M = 0.17
 
 
 class MujocoRobot:
-    """As `TractionPlant`, by contacts and rigid bodies that are not ours.
+    """Plant with the interface of `TractionPlant` on MuJoCo's contacts and rigid bodies.
 
     Args:
         robot: on four wheels, all fixed to the body.

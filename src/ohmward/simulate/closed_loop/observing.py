@@ -1,4 +1,4 @@
-"""The observer of a scenario: what it believes of robot, ground and noise, and its estimate at every instant."""
+"""The observer of a scenario: its model of robot, ground and noise, and its estimate at every instant."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_st
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "true")
-#: How far the speed at the start is from zero: the robot stands.
+#: Standard deviation of the speed at the start: the robot stands.
 _START_STD_M_S = 0.005
 #: Ripple and friction of a drive that no current shows [N m].
 _TORQUE_STD_NM = 0.05
@@ -34,12 +34,12 @@ _TORQUE_STD_NM = 0.05
 
 @dataclass(frozen=True)
 class Observing:
-    """Which observer, and what it takes the ground for.
+    """Method of the observer, and the ground that it assumes.
 
     Attributes:
         method: "ekf", "ukf", with learnt noise "aekf", "aukf"; "true" gives the controller the true speed.
-        terrain, friction, slip_stiffness_s_per_m: the ground that it believes in, as in `Patch`; where neither terrain
-            nor friction is given, the ground that lies under all others.
+        terrain, friction, slip_stiffness_s_per_m: the assumed ground, as in `Patch`; where neither terrain nor friction
+            is given, the ground that lies under all others.
     """
 
     method: str = "ukf"
@@ -53,30 +53,30 @@ class Observing:
         if self.slip_stiffness_s_per_m is not None:
             require_positive("observer.slip_stiffness_s_per_m", self.slip_stiffness_s_per_m)
         try:
-            self.believed(Patch())
+            self.assumed_patch(Patch())
         except InputError as error:
             raise InputError(str(error).replace("ground", "observer", 1)) from error
 
-    def believed(self, base: Patch) -> Patch:
-        """The ground that the observer believes in; base: the one that lies under all others."""
+    def assumed_patch(self, base: Patch) -> Patch:
+        """The ground that the observer assumes; base: the one that lies under all others."""
         ground = base if self.terrain is None and self.friction is None else Patch(self.terrain, self.friction)
         stiffness = self.slip_stiffness_s_per_m
         return ground if stiffness is None else replace(ground, slip_stiffness_s_per_m=stiffness)
 
 
 def make_observer(observing: Observing, sensing: Sensing, robot: Robot, base: Patch) -> SpeedObserver:
-    """The observer that knows the robot, the noise of its sensors, and what it believes of the ground."""
-    believed = free_sideways(robot)
+    """The observer with a model of the robot, the noise of its sensors, and the ground that it assumes."""
+    assumed = free_sideways(robot)
     return SpeedObserver(
-        scene(believed, believed_ground(observing.believed(base), believed)),
+        scene(assumed, assumed_terrain(observing.assumed_patch(base), assumed)),
         noise=noise(sensing, robot),
         method=observing.method.removeprefix("a"),
         matching=observing.method.startswith("a"),
     )
 
 
-def believed_ground(patch: Patch, robot: Robot) -> Terrain:
-    """The terrain of a patch, without the corner of `CoulombCreep`: beyond it nothing would tell of the friction.
+def assumed_terrain(patch: Patch, robot: Robot) -> Terrain:
+    """The terrain of a patch, without the corner of `CoulombCreep`, beyond which the friction is not observable.
 
     The law of Ward and Iagnemma with the same friction and the same slope at rest takes its place.
     """
@@ -88,7 +88,7 @@ def believed_ground(patch: Patch, robot: Robot) -> Terrain:
 
 
 def free_sideways(robot: Robot) -> Robot:
-    """The robot as observers can take it: a skid-steered one with wheels that are free sideways."""
+    """The robot in the model of the observer: a skid-steered one has wheels that are free sideways."""
     chassis = robot.chassis
     if not isinstance(chassis, SkidSteer):
         return robot
@@ -96,7 +96,7 @@ def free_sideways(robot: Robot) -> Robot:
 
 
 def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:
-    """What the sensors' settings say of their noise."""
+    """Noise of the observer's model from the settings of the sensors."""
     quantisation = quantisation_std_rad_s(sensing.counts_per_turn, sensing.interval_s)
     torque = robot.motor.wheel_constant_Nm_per_A * sensing.current_noise_A
     passive = any(k >= robot.driven for k in sensing.encoder_wheels(robot))
@@ -112,10 +112,10 @@ def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:
 
 
 class Observation:
-    """An observer at work: the last estimate, how old it is, and the speeds of the wheels' centres that follow.
+    """A running observer: speeds of the wheels' centres by its last estimate, and the age of that.
 
     Args:
-        observer: which; None shows the truth instead.
+        observer: to be run; None gives the truth instead.
         robot: the true one.
     """
 
@@ -124,21 +124,21 @@ class Observation:
         self._taken_s, self._travel_m_s, self._std_m_s = 0.0, np.zeros(robot.driven), 0.0
         self._state: Any = None
 
-    def take(self, arrival: Arrival) -> SlipEstimate | None:
-        """Use a sample; the estimate after it, None without an observer."""
+    def update(self, arrival: Arrival) -> SlipEstimate | None:
+        """Estimate after a sample; None without an observer."""
         if self.observer is None:
             return None
         if self._state is None:
             self._state = self.observer.init(arrival.sample)
             self._step = Kernel(self.observer.step, self._state, arrival.sample)
         self._state, estimate = self._step(self._state, arrival.sample)
-        believed = self.observer.scene.robot.wheel.radius_m * estimate.radius_ratio
-        self._travel_m_s = believed * estimate.wheel_speed_rad_s - estimate.slip_speed_m_s
+        radius_m = self.observer.scene.robot.wheel.radius_m * estimate.radius_ratio
+        self._travel_m_s = radius_m * estimate.wheel_speed_rad_s - estimate.slip_speed_m_s
         self._taken_s, self._std_m_s = arrival.taken_s, float(estimate.speed_std_m_s)
         return estimate
 
     def measurement(self, wheel_speed_rad_s: np.ndarray, travel_m_s: np.ndarray, now_s: float) -> Measurement:
-        """What a controller is told; travel_m_s: (driven,) the truth, told where there is no observer."""
+        """Measurement for the controller; travel_m_s: (driven,) the truth, used where there is no observer."""
         std = np.zeros(self._robot.driven)
         if self.observer is None:
             return Measurement(wheel_speed_rad_s, travel_m_s, 0.0, std)

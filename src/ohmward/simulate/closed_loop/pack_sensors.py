@@ -1,4 +1,4 @@
-"""What measures the battery: a Hall sensor and a divider, averaged over the interval of the log."""
+"""Sensors of the battery: a Hall sensor and a voltage divider, averaged over the interval of the log."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ PACK_VOLTAGE = Sensor(low=0.0, high=60.0, resolution=0.004, noise_std=0.004)
 
 
 class PackSensors:
-    """Current and voltage of a battery between two readings.
+    """Current and voltage of a battery, averaged between two samples.
 
     Args:
-        first: what the battery does before the first step.
+        first: output of the battery before the first step.
         rng: draws the noise.
     """
 
     def __init__(self, first: Supplied, rng: np.random.Generator) -> None:
         self._rng = rng
         self._sum, self._count = np.zeros(2), 0
-        self.feel(first)
+        self.add_step(first)
 
-    def feel(self, supplied: Supplied) -> None:
-        """One step of the battery."""
+    def add_step(self, supplied: Supplied) -> None:
+        """Take one step of the battery into the mean."""
         self._sum = self._sum + np.array([supplied.current_A, supplied.voltage_V])
         self._count += 1
 
-    def read(self) -> tuple[float, float]:
-        """Mean current [A] and voltage [V] since the last reading; at least one step must lie between."""
+    def sample(self) -> tuple[float, float]:
+        """Measured mean current [A] and voltage [V] since the last sample; at least one step must lie between."""
         mean = self._sum / self._count
         self._sum, self._count = np.zeros(2), 0
         now = np.zeros(1)
-        current_A = PACK_CURRENT.read(mean[:1], now, self._rng)
-        voltage_V = PACK_VOLTAGE.read(mean[1:], now, self._rng)
+        current_A = PACK_CURRENT.measure(mean[:1], now, self._rng)
+        voltage_V = PACK_VOLTAGE.measure(mean[1:], now, self._rng)
         return float(current_A[0]), float(voltage_V[0])

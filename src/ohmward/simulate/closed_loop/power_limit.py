@@ -1,4 +1,4 @@
-"""What the battery lets the motors do: its voltage limits each current, its power all of them.
+"""Torque that the battery can feed: its voltage limits each motor's current, its power all of them together.
 
 |R I + n K_m omega| <= V      and      sum (R I^2 + n K_m omega I) <= P_most - P_idle
 """
@@ -14,19 +14,18 @@ from ohmward.traction.robot.robot import Robot
 
 
 def available_torque(torque_Nm: np.ndarray, omega_rad_s: np.ndarray, robot: Robot, now: Supplied) -> np.ndarray:
-    """The torques (driven,) [N m] that the battery can feed, in the proportions asked for where its power limits them.
+    """Torques (driven,) [N m] that the battery can feed, in the demanded proportions where its power limits them.
 
-    torque_Nm, omega_rad_s: (driven,) asked for, and the speeds of the wheels.
+    torque_Nm: (driven,) demanded.  omega_rad_s: (driven,) speeds of the wheels.
     """
     motor = robot.motor
     back_V = motor.wheel_constant_Nm_per_A * omega_rad_s
-    current = torque_Nm / motor.wheel_constant_Nm_per_A
-    current = np.clip(
-        current, (-now.voltage_V - back_V) / motor.resistance_ohm, (now.voltage_V - back_V) / motor.resistance_ohm
-    )
+    lowest_A = (-now.voltage_V - back_V) / motor.resistance_ohm
+    highest_A = (now.voltage_V - back_V) / motor.resistance_ohm
+    current = np.clip(torque_Nm / motor.wheel_constant_Nm_per_A, lowest_A, highest_A)
     heat_W = motor.resistance_ohm * float(current @ current)
     moving_W = float(back_V @ current)
-    share = affordable_share(heat_W, moving_W, max(now.most_W - robot.idle_W, 0.0))
+    share = affordable_share(heat_W, moving_W, max(now.available_W - robot.idle_W, 0.0))
     return share * motor.wheel_constant_Nm_per_A * current
 
 

@@ -1,4 +1,4 @@
-"""Nested NamedTuples of numbers and arrays, collected over time in little memory, and given back as arrays."""
+"""Records over time, nested NamedTuples of numbers and arrays, stored compactly and stacked into arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class Records(Generic[T]):
-    """Records of one structure; None in a place of the first one is None in all."""
+    """Records of one structure; a field that is None in the first one is None in all."""
 
     def __init__(self) -> None:
         self._first: Any = None
@@ -23,19 +23,20 @@ class Records(Generic[T]):
         return self._count
 
     def add(self, record: T) -> None:
-        """Keep one more."""
-        self._first = record if self._first is None else self._first
+        """Add one record."""
+        if self._first is None:
+            self._first = record
         self._numbers.extend(numbers(record))
         self._count += 1
 
     def stacked(self) -> T:
-        """All of them as one, with time (T,) in front of every leaf; at least one must be there."""
+        """All records as one, with time (T,) in front of every leaf; there must be at least one."""
         table = np.array(self._numbers).reshape(self._count, -1)
-        return _filled(self._first, iter(table.T))
+        return _with_columns(self._first, iter(table.T))
 
 
 def numbers(record: Any) -> Iterator[float]:
-    """The leaves of a record, one after the other."""
+    """Numbers of a record, leaf by leaf."""
     if isinstance(record, tuple):
         for field in record:
             yield from numbers(field)
@@ -45,10 +46,10 @@ def numbers(record: Any) -> Iterator[float]:
         yield float(record)
 
 
-def _filled(like: Any, columns: Iterator[np.ndarray]) -> Any:
+def _with_columns(like: Any, columns: Iterator[np.ndarray]) -> Any:
     """The structure of `like` with the columns (T,) in place of its numbers."""
     if isinstance(like, tuple):
-        return type(like)(*(_filled(field, columns) for field in like))
+        return type(like)(*(_with_columns(field, columns) for field in like))
     if isinstance(like, np.ndarray):
         taken = [next(columns) for _ in range(like.size)]
         return np.stack(taken, axis=1).reshape(-1, *like.shape)

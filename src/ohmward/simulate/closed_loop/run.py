@@ -1,4 +1,4 @@
-"""What a simulated drive leaves: the log that the robot would have written, and what really was."""
+"""Result of a simulated drive: the log that the robot would have written, and the truth."""
 
 from __future__ import annotations
 
@@ -37,10 +37,11 @@ class Instant(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """One row of the log: when it was taken, what was measured, the estimate then, and the truth.
+    """One row of the log: sample, estimate and truth at the time at which the sample was taken.
 
-    current_A, voltage_V: of the battery as its sensors show it, means since the row before.
     estimate: None without an observer.
+    current_A, voltage_V: of the battery as measured, means since the row before.
+    soc: true state of charge.
     """
 
     time_s: Any
@@ -57,8 +58,8 @@ class ClosedLoopRun(NamedTuple):
 
     history: the truth over time, (K, ...).
     rows: the log, (T, ...).
-    warnings: sentences about what did not go as asked.
-    seconds: of computing, compilation included.
+    warnings: deviations from the commands, in sentences.
+    seconds: computing time, compilation included.
     """
 
     scenario: Scenario
@@ -69,7 +70,7 @@ class ClosedLoopRun(NamedTuple):
 
 
 def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
-    """The log as the columns (T,) of a file: what was measured, then the truths."""
+    """The log as the columns (T,) of a file: measurements, then truths."""
     rows, robot = run.rows, run.scenario.model
     places = [p.name for p in robot.places]
     sample = rows.sample
@@ -86,12 +87,12 @@ def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
         "current_A": rows.current_A,
         "voltage_V": rows.voltage_V,
     }
-    seen = {name: values for name, values in measured.items() if np.isfinite(values).any()}
-    return seen | truths(run)
+    present = {name: values for name, values in measured.items() if np.isfinite(values).any()}
+    return present | truths(run)
 
 
 def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
-    """Columns (T,) of what really was."""
+    """Columns (T,) of the truth."""
     truth, robot = run.rows.truth, run.scenario.model
     slips = {f"{p.name}_slip_true": truth.slip_ratio[:, k] for k, p in enumerate(robot.places) if p.driven}
     sideways = {"lateral_speed_true_m_s": truth.lateral_speed_m_s} if robot.freedoms == 3 else {}

@@ -1,4 +1,4 @@
-"""A drive to be simulated: robot, battery, ground, sensors, observer, controller and what is asked of them."""
+"""A drive to be simulated: robot, battery, ground, sensors, observer, controller and commands."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Scenario:
         if self.sensors.interval_s < self.controller.interval_s:
             raise InputError(
                 f"sensors.interval_s must be at least controller.interval_s = {self.controller.interval_s:g}, got "
-                f"{self.sensors.interval_s:g}; sensors are looked at in the controller's steps"
+                f"{self.sensors.interval_s:g}; sensors sample in the steps of the controller"
             )
 
     @cached_property

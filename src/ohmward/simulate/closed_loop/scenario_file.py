@@ -26,7 +26,7 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
     """The scenario in a file; the path of a robot file in it is taken from the present folder.
 
     Raises:
-        InputError: the file cannot be read or says something that cannot be; names file, key, rule and fix.
+        InputError: the file cannot be read or has an impossible value; names file, key, rule and fix.
     """
     scenario = _FILE.load(path)
     return scenario if scenario.name else replace(scenario, name=Path(path).stem)
@@ -51,7 +51,7 @@ def parse_scenario(text: str) -> Scenario:
 
 
 def packaged() -> Mapping[str, str]:
-    """The scenarios that come with the package: name -> what its first line says."""
+    """The scenarios that come with the package: name -> its first line."""
     texts = {file.name.removesuffix(".toml"): file.read_text(encoding="utf-8") for file in _folder()}
     return {name: text.partition("\n")[0].lstrip("# ") for name, text in sorted(texts.items())}
 

@@ -1,4 +1,4 @@
-"""What the robot measures of itself: settings of its sensors, and the samples that arrive from them.
+"""Sensors of the robot: their settings, and the samples that arrive from them.
 
 Encoders, currents, gyro, accelerometer and pitch come from one board (`robot_sensors`); an external speed (GNSS, visual
 or lidar odometry) has its own rate, delay and losses, and rides along with the next sample of the board.
@@ -21,7 +21,7 @@ from ohmward.simulate.robot_sensors import (
     Board,
     RobotSensors,
     SensorFrame,
-    sample,
+    sample_board,
     wheel_speed,
 )
 from ohmward.simulate.robot_truth import RobotTruth
@@ -33,7 +33,7 @@ _SAME_TIME_S = 1e-9
 
 @dataclass(frozen=True)
 class ExternalSpeed:
-    """A speed from outside.
+    """External measurement of speed.
 
     Attributes:
         interval_s: between measurements; 0 where there is none.
@@ -63,13 +63,12 @@ class Sensing:
         interval_s: between samples of the board, > 0.
         encoders: "driven", "all", or names of wheels.
         counts_per_turn: of each encoder, > 0.
-        drive_speed_std_rad_s: noise of the speed that each motor's drive knows of its own wheel, > 0; it is what the
-            controller gets.
+        drive_speed_std_rad_s: noise of the wheel speed that each motor's drive gives to the controller, > 0.
         current_noise_A: of each motor's current, >= 0.
-        gyro: whether there is one.
-        pitch: whether an attitude filter gives pitch.
+        gyro: True with a gyro.
+        pitch: True with an attitude filter that gives pitch.
         delay_s, jitter_s, drop_share: of the board's link, as in `RobotSensors`.
-        speed: from outside.
+        speed: external speed.
     """
 
     interval_s: float = 0.01
@@ -125,14 +124,14 @@ class Sensing:
 
 
 class Arrival(NamedTuple):
-    """A sample that has arrived, and when it was taken [s]."""
+    """A sample that has arrived, and the time at which it was taken [s]."""
 
     taken_s: float
     sample: SlipSample
 
 
-class Late(NamedTuple):
-    """An external speed: when it was true and when it arrives [s], and what it says [m/s]."""
+class DelayedSpeed(NamedTuple):
+    """Measured external speed [m/s], with the times [s] at which it was taken and at which it arrives."""
 
     time_s: float
     arrival_s: float
@@ -153,72 +152,79 @@ class SensorSuite:
         self._settings = sensing.board(robot)
         self._board = Board()
         self._before: SensorFrame | None = None
-        self._next_speed_s, self._speeds = 0.0, tuple[Late, ...]()
-        self._torque_Nm, self._steps = np.zeros(len(robot.places)), 0
+        self._next_speed_s = 0.0
+        self._speeds: tuple[DelayedSpeed, ...] = ()
+        self._torque_Nm = np.zeros(len(robot.places))
+        self._steps = 0
         self.sampled = False
 
     def drive_speeds(self, truth: RobotTruth) -> np.ndarray:
-        """(driven,) [rad/s] what the drives know of their wheels now."""
+        """(driven,) wheel speeds [rad/s] that the drives measure now."""
         n = self.robot.driven
         return truth.wheel_speed_rad_s[:n] + self.sensing.drive_speed_std_rad_s * self._rng.standard_normal(n)
 
-    def see(self, truth: RobotTruth) -> list[Arrival]:
-        """Sample what is due; what arrives now, in order. What arrives after something newer is left out.
+    def sample(self, truth: RobotTruth) -> list[Arrival]:
+        """Sample what is due; the samples that arrive now, in order, without those taken before one already used.
 
-        A motor's current is its mean since the sample before. `sampled` says whether a sample was taken.
+        A motor's current is its mean since the sample before. `sampled` is True where a sample was taken.
         """
-        self._see_speed(truth)
-        self._torque_Nm, self._steps = self._torque_Nm + truth.torque_N_m, self._steps + 1
+        self._sample_speed(truth)
+        self._torque_Nm = self._torque_Nm + truth.torque_N_m
+        self._steps += 1
         mean = truth._replace(torque_N_m=self._torque_Nm / self._steps)
         due_s = self._board.next_s
-        self._board, arrived = sample(self._board, mean, self._settings, self._rng)
+        self._board, frames = sample_board(self._board, mean, self._settings, self._rng)
         self.sampled = self._board.next_s != due_s
         if self.sampled:
-            self._torque_Nm, self._steps = np.zeros_like(self._torque_Nm), 0
-        used = []
-        for reading in sorted(arrived, key=lambda r: r.time_s):
-            if self._before is None or reading.time_s > self._before.time_s + _SAME_TIME_S:
-                used.append(Arrival(reading.time_s, self._sample(reading)))
-                self._before = reading
-        return used
+            self._torque_Nm = np.zeros_like(self._torque_Nm)
+            self._steps = 0
+        arrivals = []
+        for frame in sorted(frames, key=lambda f: f.time_s):
+            if self._before is None or frame.time_s > self._before.time_s + _SAME_TIME_S:
+                arrivals.append(Arrival(frame.time_s, self._slip_sample(frame)))
+                self._before = frame
+        return arrivals
 
-    def _see_speed(self, truth: RobotTruth) -> None:
+    def _sample_speed(self, truth: RobotTruth) -> None:
+        """Measure the external speed where it is due."""
         speed = self.sensing.speed
-        if speed.interval_s and truth.time_s + _SAME_TIME_S >= self._next_speed_s:
-            self._next_speed_s += speed.interval_s
-            shown = truth.speed_m_s + speed.std_m_s * self._rng.standard_normal()
-            arrival_s = truth.time_s + speed.delay_s + speed.jitter_s * self._rng.random()
-            if self._rng.random() >= speed.drop_share:
-                self._speeds = (*self._speeds, Late(truth.time_s, arrival_s, shown))
+        if not speed.interval_s or truth.time_s + _SAME_TIME_S < self._next_speed_s:
+            return
+        self._next_speed_s += speed.interval_s
+        measured_m_s = truth.speed_m_s + speed.std_m_s * self._rng.standard_normal()
+        arrival_s = truth.time_s + speed.delay_s + speed.jitter_s * self._rng.random()
+        if self._rng.random() >= speed.drop_share:
+            self._speeds = (*self._speeds, DelayedSpeed(truth.time_s, arrival_s, measured_m_s))
 
-    def _sample(self, reading: SensorFrame) -> SlipSample:
-        """The reading as an observer takes it, with the newest speed that has arrived."""
-        before, late = self._before, self._newest_speed(reading)
+    def _slip_sample(self, frame: SensorFrame) -> SlipSample:
+        """The observer's sample of a frame, with the newest speed that has arrived."""
+        before, speed = self._before, self._newest_speed(frame)
         return SlipSample(
-            reading.time_s - before.time_s if before else 0.0,
-            self._wheel_speeds(reading),
-            reading.motor_current_A,
-            float(reading.gyro_rad_s[2]) if self.sensing.gyro else math.nan,
-            float(reading.specific_force_m_s2[0]),
-            reading.pitch_rad,
-            late.speed_m_s if late else math.nan,
-            self.sensing.speed.std_m_s if late else math.nan,
-            reading.time_s - late.time_s if late else 0.0,
+            frame.time_s - before.time_s if before else 0.0,
+            self._wheel_speeds(frame),
+            frame.motor_current_A,
+            float(frame.gyro_rad_s[2]) if self.sensing.gyro else math.nan,
+            float(frame.specific_force_m_s2[0]),
+            frame.pitch_rad,
+            speed.speed_m_s if speed else math.nan,
+            self.sensing.speed.std_m_s if speed else math.nan,
+            frame.time_s - speed.time_s if speed else 0.0,
         )
 
-    def _wheel_speeds(self, reading: SensorFrame) -> np.ndarray:
-        """(wheels,) [rad/s] since the reading before; without one, 0 at the start, where the robot stands."""
+    def _wheel_speeds(self, frame: SensorFrame) -> np.ndarray:
+        """(wheels,) [rad/s] since the frame before; without one, 0 at the start, where the robot stands."""
         speeds = np.full(len(self.robot.places), math.nan)
         wheels = list(self._settings.encoder_wheels)
         if self._before is not None:
-            speeds[wheels] = wheel_speed(self._before, reading, self._settings)
-        elif reading.time_s == 0.0:
+            speeds[wheels] = wheel_speed(self._before, frame, self._settings)
+        elif frame.time_s == 0.0:
             speeds[wheels] = 0.0
         return speeds
 
-    def _newest_speed(self, reading: SensorFrame) -> Late | None:
-        here = [
-            s for s in self._speeds if s.arrival_s <= reading.arrival_s + _SAME_TIME_S and s.time_s <= reading.time_s
+    def _newest_speed(self, frame: SensorFrame) -> DelayedSpeed | None:
+        """The newest external speed that has arrived with this frame; older ones are dropped."""
+        arrived = [
+            s for s in self._speeds if s.arrival_s <= frame.arrival_s + _SAME_TIME_S and s.time_s <= frame.time_s
         ]
-        self._speeds = tuple(s for s in self._speeds if s not in here)
-        return max(here, default=None)
+        self._speeds = tuple(s for s in self._speeds if s not in arrived)
+        return max(arrived, default=None)

@@ -1,9 +1,9 @@
-"""A simulated battery as a supply of power: the current that the power takes, the voltage that sags, what is left.
+"""A simulated battery as a supply of power: current and voltage under a load of given power.
 
 V(i) i = -P,   V(i) = U + R_0 i + B arcsinh(i / i_x)          U: without current, i > 0 charges, P > 0 is drawn
 
-The voltage is that at the beginning of a step and the current is constant in it, so V i dt is what left the terminals,
-exactly.
+The voltage is that at the beginning of a step and the current is constant in it, so the energy V i dt at the terminals
+is exact.
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from ohmward.simulate.plant import (
 from ohmward.simulate.robot_day import CHEMISTRIES
 from ohmward.trace import Kernel, maximum, minimum, where
 
+#: Newton starts near the root and converges quadratically: five steps reach rounding.
 _NEWTON_STEPS = 5
 
 
 @dataclass(frozen=True)
 class Pack:
-    """Which battery, and how it starts.
+    """Battery of a scenario, and its state at the start.
 
     Attributes:
         kind: "lfp" or "lead-acid", 12 V and 12 Ah, see `cells.BATTERIES`.
@@ -70,14 +71,14 @@ class ElectricalLoad(NamedTuple):
 
 
 class Supplied(NamedTuple):
-    """What the battery did in a step, and what it can do in the next.
+    """Current, voltage and power of the battery in a step, and its state after it.
 
     current_A: > 0 charges.
     voltage_V: at the terminals.
-    power_W: drawn; more than asked for where the battery does not take what is given back.
+    power_W: drawn; more than the load where the battery does not take all of the braking power.
     soc: state of charge after the step.
     temperature_degC: after it.
-    most_W: largest power that can be drawn without going below the lowest voltage.
+    available_W: largest power that can be drawn next without going below the lowest voltage.
     """
 
     current_A: Any
@@ -85,14 +86,14 @@ class Supplied(NamedTuple):
     power_W: Any
     soc: Any
     temperature_degC: Any
-    most_W: Any
+    available_W: Any
 
 
 class Supply:
-    """A battery that is asked for power, step by step.
+    """A battery under a load, step by step.
 
     Args:
-        pack: which.
+        pack: battery and start.
     """
 
     def __init__(self, pack: Pack) -> None:
@@ -108,19 +109,19 @@ class Supply:
 
 
 def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
-    """The state after a step of constant power, and what was supplied."""
-    T, x = state.temperature_degC, state.x
-    drawn_W = maximum(load.power_W, -most_power(x, T, 1.0, battery))
+    """State after a step of constant power, and the battery's output."""
+    x, T = state.x, state.temperature_degC
+    drawn_W = maximum(load.power_W, -largest_power(x, T, 1.0, battery))
     current_A = current_for_power(drawn_W, x, T, battery)
     u = CircuitInput(current_A, T)
-    volts = terminal_voltage(x, u, battery)
+    voltage_V = terminal_voltage(x, u, battery)
     after = next_state(x, u, battery.circuit, load.dt_s)
     after[0] = x[0] + accepted_share(x[0], current_A, battery) * (after[0] - x[0])
     heat_W = heat(after, u, battery)
-    warm = next_temperature(T, heat_W, Demand(load.dt_s, current_A, load.ambient_degC), battery)
-    most_W = most_power(after, warm, -1.0, battery)
-    state = PlantState(after, warm, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
-    return state, Supplied(current_A, volts, -volts * current_A, after[0], warm, most_W)
+    T_after = next_temperature(T, heat_W, Demand(load.dt_s, current_A, load.ambient_degC), battery)
+    available_W = largest_power(after, T_after, -1.0, battery)
+    state = PlantState(after, T_after, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
+    return state, Supplied(current_A, voltage_V, -voltage_V * current_A, after[0], T_after, available_W)
 
 
 def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
@@ -136,13 +137,13 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
     return i
 
 
-def most_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
-    """Power [W], >= 0, that charging (direction 1) or discharging (-1) has at the limit of the voltage."""
+def largest_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
+    """Power [W], >= 0, at the voltage limit of charging (direction 1) or discharging (-1)."""
     limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
     u = CircuitInput(direction, temperature_degC)
-    room_V = limit_V - rest_voltage(x, temperature_degC, battery)
-    room_V = maximum(room_V, 0.0) if direction > 0 else minimum(room_V, 0.0)
-    return limit_V * abs(current_at(room_V, u, x[0], battery))
+    overpotential_V = limit_V - rest_voltage(x, temperature_degC, battery)
+    overpotential_V = maximum(overpotential_V, 0.0) if direction > 0 else minimum(overpotential_V, 0.0)
+    return limit_V * abs(current_at(overpotential_V, u, x[0], battery))
 
 
 def rest_voltage(x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:

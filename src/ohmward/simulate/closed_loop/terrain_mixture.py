@@ -1,6 +1,6 @@
-"""Several grounds as one law, so that one compiled step serves a wheel wherever it stands.
+"""Several terrains as one, weighted by their shares, so that one compiled step serves a wheel on any ground.
 
-F = sum_k w_k F_k,   w_k the share of the contact that lies on ground k
+F = sum_k w_k F_k,   w_k the share of the contact that lies on terrain k
 """
 
 from __future__ import annotations
@@ -17,32 +17,28 @@ from ohmward.traction.friction.terrain import Terrain
 
 
 @dataclass(frozen=True)
-class Mosaic:
-    """The mean of laws of traction, or of rolling resistance, by their shares.
+class MixedTraction:
+    """Weighted mean of traction laws.
 
     Attributes:
-        laws: (K,) each.
-        shares: (K,) adding up to 1; may be traced.
+        laws: (K,) of them.
+        shares: (K,) weights, adding up to 1; may be traced.
     """
 
-    laws: tuple[Any, ...]
-    shares: np.ndarray
-
-
-class MosaicTraction(Mosaic):
-    """A law of traction."""
-
     laws: tuple[TractionLaw, ...]
+    shares: np.ndarray
 
     def force_N(self, contact: Contact) -> Any:
         """Force [N] of the ground on the wheel."""
         return sum(w * law.force_N(contact) for w, law in zip(self.shares, self.laws, strict=True))
 
 
-class MosaicRolling(Mosaic):
-    """A law of rolling resistance."""
+@dataclass(frozen=True)
+class MixedRolling:
+    """Weighted mean of laws of rolling resistance; attributes as of `MixedTraction`."""
 
     laws: tuple[RollingLaw, ...]
+    shares: np.ndarray
 
     def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
         """Force [N] of the ground on the body along x."""
@@ -50,16 +46,16 @@ class MosaicRolling(Mosaic):
 
 
 def terrain_mixture(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
-    """The ground of which `terrains` have these shares (K,); a law that they have in common is taken once."""
-    first = terrains[0]
-    traction, rolling = [t.traction for t in terrains], [t.rolling for t in terrains]
+    """Mixture of terrains with these shares (K,); a law that they have in common is evaluated once."""
+    traction = [t.traction for t in terrains]
+    rolling = [t.rolling for t in terrains]
     return Terrain(
         "terrain_mixture",
-        first.traction if _all_alike(traction) else MosaicTraction(tuple(traction), shares),
-        first.rolling if _all_alike(rolling) else MosaicRolling(tuple(rolling), shares),
+        traction[0] if _all_equal(traction) else MixedTraction(tuple(traction), shares),
+        rolling[0] if _all_equal(rolling) else MixedRolling(tuple(rolling), shares),
         "scenario",
     )
 
 
-def _all_alike(laws: Sequence[Any]) -> bool:
+def _all_equal(laws: Sequence[Any]) -> bool:
     return all(law == laws[0] for law in laws)

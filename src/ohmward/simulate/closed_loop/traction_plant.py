@@ -1,6 +1,6 @@
 """Our own equations as a plant: any robot, any terrain under each wheel, load transfer; torques in, truth out.
 
-It answers as `mujoco_plant.RlmaPlant` does, so loops and sensors do not know which of the two they drive.
+It has the interface of `mujoco_plant.RlmaPlant`, so loops and sensors work with either.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
-class Push(NamedTuple):
-    """What acts on the robot in a step.
+class PlantInput(NamedTuple):
+    """Torques and ground of one step.
 
     torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
     grade_rad, bank_rad: of the ground, along the robot and to its left.
@@ -43,7 +43,7 @@ class Push(NamedTuple):
 
 
 class PlantView(NamedTuple):
-    """What a step leaves to be looked at.
+    """Motion at the end of a step that the truth and the sensors show.
 
     travel_m_s: (wheels,) of the wheels' centres along their rolling direction.
     rim_m_s: (wheels,) of the rims.
@@ -86,9 +86,9 @@ class TractionPlant:
         self._adhesion = np.array([adhesion(ground) for ground in grounds])
         self._arms = np.array([[p.x_m, p.y_m] for p in robot.places])
         self._longest_step_s = longest_step_s
-        nothing = Push(np.zeros(robot.driven), 0.0, 0.0, self._shares[[0] * len(robot.places)], 0.0)
+        at_rest = PlantInput(np.zeros(robot.driven), 0.0, 0.0, self._shares[[0] * len(robot.places)], 0.0)
         self._kernel = Kernel(
-            partial(observed_step, robot=robot, terrains=self._terrains), np.zeros(len(robot.state_names)), nothing
+            partial(observed_step, robot=robot, terrains=self._terrains), np.zeros(len(robot.state_names)), at_rest
         )
         self.reset()
 
@@ -135,13 +135,13 @@ class TractionPlant:
     def _advance(self, torque_Nm: np.ndarray, dt_s: float) -> RobotTruth:
         under = self._under()
         slope = self.grade.at(self._position_m[0])
-        push = Push(torque_Nm, *tilt(slope, self._heading_rad), self._shares[under], dt_s)
+        u = PlantInput(torque_Nm, *tilt(slope, self._heading_rad), self._shares[under], dt_s)
         before = self._x
-        result, f, seen = self._kernel(before, push)
+        result, f, view = self._kernel(before, u)
         self._x = result.state
-        self._move(before, seen, dt_s)
+        self._move(0.5 * (before + self._x), dt_s)
         self.energy = self.energy.accumulate(result.energy)
-        return self._truth(torque_Nm, f, seen, self._adhesion[under], slope)
+        return self._truth(torque_Nm, f, view, self._adhesion[under], slope)
 
     def _under(self) -> list[int]:
         """Number of the patch under each wheel."""
@@ -149,24 +149,21 @@ class TractionPlant:
         x_m = self._position_m[0] + self._arms @ np.array([c, -s])
         return list(self.surface.under(x_m.tolist(), self._time_s))
 
-    def _move(self, before: np.ndarray, seen: PlantView, dt_s: float) -> None:
-        """Place and angles, by the trapezoidal rule."""
-        motion = 0.5 * (before + self._x)[: self.robot.freedoms]
-        forward, left = motion[0], motion[1] if self.robot.freedoms == 3 else 0.0
-        halfway = self._heading_rad + 0.5 * dt_s * motion[-1]
+    def _move(self, mean: np.ndarray, dt_s: float) -> None:
+        """Advance place and angles with the mean state of the step; wheels that are not driven roll."""
+        robot = self.robot
+        motion, driven_rad_s = mean[: robot.freedoms], mean[robot.freedoms :]
+        forward, yaw_rate = motion[0], motion[-1]
+        left = motion[1] if robot.freedoms == 3 else 0.0
+        halfway = self._heading_rad + 0.5 * dt_s * yaw_rate
         c, s = math.cos(halfway), math.sin(halfway)
         self._position_m = self._position_m + dt_s * np.array([c * forward - s * left, s * forward + c * left, 0.0])
-        self._heading_rad += dt_s * motion[-1]
-        omega = self._wheel_speeds(0.5 * (before + self._x))
-        self._angle_rad = self._angle_rad + dt_s * omega
+        self._heading_rad += dt_s * yaw_rate
+        rolling_rad_s = robot.rolling @ motion / robot.wheel.radius_m
+        self._angle_rad = self._angle_rad + dt_s * np.concatenate([driven_rad_s, rolling_rad_s[robot.driven :]])
         self._time_s += dt_s
 
-    def _wheel_speeds(self, x: np.ndarray) -> np.ndarray:
-        """(wheels,) [rad/s]; wheels that are not driven roll."""
-        rolling = self.robot.rolling @ x[: self.robot.freedoms] / self.robot.wheel.radius_m
-        return np.concatenate([x[self.robot.freedoms :], rolling[self.robot.driven :]])
-
-    def _truth(self, torque: np.ndarray, f: Forces, seen: PlantView, friction: np.ndarray, slope: float) -> RobotTruth:
+    def _truth(self, torque: np.ndarray, f: Forces, view: PlantView, friction: np.ndarray, slope: float) -> RobotTruth:
         robot, x = self.robot, self._x
         return RobotTruth(
             time_s=self._time_s,
@@ -176,28 +173,29 @@ class TractionPlant:
             lateral_speed_m_s=float(x[1]) if robot.freedoms == 3 else 0.0,
             yaw_rate_rad_s=float(x[robot.freedoms - 1]),
             wheel_angle_rad=self._angle_rad,
-            wheel_speed_rad_s=seen.rim_m_s / robot.wheel.radius_m,
+            wheel_speed_rad_s=view.rim_m_s / robot.wheel.radius_m,
             torque_N_m=np.concatenate([torque, np.zeros(len(robot.places) - robot.driven)]),
-            wheel_centre_speed_m_s=seen.travel_m_s,
+            wheel_centre_speed_m_s=view.travel_m_s,
             slip_speed_m_s=f.slip_speed_m_s,
-            slip_ratio=seen.slip_ratio,
+            slip_ratio=view.slip_ratio,
             traction_N=f.traction_N,
             lateral_N=f.scrub_N,
             normal_N=f.load_N,
             friction=friction,
             grade_rad=slope,
             gyro_rad_s=np.array([0.0, 0.0, x[robot.freedoms - 1]]),
-            specific_force_m_s2=seen.specific_force_m_s2,
+            specific_force_m_s2=view.specific_force_m_s2,
         )
 
 
 def observed_step(
-    x: np.ndarray, push: Push, robot: Robot, terrains: Sequence[Terrain]
+    x: np.ndarray, plant_input: PlantInput, robot: Robot, terrains: Sequence[Terrain]
 ) -> tuple[Step, Forces, PlantView]:
-    """One implicit step, and what can be seen at its end."""
-    p = scene(robot, *(terrain_mixture(terrains, shares) for shares in push.shares))
-    u = RobotInput(push.torque_Nm / robot.motor.wheel_constant_Nm_per_A, push.grade_rad, push.bank_rad)
-    result = step(x, u, p, push.dt_s)
+    """One implicit step, with forces and motion at its end."""
+    p = scene(robot, *(terrain_mixture(terrains, shares) for shares in plant_input.shares))
+    current_A = plant_input.torque_Nm / robot.motor.wheel_constant_Nm_per_A
+    u = RobotInput(current_A, plant_input.grade_rad, plant_input.bank_rad)
+    result = step(x, u, p, plant_input.dt_s)
     f = forces(result.state, u, p)
     motion = result.state[: robot.freedoms]
     travel = robot.rolling @ motion
@@ -207,7 +205,7 @@ def observed_step(
 
 
 def specific_force(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> np.ndarray:
-    """What an ideal accelerometer shows (3,): acceleration of the body's centre less gravity."""
+    """Specific force (3,) [m/s^2] of an ideal accelerometer: acceleration of the body's centre less gravity."""
     robot = p.robot
     rates = momentum_rates(x, u, p, f) / robot.inertia
     yaw_rate = x[robot.freedoms - 1]

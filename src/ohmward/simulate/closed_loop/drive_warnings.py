@@ -1,4 +1,4 @@
-"""What a drive did not do as it was asked, in sentences."""
+"""Warnings of a drive: deviations from its commands, in sentences."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _SENTENCES: dict[IntFlag, str] = {
 }
 
 
-class Watch:
-    """Counts what went wrong, wheel by wheel.
+class DriveWarnings:
+    """Time spent under each deviation, wheel by wheel.
 
     Args:
         scenario: that is driven.
@@ -33,21 +33,21 @@ class Watch:
         self._short_s = 0.0
         self._empty = False
 
-    def see(self, report: Report, asked_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
-        """One step of the controller, and what the battery left of its torque."""
+    def add_step(self, report: Report, demanded_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
+        """Count one step of the controller; torque_Nm: what the battery left of the demanded torque."""
         self._duration_s += dt_s
         flags = np.asarray(report.flags).astype(int)
         for flag, seconds in self._flagged_s.items():
             seconds += np.where(flags & flag, dt_s, 0.0)
-        if np.abs(asked_Nm - torque_Nm).max() > SAME_TORQUE:
+        if np.abs(demanded_Nm - torque_Nm).max() > SAME_TORQUE:
             self._short_s += dt_s
 
     def battery_empty(self) -> None:
-        """The battery can no longer feed the electronics."""
+        """Note that the battery can no longer feed the electronics."""
         self._empty = True
 
     def sentences(self) -> tuple[str, ...]:
-        """One for each thing that went wrong."""
+        """One sentence for each kind of deviation."""
         found = [
             f"{self._shares(seconds)} of the time: {_SENTENCES[flag]}"
             for flag, seconds in self._flagged_s.items()
