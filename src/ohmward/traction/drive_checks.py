@@ -16,6 +16,7 @@ from ohmward.logs.log import Note
 from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 
 #: A wheel turns, a robot moves and turns, a motor works from here on [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
@@ -186,8 +187,6 @@ def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
 
 def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
     """Wheels that are much slower or faster than the robot."""
-    from ohmward.traction.speed_observer.make_observer import speed_and_wheels_m_s
-
     speed, wheels = speed_and_wheels_m_s(robot, log)
     rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)
     if rows.sum() < FEWEST:

@@ -10,13 +10,13 @@ from ohmward.simulate.closed_loop.observing import (
     Observation,
     Observing,
     assumed_terrain,
-    free_sideways,
     make_observer,
     noise,
 )
 from ohmward.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
 from ohmward.traction import RLMA, SkidSteer
 from ohmward.traction.friction.law import contact
+from ohmward.traction.robot.robot import free_sideways
 from ohmward.traction.speed_observer.estimate import SlipSample
 
 BASE = Patch(friction=0.5)

@@ -25,8 +25,8 @@ def cruise(steps=T, **others):
 
 def current(steps):
     """Accelerates for a second, then cruises."""
-    push_A = 42.8 * 0.5 * 0.12 / 2 / 0.517
-    return CRUISE_A + np.where(np.arange(steps) < 100, push_A, 0.0)
+    accelerating_A = 42.8 * 0.5 * 0.12 / 2 / 0.517
+    return CRUISE_A + np.where(np.arange(steps) < 100, accelerating_A, 0.0)
 
 
 def watch(samples, **noise):

@@ -9,15 +9,15 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
-from ohmward.traction.speed_observer.make_observer import (
+from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
+from ohmward.traction.speed_observer.sensor_noise import (
     correlation,
     encoder_std_rad_s,
-    make_observer,
     noise_std,
     quantum,
     speed_std_m_s,
 )
-from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.track import observe
 
 TERRAIN = hard_terrain("dry asphalt")

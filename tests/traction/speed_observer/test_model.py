@@ -83,7 +83,7 @@ def test_passive_wheels_of_a_robot_that_accelerates_show_its_speed_now(axle):
     samples.wheel_speed_rad_s[:, 2:] = mean_speed[:, None] / 0.12
     observer = SpeedObserver(place, noise=ObserverNoise(passive_std_rad_s=0.02), rest_hold_s=np.inf)
     _, e = observed(observer, samples)
-    # the filter does not expect such a push, so it trails by a little of a step's change
+    # the filter does not expect such an acceleration, so it trails by a little of a step's change
     assert e.speed_m_s[100:] - a * time_s[100:] == pytest.approx(0.0, abs=0.3 * a * DT_S)
 
 

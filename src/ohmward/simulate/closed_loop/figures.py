@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.simulate.closed_loop.observing import free_sideways
 from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.slip import driving_slip_ratio
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 
 #: A slip this close to the commanded one counts as reached.

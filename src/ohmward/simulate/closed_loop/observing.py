@@ -19,8 +19,7 @@ from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.robot.chassis import Differential, SkidSteer
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -85,14 +84,6 @@ def assumed_terrain(patch: Patch, robot: Robot) -> Terrain:
     if not isinstance(law, CoulombCreep):
         return ground
     return ground._replace(traction=WardIagnemma(law.adhesion, law.slope_s_per_m / law.adhesion))
-
-
-def free_sideways(robot: Robot) -> Robot:
-    """The robot in the model of the observer: a skid-steered one has wheels that are free sideways."""
-    chassis = robot.chassis
-    if not isinstance(chassis, SkidSteer):
-        return robot
-    return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all"))
 
 
 def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:

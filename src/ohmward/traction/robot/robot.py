@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -166,6 +166,14 @@ class Robot:
                 f"robot.yaw_inertia_kg_m2 must be at most {most:.3g} (all mass at three times the distance of the "
                 f"farthest wheel), got {self.yaw_inertia_kg_m2:g}"
             )
+
+
+def free_sideways(robot: Robot) -> Robot:
+    """The robot as observers can have it: a skid-steered one with wheels that are free sideways."""
+    chassis = robot.chassis
+    if not isinstance(chassis, SkidSteer):
+        return robot
+    return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all"))
 
 
 def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> float:

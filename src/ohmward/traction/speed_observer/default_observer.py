@@ -1,4 +1,4 @@
-"""An observer for a robot of which there is no log yet: every sensor may come, with the noise that is usual.
+"""Default observer of a robot without a log: every sensor may come, with its usual noise.
 
 `make_observer` does better where there is a log: it measures the noise in it, and leaves out what the robot lacks.
 """
@@ -12,21 +12,20 @@ from ohmward.errors import InputError
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain, terrain_named
 from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.make_observer import (
     FILTERS,
     LEAST_GYRO_RAD_S,
-    LEAST_SPEED_M_S,
     PITCH_RAD,
     RADIUS_STD,
     SCRUBBING_SHARE,
     SCRUBBING_YAW_WALK,
     states_of,
-    unknown_push_walk,
-    unknown_torque_Nm,
-    without_scrubbing,
+    unmeasured_force_walk,
+    unmeasured_torque_Nm,
 )
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.sensor_noise import LEAST_SPEED_M_S
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 DEFAULT_TERRAIN, DEFAULT_FILTER = "dry asphalt", "ukf"
@@ -59,9 +58,9 @@ def default_observer(
         robot = load_robot(robot)
     if not isinstance(terrain, Terrain):
         terrain = terrain_named(terrain, robot.wheel.radius_m, robot.wheel.width_m)
-    rolling, scrubs = without_scrubbing(robot)
-    noise = any_noise(rolling, terrain, force=not scrubs)
-    states = replace(states_of(noise, force=not scrubs), radius=False)
+    rolling, force = free_sideways(robot), not robot.chassis.scrubs
+    noise = any_noise(rolling, terrain, force)
+    states = replace(states_of(noise, force), radius=False)
     return SpeedObserver(scene(rolling, terrain), states, noise, method, matching)
 
 
@@ -77,7 +76,7 @@ def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:
     return replace(
         noise,
         radius_std=math.hypot(RADIUS_STD, SCRUBBING_SHARE),
-        torque_std_Nm=unknown_torque_Nm(robot, USUAL_STEP_S),
-        speed_walk=unknown_push_walk(robot, USUAL_SPEED_M_S, terrain),
+        torque_std_Nm=unmeasured_torque_Nm(robot, USUAL_STEP_S),
+        speed_walk=unmeasured_force_walk(robot, USUAL_SPEED_M_S, terrain),
         yaw_rate_walk=SCRUBBING_YAW_WALK,
     )

@@ -9,10 +9,10 @@ from ohmward.errors import InputError
 
 
 def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
-    """Mean speed [rad/s] of each wheel since the count before, (T, wheels); nan in the first row and where dt <= 0.
+    """Mean speed (T, wheels) [rad/s] of each wheel since the count before; nan in the first row and where dt <= 0.
 
     counts: (T, wheels) whole numbers, of a counter that starts again after `bits` bits, signed or not.
-    time_s: (T,) when each was taken.
+    time_s: (T,) of each row.
 
     Raises:
         InputError: counts that are not (T, wheels), or impossible settings.
@@ -32,6 +32,6 @@ def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float,
 
 
 def differences(counts: np.ndarray, bits: int) -> np.ndarray:
-    """Counts since the row before (T - 1, wheels), taken the short way round the counter."""
+    """Counts (T - 1, wheels) since the row before, taken the short way round the counter."""
     half = 1 << (bits - 1)
     return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half

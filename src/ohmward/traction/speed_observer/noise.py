@@ -1,4 +1,4 @@
-"""How wrong sensors and model may be. What the observer claims rests on these numbers."""
+"""Noise of sensors and model, on which the sigmas of the observer rest."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ _OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_
 
 @dataclass(frozen=True)
 class ObserverNoise:
-    """Standard deviations of sensors, walks of states, and what is believed before the first sample.
+    """Standard deviations of sensors, random walks of states, and standard deviations before the first sample.
 
     A sensor with None does not exist: nothing is compiled for it.
 
     Attributes:
         encoder_std_rad_s: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone. With matching
             it is the floor.
-        encoder_lag_share: encoder speeds are those of so long ago, in steps: 0.5 for counts over the step, 0 for an
-            instantaneous speed.
+        encoder_lag_share: age of an encoder speed in steps: 0.5 for counts over the step, 0 for an instantaneous speed.
         torque_std_Nm: of the torque at a wheel: current sensor, ripple, friction of the gear.
-        curve_shape_std: relative error of the nonlinear part of the slip, which a ground that grips fully until it
-            slides does not have. Without effect where the ground is known.
+        curve_shape_std: relative error of the nonlinear part of the slip, by the unknown curvature of the friction
+            curve. Without effect where the ground is known.
         curve_shape_correlation_s: correlation time of that error [s].
         gyro_std_rad_s, passive_std_rad_s, speed_std_m_s, pitch_std_rad, accelerometer_std_m_s2: of a gyro (offset
             included), of encoders on wheels that are not driven, of an external speed without a std of its own, of a
@@ -34,9 +33,9 @@ class ObserverNoise:
         friction_walk, stiffness_walk: relative, over the root of a second.
         grade_walk: [rad] over the root of a second.
         rolling_walk: relative, over the root of a second.
-        initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about what the encoders say at first.
+        initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about the first motion by the encoders.
         friction_std, stiffness_std: relative, of the terrain's values.
-        grade_std_rad: about level; 1 degree counts as 0.17 m/s^2 of unknown push, of whatever origin.
+        grade_std_rad: about level; 1 degree is a disturbance of 0.17 m/s^2, of whatever origin.
         rolling_std: relative, of the terrain's rolling resistance.
         radius_std: relative, of the effective radius.
         accelerometer_offset_std_m_s2: of the state of that name.
@@ -74,10 +73,10 @@ class ObserverNoise:
 
 
 def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:
-    """Standard deviations are > 0, walks >= 0; an optional one may be None.
+    """Raise InputError unless standard deviations are > 0 and walks >= 0; an optional one may be None.
 
     Raises:
-        InputError: one is not; names it behind the prefix.
+        InputError: names the value behind the prefix.
     """
     for name, value in values.items():
         if value is None:

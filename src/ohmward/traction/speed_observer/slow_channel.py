@@ -1,17 +1,19 @@
-"""A motor current that comes less often than the samples of a log: between two of its values the last one holds."""
+"""Motor currents that come less often than the samples of a log: between two of them the last one holds."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Of a channel's usual interval: so long its last value holds. Shorter than one, so that a value that fails is missed.
+#: Share of a channel's usual interval for which its last value holds; below 1, so that a value that fails is missing.
 HOLD_SHARE = 0.99
 
 
 def held(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The values (T, N) with each column's last one in place of nan, for the usual interval of that column.
 
-    time_s: (T,) [s], increasing. A column that comes with every sample is left as it is: what it lacks has failed.
+    A column that comes with every sample stays as it is: a value that it lacks has failed.
+
+    time_s: (T,) [s], increasing.
     """
     if np.isfinite(values).all():
         return values

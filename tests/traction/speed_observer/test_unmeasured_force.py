@@ -1,4 +1,4 @@
-"""Where nobody measures what pushes a robot: the slip is as unknown as a lasting push makes it."""
+"""Without motor currents the slip is as unknown as a lasting force makes it."""
 
 import math
 from dataclasses import replace
@@ -10,7 +10,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, RollingResistance, Terrain
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.make_observer import UNKNOWN_PUSH, make_observer, unknown_push_walk
+from ohmward.traction.speed_observer.make_observer import UNMEASURED_TRACTION, make_observer, unmeasured_force_walk
 from ohmward.traction.speed_observer.track import observe
 
 SLOPE_S_PER_M = 5.0
@@ -24,17 +24,17 @@ def drive(current_A):
     return DriveLog("even", TIME_S, speed, np.full((len(TIME_S), 2), current_A))
 
 
-def test_the_walk_is_that_of_a_lasting_push():
-    walk = unknown_push_walk(RLMA, drive(math.nan), GROUND)
-    slip_m_s = UNKNOWN_PUSH / SLOPE_S_PER_M
+def test_the_walk_is_that_of_a_lasting_force():
+    walk = unmeasured_force_walk(RLMA, 0.36, GROUND)
+    slip_m_s = UNMEASURED_TRACTION / SLOPE_S_PER_M
     assert walk * math.sqrt(1 / (2 * SLOPE_S_PER_M * GRAVITY)) == pytest.approx(slip_m_s)
 
 
-def test_the_slip_is_known_no_better_than_such_a_push_allows():
+def test_the_slip_is_known_no_better_than_such_a_force_allows():
     unknown = make_observer(RLMA, drive(math.nan), GROUND).observer
     std = observe(unknown, drive(math.nan)).estimates.slip_speed_std_m_s[-1]
     forgetful = replace(unknown, noise=replace(unknown.noise, speed_walk=0.01))
-    assert np.all(std > 0.7 * UNKNOWN_PUSH / SLOPE_S_PER_M)
+    assert np.all(std > 0.7 * UNMEASURED_TRACTION / SLOPE_S_PER_M)
     assert np.all(observe(forgetful, drive(math.nan)).estimates.slip_speed_std_m_s[-1] < 0.5 * std)
 
 
