@@ -4,7 +4,7 @@ import pytest
 
 from ohmward.simulate import closed_loop
 
-from .test_bend import coverage_95
+from .test_curve_shape import coverage_95
 
 
 @pytest.mark.slow
