@@ -18,10 +18,11 @@ from scipy.interpolate import PchipInterpolator
 
 from ohmward.battery.chemistries import start_model
 from ohmward.battery.models import rc
+from ohmward.battery.models.noise import PAIR_CURRENT_C
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.sample import SocSample
-from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
+from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import apply_gain
@@ -168,7 +169,7 @@ def cell_problem(method: str, steps: int, hysteresis: bool = False) -> CellProbl
     model, ours = cell_model(), TextbookFilter(cell_model(), method=method)
     decays = np.exp(-1.0 / np.array(model.tau_s))
     r_ohm = np.array([row[0] for row in model.r_ohm])
-    wander = [*(PAIR_SHARE * r_ohm * CAPACITY_AH) ** 2, *([HYSTERESIS_WALK**2] if hysteresis else [])]
+    wander = [*(PAIR_CURRENT_C * r_ohm * CAPACITY_AH) ** 2, *([HYSTERESIS_WALK**2] if hysteresis else [])]
     drive = make_drive(steps)
     belief = unpack(cell_start(ours, drive).belief)
     if hysteresis:

@@ -19,7 +19,7 @@ from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.loops import joint_loops, textbook_loops
-from ohmward.published.rc_adaptive_soc import even
+from ohmward.published.rc_joint import nominal_of
 from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import trace
 
@@ -136,7 +136,7 @@ def _joint_export(battery: Battery, name: str, sample_time_s: float | None, styl
             "identify one with `ohmward identify ... --model rc`"
         )
     highest_V = battery.rc.ocv.voltage_V[-1]
-    joint = TextbookJoint(even(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
+    joint = TextbookJoint(nominal_of(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
     state = joint.init(SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
     at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
     return Export(

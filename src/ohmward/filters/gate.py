@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.checks import require_between, require_positive
 from ohmward.filters.belief import Belief, Correction, Innovation, nis
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, maximum, where
@@ -54,7 +55,8 @@ def gate(
 
 def passes(innovation: Innovation, threshold: float = math.inf) -> Any:
     """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
-    return _is_there(innovation) & (nis(innovation) <= threshold)
+    within = nis(innovation) <= threshold
+    return within if threshold < math.inf else within & _is_there(innovation)  # only inf <= inf needs the second look
 
 
 def correct_gated(
@@ -79,6 +81,12 @@ def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCoun
     finite = where(_is_there(innovation), 1.0, 0.0)
     used = where(accepted, 1.0, 0.0)
     return GateCounts(counts.accepted + used, counts.rejected + finite - used, counts.missing + 1 - finite)
+
+
+def require_gate(gate: float, reset_after_s: float) -> None:
+    """Raise `InputError` unless the gate is > 0 and the time-out >= 0."""
+    require_positive("gate", gate)
+    require_between("reset_after_s", reset_after_s, 0.0, math.inf)
 
 
 def time_rejected(

@@ -26,8 +26,8 @@ class CleanStep(NamedTuple):
     """
 
     dt_s: Scalar
-    credible: Scalar
-    gap: Scalar
+    credible: Any
+    gap: Any
 
 
 def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:

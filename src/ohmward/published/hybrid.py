@@ -12,22 +12,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.soc.clean_sample import Rest, rested
-from ohmward.battery.soc.rc_kalman import RcKalman
-from ohmward.battery.soc.rc_linear import LinearState
+from ohmward.battery.soc.clean_sample import Rest, continue_rest
+from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
+from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import maximum, where
+from ohmward.trace import logical_not, maximum
+from ohmward.trace.expression import Scalar
 
 
 class HybridState(NamedTuple):
     """Both filters, and the rest that the battery may be in."""
 
     thevenin: FilterState
-    rc: LinearState
+    rc: RcFilterState
     rest: Rest
 
 
@@ -36,52 +37,59 @@ class Hybrid:
     """Settings.
 
     Attributes:
-        thevenin: what estimates.
-        rc: what initialises and corrects.
+        thevenin: estimates.
+        rc: initialises and corrects.
         rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
-        settle_s: length of a rest before its voltage is taken for the open-circuit voltage.
+        settle_s: length of a rest after which its voltage is taken for the open-circuit voltage.
     """
 
     thevenin: TheveninFilter
-    rc: RcKalman
+    rc: RcFilter
     rest_share: float = 0.03
     settle_s: float = 900.0
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
         """State before the first sample: the SoC of whichever filter is surer of it."""
-        thevenin, rc = self.thevenin.init(first, soc, soc_std), self.rc.init(first, soc, soc_std)
+        thevenin = self.thevenin.init(first, soc, soc_std)
+        rc = self.rc.init(first, soc, soc_std)
         _, estimate = self.rc.step(rc, first)
         belief, _ = _surer(unpack(thevenin.belief), estimate.soc, estimate.soc_std)
         return HybridState(thevenin._replace(belief=pack(belief)), rc, Rest())
 
     def step(self, state: HybridState, sample: SocSample) -> tuple[HybridState, SocEstimate]:
-        """The state after a sample, and what is known then; `SocFlag.REST` marks a correction."""
+        """State and estimate after a sample; `SocFlag.REST` marks a correction."""
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
-        rc, second = self.rc.step(state.rc, sample)
-        model, noise = self.thevenin.model, self.thevenin.noise
-        quiet = abs(thevenin.current_A) < noise.rest_threshold_A(model.capacity_Ah, self.rest_share)
-        dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
-        rest, due = rested(state.rest, quiet, dt_s, self.settle_s)
-
+        rc, by_rc = self.rc.step(state.rc, sample)
+        rest, due = self.continue_rest(state, thevenin, sample)
         before = unpack(thevenin.belief)
-        surer, taken = _surer(before, second.soc, second.soc_std)
-        belief = choose(due, surer, before)
+        corrected, surer = _surer(before, by_rc.soc, by_rc.soc_std)
+        belief = choose(due, corrected, before)
+        flagged_already = self.thevenin.is_resting(thevenin.rest_s)
         after = HybridState(thevenin._replace(belief=pack(belief)), rc, rest)
-        corrected = where(due & taken & (estimate.flags % (2 * SocFlag.REST) < SocFlag.REST), float(SocFlag.REST), 0.0)
         return after, estimate._replace(
             soc=belief.mean[0],
             soc_std=np.sqrt(maximum(belief.cov[0, 0], 0.0)),
-            flags=estimate.flags + corrected,
+            flags=estimate.flags + flags_of({SocFlag.REST: due & surer & logical_not(flagged_already)}),
         )
 
+    def continue_rest(self, state: HybridState, thevenin: FilterState, sample: SocSample) -> tuple[Rest, Any]:
+        """The rest after a step, and the condition that the correction is due."""
+        threshold_A = self.thevenin.noise.rest_threshold_A(self.thevenin.model.capacity_Ah, self.rest_share)
+        resting = abs(thevenin.current_A) < threshold_A
+        dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
+        return continue_rest(state.rest, resting, dt_s, self.settle_s)
 
-def _surer(belief: Belief, soc: Any, soc_std: Any) -> tuple[Belief, Any]:
-    """The belief with this SoC and sigma where they are surer than its own, everything correlated moved along."""
-    P, other = belief.cov, soc_std * soc_std
-    taken = other < P[0, 0]
+
+def _surer(belief: Belief, soc: Scalar, soc_std: Scalar) -> tuple[Belief, Any]:
+    """The belief with this SoC and sigma where they are surer than its own, everything correlated moved along.
+
+    Returns: the belief, and the condition that they are.
+    """
+    P, variance = belief.cov, soc_std * soc_std
+    surer = variance < P[0, 0]
     share = P[:, 0] / maximum(P[0, 0], 1e-18)
     moved = Belief(
         belief.mean + share * (soc - belief.mean[0]),
-        mirror_lower(P - np.outer(share, share) * (P[0, 0] - other)),
+        mirror_lower(P - np.outer(share, share) * (P[0, 0] - variance)),
     )
-    return choose(taken, moved, belief), taken
+    return choose(surer, moved, belief), surer

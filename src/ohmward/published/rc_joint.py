@@ -24,26 +24,34 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
 from ohmward.battery.models import rc
+from ohmward.battery.models.noise import walk_variance
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.clean_sample import CleanSocSample, is_voltage, sanitize
+from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack
-from ohmward.filters.gate import apply_gain, choose
+from ohmward.filters.flags import flags_of
+from ohmward.filters.gate import apply_gain, choose, require_gate, time_rejected
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, logical_not, maximum, where
+from ohmward.trace.expression import Scalar
 
-DIVERGED = 7.0
-"""Parameters further than a factor of e^7 from their nominal values are lost, and the filter starts again."""
+LARGEST_LOGARITHM = 7.0
+"""A filter with a parameter further than a factor of e^7 from its nominal value has diverged: it starts again."""
 
 BULK_STD_V = 0.5
-"""How far the open-circuit voltage may be from the first voltage [V], unless said otherwise."""
+"""Standard deviation of the open-circuit voltage about the first voltage [V], unless said otherwise."""
 
 PARAMETERS = 4
-"""ln C_b, ln C_s, ln R_e, ln R_t: the first elements of the state."""
+"""Number of parameters, ln C_b, ln C_s, ln R_e, ln R_t: the first elements of the state."""
+
+BULK, SURFACE, TERMINAL = range(PARAMETERS, PARAMETERS + 3)
+"""Indices of the voltages in the state."""
 
 
 class Nominal(NamedTuple):
@@ -59,50 +67,71 @@ class Nominal(NamedTuple):
 
 
 def require_nominal(nominal: Nominal) -> None:
-    """Refuse values of the circuit that are not > 0."""
+    """Raise `InputError` unless every value of the circuit is > 0."""
     for name, value in zip(Nominal._fields, nominal, strict=True):
         require_positive(f"nominal.{name}", value)
 
 
+def nominal_of(model: rc.RcModel) -> Nominal:
+    """The model's elements with R_b = R_s: as they are, or with the same lasting resistance shared by [P]'s rule."""
+    if model.r_bulk_ohm == model.r_surface_ohm:
+        return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
+    r_total_ohm = rc.lasting_resistance(model) / (1 + BRANCH_SHARE / 2)
+    return Nominal(model.c_bulk_F, model.c_surface_F, BRANCH_SHARE * r_total_ohm, TERMINAL_SHARE * r_total_ohm)
+
+
 class JointState(NamedTuple):
-    """All that the filter carries from sample to sample: plain numbers.
+    """State of the filter between two samples: plain numbers.
 
     belief: mean (n,) and lower triangle of the covariance.
     noise: second moments of innovation and residual [V^2].
     gain: (n,) of the last voltage; zero where it was not used.
     current_A: of the sample before.
-    rejected_s: how long the voltage has been outside its gate [s].
+    rejected_s: time for which the voltage has been outside its gate [s].
     """
 
     belief: PackedBelief
     noise: adaptive.NoiseEstimate
     gain: np.ndarray
-    current_A: float
-    rejected_s: float
+    current_A: Scalar
+    rejected_s: Scalar
 
 
 class JointEstimate(NamedTuple):
-    """What the filter says after a sample.
+    """Estimate after a sample.
 
     circuit: the parameters.
-    c_bulk_std, c_surface_std, r_std, r_terminal_std: their standard deviations as shares of themselves.
+    c_bulk_std, c_surface_std, r_std, r_terminal_std: their relative standard deviations.
     bulk_V, surface_V: voltages of the capacitors.
-    voltage_V, voltage_std_V: terminal voltage expected before the measurement, and how far off it may be.
+    voltage_V, voltage_std_V: terminal voltage expected before the measurement, and its standard deviation.
     innovation_V: measured minus expected voltage; nan when there was none.
     flags: sum of `SocFlag`.
     """
 
     circuit: rc.Circuit
-    c_bulk_std: Any
-    c_surface_std: Any
-    r_std: Any
-    r_terminal_std: Any
-    bulk_V: Any
-    surface_V: Any
-    voltage_V: Any
-    voltage_std_V: Any
-    innovation_V: Any
-    flags: Any
+    c_bulk_std: Scalar
+    c_surface_std: Scalar
+    r_std: Scalar
+    r_terminal_std: Scalar
+    bulk_V: Scalar
+    surface_V: Scalar
+    voltage_V: Scalar
+    voltage_std_V: Scalar
+    innovation_V: Scalar
+    flags: Scalar
+
+
+class JointGate(NamedTuple):
+    """Decision of the gate on a voltage.
+
+    used: the condition that it is used.
+    outside: the condition that its NIS exceeds the gate.
+    rejected_s: time for which voltages have been outside.
+    """
+
+    used: Any
+    outside: Any
+    rejected_s: Scalar
 
 
 @dataclass(frozen=True)
@@ -111,7 +140,7 @@ class RcJoint:
 
     Attributes:
         nominal: start of the parameters.
-        start_std: (4,) how wrong that start may be, of the logarithms of C_b, C_s, R_e, R_t; 0.5 is a factor 1.6.
+        start_std: (4,) standard deviations of the logarithms of C_b, C_s, R_e, R_t at the start; 0.5 is a factor 1.6.
         voltage_as: "state" is [T]'s seven states, "output" the six.
         voltage_std_V: white noise of the voltage sensor; floor of R.
         current_std_A: white noise of the current sensor; moves both capacitors.
@@ -121,7 +150,7 @@ class RcJoint:
         match_Q, match_R: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
         window: effective number of samples for that.
         gate: largest NIS of a voltage that is used.
-        reset_after_s: after so much time outside the gate the voltage is used: it is the filter that is wrong.
+        reset_after_s: time outside the gate after which the filter has diverged: voltages are used until one passes.
         gap_s: a longer step says nothing about the current in between.
         unknown_A: standard deviation of a current that was not measured.
         current_limit_A: a larger current is a fault of its sensor.
@@ -156,6 +185,7 @@ class RcJoint:
             raise InputError(f'voltage_as must be "state" (seven states) or "output" (six), got {self.voltage_as!r}')
         if not self.window >= 1:
             raise InputError(f"window must be at least 1 sample, got {self.window}; [T] takes 100")
+        require_gate(self.gate, self.reset_after_s)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -166,7 +196,7 @@ class RcJoint:
     def init(self, first: SocSample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
         """State before the first sample: at rest, at `bulk_V`, or at the first voltage where that is None.
 
-        bulk_std_V: how far the open-circuit voltage may be from it.
+        bulk_std_V: standard deviation of the open-circuit voltage about it.
 
         Raises:
             InputError: bulk_V is None and the first sample has no voltage.
@@ -178,7 +208,7 @@ class RcJoint:
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
         return JointState(belief, moments, np.zeros(len(self.state_names)), 0.0, 0.0)
 
-    def ignorance(self, level_V: Any, std_V: float) -> Belief:
+    def ignorance(self, level_V: Scalar, std_V: float) -> Belief:
         """Belief about a battery at rest near `level_V` of which only the nominal values are known."""
         n = len(self.state_names) - PARAMETERS
         mean = np.array([*np.zeros(PARAMETERS), *(level_V for _ in range(n))])
@@ -187,123 +217,125 @@ class RcJoint:
         return Belief(mean, np.block([[parameters, np.zeros((PARAMETERS, n))], [np.zeros((n, PARAMETERS)), voltages]]))
 
     def step(self, state: JointState, sample: SocSample) -> tuple[JointState, JointEstimate]:
-        """The state after a sample, and what is known then."""
-        reading = sanitize(sample, state.current_A, ROOM_DEGC, self.gap_s, self.current_limit_A)
-        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
-        y = where(measured, sample.voltage_V, state.belief.mean[-1])
-        before, healthy = self.revived(unpack(state.belief), y)
+        """State and estimate after a sample."""
+        clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits)
+        *_, last_V = state.belief.mean
+        y = np.array([where(clean.voltage_measured, sample.voltage_V, last_V)])
+        before, healthy = self.restart_if_diverged(unpack(state.belief), y[0])
         prior, correction = unscented.correct_reusing_points(
             before,
-            lambda x: self.next_state(x, reading),
-            lambda x: self.voltage(x, reading),
-            np.array([y]),
-            self.process_noise(state, reading),
-            self.measurement_noise(state, before, reading),
+            lambda x: self.next_state(x, clean),
+            lambda x: self.voltage(x, clean),
+            y,
+            self.process_noise(state, clean),
+            self.measurement_noise(state, before, clean),
             self.scaling,
         )
-        used, outside = self.verdict(state, reading, measured, correction.innovation)
-        K = where(used, correction.gain, 0.0)
+        gate = self.decide(state, clean, correction.innovation)
+        K = where(gate.used, correction.gain, 0.0)
         posterior = apply_gain(prior, correction.innovation, K)
-        residual = np.array([y]) - self.voltage(posterior.mean, reading)
+        residual = y - self.voltage(posterior.mean, clean)
         moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
-        after = JointState(
-            pack(posterior),
-            choose(used, moments, state.noise),
-            K[:, 0],
-            reading.now.current_A,
-            where(outside, state.rejected_s + reading.dt_s, 0.0),
+        noise = choose(gate.used, moments, state.noise)
+        flags = clean.flags + flags_of(
+            {
+                SocFlag.VOLTAGE_REJECTED: gate.outside & logical_not(gate.used),
+                SocFlag.NOT_POSITIVE_DEFINITE: logical_not(healthy),
+            }
         )
-        flags = (
-            reading.flags
-            + where(measured, 0.0, float(SocFlag.NO_VOLTAGE))
-            + where(outside & logical_not(used), float(SocFlag.VOLTAGE_REJECTED), 0.0)
-            + where(healthy, 0.0, float(SocFlag.NOT_POSITIVE_DEFINITE))
-        )
-        innovation_V = where(measured, correction.innovation.value[0], math.nan)
-        return after, self.estimate(posterior, y, correction.innovation, innovation_V, flags)
+        after = JointState(pack(posterior), noise, K[:, 0], clean.now.current_A, gate.rejected_s)
+        return after, self.estimate(posterior, y[0], correction.innovation, clean, flags)
 
-    def verdict(
-        self, state: JointState, reading: CleanSocSample, measured: Any, innovation: Innovation
-    ) -> tuple[Any, Any]:
-        """Whether the voltage is used, and whether it is outside the gate; a repeated sample (dt = 0) is neither.
+    @property
+    def limits(self) -> SampleLimits:
+        """Limits of what is believed of a sample."""
+        return SampleLimits(self.gap_s, self.current_limit_A, self.highest_ocv_V)
 
-        Once patience is at its end every voltage is used, until one is inside again.
-        """
-        first = state.noise.samples < 0.5
+    def decide(self, state: JointState, clean: CleanSocSample, innovation: Innovation) -> JointGate:
+        """Decision of the gate on a voltage; a repeated sample (dt = 0) is no measurement."""
         distance = nis(innovation)
-        measured = measured & isfinite(distance) & ((reading.dt_s > 0) | first)
+        first = state.noise.samples < 0.5
+        measured = clean.voltage_measured & isfinite(distance) & ((clean.dt_s > 0) | first)
         outside = measured & (distance > self.gate)
-        return measured & ((distance <= self.gate) | (state.rejected_s > self.reset_after_s)), outside
+        diverged = state.rejected_s > self.reset_after_s
+        used = measured & ((distance <= self.gate) | diverged)
+        return JointGate(used, outside, time_rejected(state.rejected_s, clean.dt_s, outside, measured))
 
-    def revived(self, belief: Belief, voltage_V: Any) -> tuple[Belief, Any]:
-        """The belief, or ignorance in its place where it is no belief any more; and whether it still was one."""
-        logarithms, voltages = belief.mean[:PARAMETERS], belief.mean[PARAMETERS:]
-        _, positive = cholesky(belief.cov)
-        healthy = (positive > 0.5) & (logarithms @ logarithms < DIVERGED**2) & isfinite(sum(voltages))
+    def restart_if_diverged(self, belief: Belief, voltage_V: Scalar) -> tuple[Belief, Any]:
+        """The belief, or ignorance in its place where it is not healthy; and the condition that it is."""
+        healthy = self.is_healthy(belief)
         level_V = where(isfinite(voltage_V), voltage_V, 0.0)
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
+
+    def is_healthy(self, belief: Belief) -> Any:
+        """True where the belief is finite, its covariance positive and its parameters are near the nominal ones."""
+        logarithms, voltages = belief.mean[:PARAMETERS], belief.mean[PARAMETERS:]
+        _, positive = cholesky(belief.cov)
+        return (positive > 0.5) & (logarithms @ logarithms < LARGEST_LOGARITHM**2) & isfinite(sum(voltages))
 
     def circuit(self, x: np.ndarray) -> rc.Circuit:
         """The parameters in state x."""
         c_bulk, c_surface, r, r_terminal = np.array(self.nominal) * np.exp(x[:PARAMETERS])
         return rc.Circuit(c_bulk, c_surface, r, r, r_terminal)
 
-    def next_state(self, x: np.ndarray, reading: CleanSocSample) -> np.ndarray:
+    def next_state(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """State after the step, (n,); the parameters stay."""
         p, voltages = self.circuit(x), x[PARAMETERS:]
         if self.voltage_as == "output":
-            moved = rc.next_state(voltages, reading.mean.current_A, p, reading.dt_s)
+            moved = rc.next_state(voltages, clean.mean.current_A, p, clean.dt_s)
         else:
-            now_A = reading.now.current_A
-            before_A = now_A - reading.change_A
-            moved = rc.next_state_with_voltage(voltages, before_A, reading.mean.current_A, now_A, p, reading.dt_s)
+            now_A = clean.now.current_A
+            before_A = now_A - clean.change_A
+            moved = rc.next_state_with_voltage(voltages, before_A, clean.mean.current_A, now_A, p, clean.dt_s)
         return np.array([*x[:PARAMETERS], *moved])
 
-    def voltage(self, x: np.ndarray, reading: CleanSocSample) -> np.ndarray:
+    def voltage(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Terminal voltage [V] in state x, (1,)."""
-        return (
-            x[-1:] if self.voltage_as == "state" else rc.voltage(x[PARAMETERS:], reading.now.current_A, self.circuit(x))
-        )
+        if self.voltage_as == "state":
+            return x[TERMINAL:]
+        return rc.voltage(x[PARAMETERS:], clean.now.current_A, self.circuit(x))
 
-    def process_noise(self, state: JointState, reading: CleanSocSample) -> np.ndarray:
+    def process_noise(self, state: JointState, clean: CleanSocSample) -> np.ndarray:
         """Q (n, n) of this step: the floor, and what the innovations of the last steps say."""
-        dt_s = reading.dt_s
-        charge_As2 = self.current_std_A**2 * dt_s + where(reading.known > 0.5, 0.0, (self.unknown_A * dt_s) ** 2)
+        dt_s = clean.dt_s
+        charge_As2 = self.current_std_A**2 * dt_s + where(clean.current_known, 0.0, (self.unknown_A * dt_s) ** 2)
         per_V = 1 / (self.nominal.c_bulk_F + self.nominal.c_surface_F), 0.5 / self.nominal.c_surface_F
         disturbance = [self.disturbance_V**2 * dt_s] if self.voltage_as == "state" else []
-        walk = [self.parameter_walk**2 * dt_s / 3600.0] * PARAMETERS
+        walk = [walk_variance(self.parameter_walk, 3600.0, dt_s)] * PARAMETERS
         Q = np.diag(np.array([*walk, *(charge_As2 * g**2 for g in per_V), *disturbance]))
         if not self.match_Q:
             return Q
-        K, C = state.gain[:, None], where(dt_s > 0, state.noise.innovation, 0.0)
+        K = state.gain[:, None]
+        C = where(dt_s > 0, state.noise.innovation, 0.0)
         return mirror_lower(Q + K @ C @ K.T)
 
-    def measurement_noise(self, state: JointState, before: Belief, reading: CleanSocSample) -> np.ndarray:
+    def measurement_noise(self, state: JointState, before: Belief, clean: CleanSocSample) -> np.ndarray:
         """R (1, 1) of this step: the floor, and what the residuals of the last steps say."""
         instant_ohm = self.nominal.r_terminal_ohm + 0.5 * self.nominal.r_ohm
-        unknown_V2 = where(reading.known > 0.5, 0.0, (self.unknown_A * instant_ohm) ** 2)
+        unknown_V2 = where(clean.current_known, 0.0, (self.unknown_A * instant_ohm) ** 2)
         floor = np.array([[self.voltage_std_V**2 + unknown_V2]])
         if not self.match_R:
             return floor
-        P_yy = unscented.output_covariance(before, lambda x: self.voltage(x, reading), self.scaling)
+        P_yy = unscented.output_covariance(before, lambda x: self.voltage(x, clean), self.scaling)
         matched = state.noise.residual + P_yy
         return where(state.noise.samples < 0.5, floor, maximum(floor, matched))
 
     def estimate(
-        self, x: Belief, voltage_V: Any, innovation: Innovation, innovation_V: Any, flags: Any
+        self, belief: Belief, voltage_V: Scalar, innovation: Innovation, clean: CleanSocSample, flags: Scalar
     ) -> JointEstimate:
-        """What is known after the sample."""
-        std = [np.sqrt(maximum(x.cov[k, k], 0.0)) for k in range(PARAMETERS)]
+        """Estimate after the sample."""
+        c_bulk, c_surface, r, r_terminal = (np.sqrt(maximum(belief.cov[k, k], 0.0)) for k in range(PARAMETERS))
+        nu = innovation.value[0]
         return JointEstimate(
-            circuit=self.circuit(x.mean),
-            c_bulk_std=std[0],
-            c_surface_std=std[1],
-            r_std=std[2],
-            r_terminal_std=std[3],
-            bulk_V=x.mean[PARAMETERS],
-            surface_V=x.mean[PARAMETERS + 1],
-            voltage_V=voltage_V - innovation.value[0],
+            circuit=self.circuit(belief.mean),
+            c_bulk_std=c_bulk,
+            c_surface_std=c_surface,
+            r_std=r,
+            r_terminal_std=r_terminal,
+            bulk_V=belief.mean[BULK],
+            surface_V=belief.mean[SURFACE],
+            voltage_V=voltage_V - nu,
             voltage_std_V=np.sqrt(innovation.cov[0, 0]),
-            innovation_V=innovation_V,
+            innovation_V=where(clean.voltage_measured, nu, math.nan),
             flags=flags,
         )

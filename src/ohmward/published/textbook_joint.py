@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.soc.clean_sample import first_input, is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
 from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
@@ -26,8 +26,9 @@ from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import apply_gain, choose
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.published.rc_joint import PARAMETERS, Nominal, require_nominal
+from ohmward.published.rc_joint import BULK, PARAMETERS, SURFACE, TERMINAL, Nominal, require_nominal
 from ohmward.trace import maximum, where
+from ohmward.trace.expression import Scalar
 
 STATES = 7
 
@@ -36,7 +37,7 @@ LEAST = 0.02
 
 
 class TextbookJointState(NamedTuple):
-    """What the filter carries.
+    """State of the filter.
 
     belief: mean (7,) and lower triangle of the covariance.
     noise: second moments of innovation and residual [V^2].
@@ -51,7 +52,7 @@ class TextbookJointState(NamedTuple):
 
 
 class TextbookJointEstimate(NamedTuple):
-    """What is known after a sample.
+    """Estimate after a sample.
 
     c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
     r_ohm: R_e, in front of each capacitor [ohm].
@@ -69,32 +70,15 @@ class TextbookJointEstimate(NamedTuple):
     innovation_V: Any
 
 
-class CleanJointSample(NamedTuple):
-    """What a sample says.
-
-    dt_s: step [s], >= 0.
-    current_A: of this instant; that of the sample before where it is not measured.
-    mean_A: mean current over the step.
-    voltage_V: measured; 0 where it is not.
-    measured: whether there is a voltage.
-    """
-
-    dt_s: Any
-    current_A: Any
-    mean_A: Any
-    voltage_V: Any
-    measured: Any
-
-
 @dataclass(frozen=True)
 class TextbookJoint:
     """Settings; `init`, `start` and `step` are pure functions of them.
 
     Attributes:
         nominal: start of the parameters.
-        start_std: how wrong that start may be, as a share of it.
-        walk: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. [P] finds
-            that it must be small, or the filter wanders.
+        start_std: relative standard deviation of that start.
+        walk: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. Small, or
+            the filter wanders.
         voltage_std_V: of the voltage sensor: floor of R.
         window: effective number of samples whose innovations the noise is matched to.
         highest_ocv_V: of the battery; voltages that no such battery can show are none.
@@ -130,59 +114,57 @@ class TextbookJoint:
 
     def start(self, first: SocSample, bulk_std_V: Any) -> TextbookJointState:
         """The same, traceable."""
-        mean = np.array([*np.ones(PARAMETERS), *[first.voltage_V] * 3])
-        variances = np.square(np.array([*[self.start_std] * PARAMETERS, *[bulk_std_V] * 3]))
+        voltages = STATES - PARAMETERS
+        mean = np.array([*np.ones(PARAMETERS), *[first.voltage_V] * voltages])
+        variances = np.square(np.array([*[self.start_std] * PARAMETERS, *[bulk_std_V] * voltages]))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
         belief = pack(Belief(mean, np.diag(variances)))
         return TextbookJointState(belief, moments, np.zeros(len(mean)), first_input(first).current_A)
 
     def step(self, state: TextbookJointState, sample: SocSample) -> tuple[TextbookJointState, TextbookJointEstimate]:
-        """The state after a sample, and what is known then."""
-        reading = self.sanitize(state, sample)
-        before, noise = unpack(state.belief), state.noise
-        P_yy = before.cov[-1:, -1:]
+        """State and estimate after a sample."""
+        clean = self.sanitize(state, sample)
+        before = unpack(state.belief)
         prior, correction = unscented.correct_reusing_points(
             before,
-            lambda x: self.next_state(x, reading.mean_A, reading.dt_s),
-            lambda x: x[-1:],
-            np.array([reading.voltage_V]),
-            mirror_lower(np.diag(np.square(np.array(self.walk))) + noise.innovation * np.outer(state.gain, state.gain)),
-            noise.residual + P_yy + self.voltage_std_V**2,
+            lambda x: self.next_state(x, clean.mean_A, clean.dt_s),
+            lambda x: x[TERMINAL:],
+            np.array([clean.voltage_V]),
+            self.process_noise(state),
+            state.noise.residual + before.cov[TERMINAL:, TERMINAL:] + self.voltage_std_V**2,
             self.scaling,
         )
-        K = where(reading.measured, correction.gain, 0.0)
+        K = where(clean.measured, correction.gain, 0.0)
         corrected = apply_gain(prior, correction.innovation, K)
         after = state._replace(belief=pack(corrected), gain=K[:, 0])
-        return self.concluded(after, correction.innovation.value[0], reading)
+        return self.concluded(after, correction.innovation.value[0], clean)
 
-    def sanitize(self, state: TextbookJointState, sample: SocSample) -> CleanJointSample:
-        """What a sample says."""
-        current_A = where(is_current(sample.current_A, math.inf), sample.current_A, state.current_A)
-        measured = is_voltage(sample.voltage_V, self.highest_ocv_V)
-        return CleanJointSample(
-            where(sample.dt_s > 0, sample.dt_s, 0.0),
-            current_A,
-            0.5 * (current_A + state.current_A),
-            where(measured, sample.voltage_V, 0.0),
-            measured,
-        )
+    def sanitize(self, state: TextbookJointState, sample: SocSample) -> CleanBareSample:
+        """The sample with what cannot be true replaced."""
+        return sanitize_bare(sample, state.current_A, self.highest_ocv_V)
+
+    def process_noise(self, state: TextbookJointState) -> np.ndarray:
+        """Q (7, 7): K C K' ([T] 3.49) and the floor."""
+        floor = np.diag(np.square(np.array(self.walk)))
+        return mirror_lower(floor + state.noise.innovation * np.outer(state.gain, state.gain))
 
     def concluded(
-        self, state: TextbookJointState, innovation_V: Any, reading: CleanJointSample
+        self, state: TextbookJointState, innovation_V: Scalar, clean: CleanBareSample
     ) -> tuple[TextbookJointState, TextbookJointEstimate]:
-        """The state with possible parameters and its moments of the noise renewed, and what is known then."""
+        """State with possible parameters and renewed moments of the noise, and the estimate."""
         mean = self.possible(state.belief.mean)
-        nu, residual = np.array([innovation_V]), np.array([reading.voltage_V - mean[-1]])
-        noise = choose(reading.measured, adaptive.remember(state.noise, nu, residual, self.window), state.noise)
+        residual = np.array([clean.voltage_V - mean[TERMINAL]])
+        moments = adaptive.remember(state.noise, np.array([innovation_V]), residual, self.window)
+        noise = choose(clean.measured, moments, state.noise)
         belief = state.belief._replace(mean=mean)
-        after = state._replace(belief=belief, noise=noise, current_A=reading.current_A)
-        return after, self.estimate(mean, where(reading.measured, innovation_V, math.nan))
+        after = state._replace(belief=belief, noise=noise, current_A=clean.current_A)
+        return after, self.estimate(mean, where(clean.measured, innovation_V, math.nan))
 
-    def next_state(self, x: np.ndarray, current_A: Any, dt_s: Any) -> np.ndarray:
+    def next_state(self, x: np.ndarray, current_A: Scalar, dt_s: Scalar) -> np.ndarray:
         """State (7,) after an Euler step; [T] (3.6) with R_b = R_s and its indices set right."""
         z_bulk, z_surface, z_r, z_terminal, bulk_V, surface_V, V = x
-        per_bulk, per_surface = dt_s * (0.5 / self.nominal.c_bulk_F), dt_s * (0.5 / self.nominal.c_surface_F)
-        bulk, surface = per_bulk * z_bulk, per_surface * z_surface  # dt / (2 C), what a current moves in the step
+        bulk = dt_s * (0.5 / self.nominal.c_bulk_F) * z_bulk  # dt / (2 C): voltage per ampere of the step
+        surface = dt_s * (0.5 / self.nominal.c_surface_F) * z_surface
         g = z_r * (1 / self.nominal.r_ohm)
         across_A = g * (surface_V - bulk_V)
         terminal_V = bulk_V - V + z_terminal * (self.nominal.r_terminal_ohm * current_A)
@@ -197,9 +179,15 @@ class TextbookJoint:
         """The mean (7,) with its parameters positive."""
         return np.array([*(maximum(z, LEAST) for z in mean[:PARAMETERS]), *mean[PARAMETERS:]])
 
-    def estimate(self, x: np.ndarray, innovation_V: Any) -> TextbookJointEstimate:
-        """What state x says in units."""
-        c_bulk, c_surface, r, r_terminal = self.nominal
+    def estimate(self, x: np.ndarray, innovation_V: Scalar) -> TextbookJointEstimate:
+        """Parameters and voltages of state x in their units."""
+        z_bulk, z_surface, z_r, z_terminal = x[:PARAMETERS]
         return TextbookJointEstimate(
-            c_bulk / x[0], c_surface / x[1], r / x[2], r_terminal * x[3], x[PARAMETERS], x[PARAMETERS + 1], innovation_V
+            c_bulk_F=self.nominal.c_bulk_F / z_bulk,
+            c_surface_F=self.nominal.c_surface_F / z_surface,
+            r_ohm=self.nominal.r_ohm / z_r,
+            r_terminal_ohm=self.nominal.r_terminal_ohm * z_terminal,
+            bulk_V=x[BULK],
+            surface_V=x[SURFACE],
+            innovation_V=innovation_V,
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
-from ohmward.battery.soc.clean_sample import finite_or, sanitize
+from ohmward.battery.soc.clean_sample import SampleLimits, finite_or, sanitize
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between
@@ -47,10 +47,10 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
     require_between("hysteresis", hysteresis, -1.0, 1.0)
 
     def step(state: SimulationState, sample: SocSample) -> tuple[SimulationState, Simulated]:
-        reading = sanitize(sample, state.current_A, state.temperature_degC, NO_GAP_S)
-        circuit = next_state(state.circuit, reading.mean, model, reading.dt_s)
-        after = SimulationState(circuit, reading.now.current_A, reading.now.temperature_degC)
-        return after, Simulated(circuit[0], voltage(circuit, reading.now, model)[0])
+        clean = sanitize(sample, CircuitInput(state.current_A, state.temperature_degC), SampleLimits(NO_GAP_S))
+        circuit = next_state(state.circuit, clean.mean, model, clean.dt_s)
+        after = SimulationState(circuit, clean.now.current_A, clean.now.temperature_degC)
+        return after, Simulated(circuit[0], voltage(circuit, clean.now, model)[0])
 
     samples = samples_of(log)
     first = CircuitInput(finite_or(samples.current_A[0], 0.0), finite_or(samples.temperature_degC[0], ROOM_DEGC))

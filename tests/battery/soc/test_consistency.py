@@ -10,7 +10,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import CircuitInput, next_state, voltage
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.belief import Belief, PackedBelief, unpack
 from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.trace import Kernel
 
@@ -40,17 +40,16 @@ def test_nees_of_the_whole_state_lies_within_its_bounds(method):
 
 def draw_runs(settings, start, columns, rng):
     """True states (T, n, RUNS) and measured voltages (T, RUNS)."""
-    belief = unpack(start.belief)
+    belief, system = unpack(start.belief), settings.system
     n, cov = len(belief.mean), belief.cov
     before_A = np.concatenate([columns.current_A[:1], columns.current_A[:-1]])
 
     def step(x, sample):
         measured, before, normal = sample
-        reading = settings.sanitize(start._replace(current_A=before), measured)
-        now = start._replace(belief=pack(Belief(x, cov)))
-        x = settings.next_state(x, reading) + np.sqrt(np.diag(settings.process_noise(now, reading))) * normal
-        error = settings.voltage_error(Belief(x, cov / 1e4), reading)
-        return x, (x, settings.voltage(x, reading, error)[0], np.sqrt(error.variance * error.weight))
+        clean = settings.sanitize(start._replace(current_A=before), measured)
+        x = system.next_state(x, clean) + np.sqrt(np.diag(system.process_noise(x, clean))) * normal
+        error = system.voltage_error(Belief(x, cov / 1e4), clean)
+        return x, (x, system.voltage(x, clean, error)[0], np.sqrt(error.variance * error.weight))
 
     x = (belief.mean + rng.standard_normal((RUNS, n)) * np.sqrt(np.diag(cov))).T
     inputs = (columns, before_A, rng.standard_normal((STEPS, n, RUNS)))

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -13,17 +13,17 @@ from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.soc import rc_linear
-from ohmward.battery.soc.clean_sample import sanitize
+from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.rc_kalman import RcKalman
-from ohmward.battery.soc.rc_linear import BULK, MODEL_ERROR, OFFSET, RESISTANCE
-from ohmward.battery.soc.rc_soc import SOC, Parameters, RcSoc
+from ohmward.battery.soc.rc_filter import RcFilter, RcParameters
+from ohmward.battery.soc.rc_soc_link import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, SocByCurve
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
-from ohmward.published.rc_adaptive_soc import adaptive_soc_of, even, lasting_resistance
+from ohmward.published.rc_adaptive_soc import adaptive_soc_of
+from ohmward.published.rc_joint import nominal_of
 from ohmward.trace import Kernel
 
 NAN = math.nan
@@ -40,8 +40,8 @@ SENSORS = BatteryNoise(
     resistance_std=0.001,
 )
 ESTIMATORS: dict[str, Any] = {
-    "kalman": RcKalman(MODEL, SENSORS),
-    "soc": RcSoc(MODEL, SENSORS),
+    "curve": RcFilter(MODEL, SENSORS, "curve"),
+    "state": RcFilter(MODEL, SENSORS),
     "scheme": adaptive_soc_of(MODEL, SENSORS),
 }
 ALL = pytest.mark.parametrize("name", ESTIMATORS)
@@ -56,6 +56,11 @@ def kernel_of(name):
     estimator = ESTIMATORS[name]
     first = SocSample(0.0, 0.0, 12.5, NAN)
     return Kernel(estimator.step, estimator.init(first), first)
+
+
+def cleaned(dt_s):
+    """A step at a steady ampere."""
+    return sanitize(SocSample(dt_s, 1.0, 12.0, NAN), CircuitInput(1.0, 25.0), SampleLimits(600.0))
 
 
 def estimated(name, samples, soc=None, soc_std=0.03):
@@ -99,7 +104,7 @@ def test_curve_and_state_agree_where_the_curve_is_straight():
     But for the first surface voltage, whose uncertain charge is in the curve's SoC and not in the state's.
     """
     run = simulated(offset_A=0.05, soc=0.8)
-    by_curve, by_state = (estimated(name, run.samples, 0.75) for name in ("kalman", "soc"))
+    by_curve, by_state = (estimated(name, run.samples, 0.75) for name in ("curve", "state"))
     np.testing.assert_allclose(by_curve.soc, by_state.soc, rtol=0, atol=1e-4)
     np.testing.assert_allclose(by_curve.voltage_V, by_state.voltage_V, rtol=0, atol=1e-4)
 
@@ -114,7 +119,7 @@ def test_without_doubts_it_is_the_textbook_filter():
         resistance_std=0.0,
         resistance_walk=0.0,
     )
-    estimator, run = RcKalman(model_of(UNEVEN), noise), simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8)
+    estimator, run = RcFilter(model_of(UNEVEN), noise, "curve"), simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8)
     state = estimator.init(row(run.samples, 0), soc=0.7, soc_std=0.1)
     belief = unpack(state.belief)
     belief = belief._replace(mean=belief.mean[:2], cov=belief.cov[:2, :2])
@@ -138,25 +143,27 @@ def test_without_doubts_it_is_the_textbook_filter():
 def test_system_is_linear_in_offset_and_output_in_resistance():
     """F, B and H against the model's own step and output."""
     x = np.array([12.5, 12.4, 0.7, 0.3, 0.1])
-    F, B = rc_linear.transition(UNEVEN, 0.9, 2.0)
+    estimator = RcFilter(model_of(UNEVEN), soc_as="curve")
+    F, B = estimator.transition(UNEVEN, 0.9, 2.0)
     after = F @ x + B * 5.0
     np.testing.assert_allclose(after[:2], rc.next_state(x[:2], 5.0 - 0.3, UNEVEN, 2.0), atol=1e-12)
     np.testing.assert_allclose(after[2:], [0.63, 0.3, 0.1])
-    over_V = rc_linear.overpotential(x, 5.0, UNEVEN)
+    over_V = estimator.overpotential(x, 5.0, UNEVEN)
     expected = rc.voltage(x[:2], 5.0 - 0.3, UNEVEN)[0] + 0.02 * 0.7 + 0.1 * over_V
-    found = rc_linear.output(UNEVEN, 0.02, over_V) @ x + rc.instant_resistance(UNEVEN) * 5.0
+    found = estimator.output(UNEVEN, 0.02, over_V) @ x + rc.instant_resistance(UNEVEN) * 5.0
     np.testing.assert_allclose(found, [expected])
     assert over_V == pytest.approx(rc.voltage(x[:2], 4.7, UNEVEN)[0] - 12.5)
 
 
 def test_model_error_lives_along_charge():
     """It stays at rest, and its variance is one whatever the charge that flows."""
-    noise = replace(SENSORS, model_soc_length=0.1)
-    assert rc_linear.error_decay(0.0, noise) == 1.0
-    assert rc_linear.error_decay(0.1, noise) == pytest.approx(math.exp(-1))
-    kept = rc_linear.error_decay(0.04, noise)
-    Q = rc_linear.process_noise(np.zeros((2, 2)), kept, 1.0, noise)
-    assert kept**2 + Q[MODEL_ERROR, MODEL_ERROR] == pytest.approx(1.0)
+    estimator = RcFilter(MODEL, replace(SENSORS, model_soc_length=0.1))
+    assert estimator.error_decay(0.0) == 1.0
+    assert estimator.error_decay(0.1) == pytest.approx(math.exp(-1))
+    decay = estimator.error_decay(0.04)
+    x = unpack(estimator.init(SocSample(0.0, 0.0, 12.5, NAN)).belief).mean
+    Q = estimator.process_noise(x, cleaned(1.0), 0.04, decay, RcParameters(EVEN))
+    assert decay**2 + Q[MODEL_ERROR, MODEL_ERROR] == pytest.approx(1.0)
 
 
 def test_resistance_error_is_found():
@@ -164,7 +171,7 @@ def test_resistance_error_is_found():
     worn = rc.Circuit(*EVEN[:2], *(1.3 * r for r in EVEN[2:]))
     noise = replace(SENSORS, resistance_std=0.3)
     run = simulate(worn, 3000, 5, voltage_std_V=0.002, soc=0.9)
-    found = SocEstimator(RcKalman(MODEL, noise)).run(log_of(run.samples)).estimates
+    found = SocEstimator(RcFilter(MODEL, noise, "curve")).run(log_of(run.samples)).estimates
     assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.05)
     assert np.abs(found.soc - run.soc)[500:].max() < 0.02
 
@@ -180,10 +187,10 @@ def test_scheme_tells_capacity_and_resistance():
 
 
 def test_scheme_starts_with_the_same_lasting_resistance():
-    nominal = even(model_of(UNEVEN))
+    nominal = nominal_of(model_of(UNEVEN))
     p = rc.Circuit(nominal.c_bulk_F, nominal.c_surface_F, nominal.r_ohm, nominal.r_ohm, nominal.r_terminal_ohm)
-    assert lasting_resistance(p) == pytest.approx(lasting_resistance(UNEVEN), rel=0.05)
-    assert even(MODEL) == (*EVEN[:3], EVEN[4])
+    assert rc.lasting_resistance(p) == pytest.approx(rc.lasting_resistance(UNEVEN), rel=0.05)
+    assert nominal_of(MODEL) == (*EVEN[:3], EVEN[4])
 
 
 FAULTS = {
@@ -220,8 +227,8 @@ def test_fault_is_flagged_and_survived(name, fault):
     assert np.abs(found.soc - run.soc)[800:].max() < (0.05 if fault == "gap" else 0.02)
 
 
-@pytest.mark.parametrize("name", ["kalman", "soc"])
-def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
+@pytest.mark.parametrize("name", ["curve", "state"])
+def test_the_gate_times_out_when_it_is_the_filter_that_is_wrong(name):
     """The voltage of another battery in the middle of a log: rejected for a minute, then the filter doubts itself."""
     run = simulated(soc=0.6)
     samples = run.samples._replace(voltage_V=run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700))
@@ -233,7 +240,19 @@ def test_patience_ends_when_it_is_the_filter_that_is_wrong(name):
     assert found.soc[-1] - run.soc[-1] > 0.1
 
 
-def test_scheme_survives_a_joint_filter_that_is_lost():
+@pytest.mark.parametrize("name", ["curve", "state"])
+def test_missing_voltages_do_not_hold_up_the_time_out(name):
+    """The same with every fifth voltage missing: they neither confirm the belief nor contradict it."""
+    run = simulated(soc=0.6)
+    voltage_V = run.samples.voltage_V + 0.3 * (np.arange(1500) >= 700)
+    voltage_V[700::5] = NAN
+    found = estimated(name, run.samples._replace(voltage_V=voltage_V))
+    rejected = (found.flags.astype(int) & SocFlag.VOLTAGE_REJECTED) > 0
+    assert rejected[701:705].all() and not rejected[790:].any()
+    assert found.soc[-1] - run.soc[-1] > 0.1
+
+
+def test_scheme_survives_a_joint_filter_that_has_diverged():
     """Until the joint filter knows something again the model's own circuit serves."""
     scheme, run = ESTIMATORS["scheme"], simulated(soc=0.6)
     state = scheme.init(row(run.samples, 0))
@@ -247,20 +266,19 @@ def test_scheme_survives_a_joint_filter_that_is_lost():
 
 @pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
 def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
-    estimator = RcSoc(MODEL, SENSORS)
+    estimator = RcFilter(MODEL, SENSORS)
     state, sample = estimator.init(SocSample(0.0, -5.0, 12.6, NAN)), SocSample(10.0, -5.0, 12.6, NAN)
-    _, sure = estimator.step(state, sample, Parameters(EVEN))
-    _, unsure = estimator.step(state, sample, Parameters(EVEN, **{doubt: 0.5}))
+    _, sure = estimator.step(state, sample, RcParameters(EVEN))
+    _, unsure = estimator.step(state, sample, RcParameters(EVEN, **{doubt: 0.5}))
     assert unsure.voltage_std_V > 1.1 * sure.voltage_std_V
 
 
 def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
     noise = replace(SENSORS, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
-    reading = sanitize(SocSample(10.0, 1.0, 12.0, NAN), 1.0, 25.0, 600.0)
+    estimator = RcFilter(MODEL, noise)
     once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
-    assert rc_linear.voltage_variance(reading, 0.5, 1.2, noise, 0.1) == pytest.approx(20 * once)
-    rarely = reading._replace(dt_s=300.0)
-    assert rc_linear.voltage_variance(rarely, 0.5, 1.2, noise, 0.1) == pytest.approx(once)
+    assert estimator.voltage_variance(cleaned(10.0), 0.5, 1.2, 0.1) == pytest.approx(20 * once)
+    assert estimator.voltage_variance(cleaned(300.0), 0.5, 1.2, 0.1) == pytest.approx(once)
 
 
 @ALL
@@ -285,29 +303,38 @@ def test_traced_step_is_the_step(name):
         np.testing.assert_allclose(traced, np.array(floats, dtype=float), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [RcKalman, RcSoc])
 @pytest.mark.parametrize("name", ["gap_s", "gate", "current_limit_C"])
-def test_bad_settings_are_refused(kind, name):
+def test_bad_settings_are_refused(name):
+    settings: dict[str, Any] = {name: 0.0}
     with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):
-        kind(MODEL, SENSORS, **{name: 0.0})
+        RcFilter(MODEL, SENSORS, **settings)
+
+
+def test_a_soc_that_is_neither_state_nor_on_the_curve_is_refused():
+    with pytest.raises(InputError, match="soc_as must be one of state, curve, got 'line'"):
+        RcFilter(MODEL, SENSORS, "line")
 
 
 def test_names_belong_to_the_state():
     first = SocSample(0.0, 0.0, 12.5, NAN)
-    for estimator in (ESTIMATORS["kalman"], ESTIMATORS["soc"]):
+    for estimator in (ESTIMATORS["curve"], ESTIMATORS["state"]):
         assert len(estimator.state_names) == len(estimator.init(first).belief.mean)
-    names = ESTIMATORS["soc"].state_names
+    names = ESTIMATORS["state"].state_names
     places = (names[BULK], names[MODEL_ERROR], names[OFFSET], names[RESISTANCE], names[SOC])
     assert places == ("bulk_V", "model_error", "offset_A", "resistance", "soc")
 
 
 def test_inverse_curve_undoes_the_curve():
     soc = np.linspace(0.0, 1.0, 21)
-    bent = RcKalman(replace(MODEL, ocv=OcvCurve(tuple(11.5 + soc + 0.3 * np.sin(3 * soc)))))
+    bent = SocByCurve(replace(MODEL, ocv=OcvCurve(tuple(11.5 + soc + 0.3 * np.sin(3 * soc)))), SENSORS)
+
+    def at_rest(ocv_V):
+        return np.array([ocv_V, ocv_V, 0.0, 0.0, 0.0])
+
     for s in np.linspace(0.01, 0.99, 37):
-        assert bent.soc(bent.ocv_V(s)) == pytest.approx(s, abs=1e-3)
-    assert bent.soc(5.0) == 0.0
-    assert bent.soc(20.0) == 1.0
+        assert bent.soc(at_rest(bent.ocv_V(s))) == pytest.approx(s, abs=1e-3)
+    assert bent.soc(at_rest(5.0)) == 0.0
+    assert bent.soc(at_rest(20.0)) == 1.0
 
 
 # ---- measured batteries --------------------------------------------------------------------------------------------
@@ -323,7 +350,7 @@ def lead_acid():
 
 
 def make(kind, found):
-    makers: dict[str, Any] = {"kalman": RcKalman, "soc": RcSoc, "scheme": adaptive_soc_of}
+    makers: dict[str, Any] = {"curve": partial(RcFilter, soc_as="curve"), "state": RcFilter, "scheme": adaptive_soc_of}
     return makers[kind](found.model, found.noise)
 
 
@@ -349,7 +376,7 @@ def test_iron_phosphate_is_survived_and_its_sigma_says_so():
     half = dynamic.select(slice(0, len(dynamic) // 2))
     found = identify_rc(half, mean_curve(*slow), 2.03, start_soc=1.0)
     assert rc.instant_resistance(found.model) == pytest.approx(0.0099, rel=0.1)
-    run = SocEstimator(RcKalman(found.model, found.noise), 1.0).run(dynamic).estimates
+    run = SocEstimator(RcFilter(found.model, found.noise, "curve"), 1.0).run(dynamic).estimates
     error = run.soc - soc
     assert np.isfinite(run.soc).all()
     assert np.abs(error).max() < 0.3

@@ -9,11 +9,11 @@ from filterpy.kalman import KalmanFilter
 
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.battery.soc.textbook import PAIR_SHARE, TextbookFilter
+from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.errors import InputError
 from ohmward.filters import unscented
 from ohmward.filters.belief import unpack
@@ -31,7 +31,7 @@ def filterpy_of(dt_s):
     peer.F = np.diag([1.0, *a])
     peer.B = np.array([[dt_s / STRAIGHT.capacity_As], *((1 - a) * r)[:, None]])
     peer.H = np.array([[1.0, 1.0, 1.0]])
-    peer.Q = np.diag([(NOISE.current_std_A / STRAIGHT.capacity_As) ** 2 * dt_s, *(PAIR_SHARE * r * 2.0) ** 2])
+    peer.Q = np.diag([(NOISE.current_std_A / STRAIGHT.capacity_As) ** 2 * dt_s, *(PAIR_CURRENT_C * r * 2.0) ** 2])
     peer.R = np.array([[NOISE.voltage_std_V**2 + max(NOISE.model_std_V) ** 2]])
     peer.x, peer.P = np.array([[0.5], [0.0], [0.0]]), np.diag([0.1**2, 1e-6, 1e-6])
     return peer

@@ -80,15 +80,15 @@ def test_is_the_filter_of_filterpy(method):
 
 def peer_step(settings, state, sample):
     """Mean and covariance that FilterPy has after the sample."""
-    reading, (mean, cov) = settings.sanitize(state, sample), unpack(state.belief)
-    Q, y = settings.process_noise(state, reading).astype(float), np.array([sample.voltage_V])
+    clean, (mean, cov) = settings.sanitize(state, sample), unpack(state.belief)
+    Q, y = settings.system.process_noise(mean, clean).astype(float), np.array([sample.voltage_V])
 
     def f(x, _dt=None):
-        return settings.next_state(x, reading)
+        return settings.system.next_state(x, clean)
 
     def output(x, P):
-        error = settings.voltage_error(Belief(x, P), reading)
-        return lambda x: settings.voltage(x, reading, error), np.array([[float(error.variance * error.weight)]])
+        error = settings.system.voltage_error(Belief(x, P), clean)
+        return lambda x: settings.system.voltage(x, clean, error), np.array([[float(error.variance * error.weight)]])
 
     if settings.method == "ekf":
         peer = ExtendedKalmanFilter(len(mean), 1)
@@ -172,7 +172,8 @@ def test_process_noise_is_never_negative(current_A, dt_s):
     state = settings.init(SocSample(0.0, -1.0, 3.3, 25.0))
     for _ in range(3):
         sample = SocSample(dt_s, current_A, 3.3, 25.0)
-        assert np.all(np.diag(settings.process_noise(state, settings.sanitize(state, sample))) >= 0.0)
+        Q = settings.system.process_noise(unpack(state.belief).mean, settings.sanitize(state, sample))
+        assert np.all(np.diag(Q) >= 0.0)
         state, _ = settings.step(state, sample)
 
 

@@ -3,8 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 from ohmward.checks import require_between, require_positive
+from ohmward.trace import clip, maximum, table
+from ohmward.trace.expression import Scalar
+
+#: A current that nobody measured, in multiples of the capacity per hour: a usual one where it counts over the time for
+#: which it is unknown, a large one where it counts at one instant.
+USUAL_C, MOMENTARY_C = 0.3, 1.0
+
+#: Standard deviation of a SoC of which nothing is known; no ignorance makes it larger.
+SOC_UNKNOWN_STD = 0.5
+
+#: Standard deviation of a hysteresis state of which nothing is known: evenly spread over [-1, 1] it would be 0.58, but
+#: after a long charge or discharge the state is at one of the ends.
+HYSTERESIS_UNKNOWN_STD = 0.7
+
+#: Variance that the hysteresis state gains per unit of SoC moved: branches of a real cell follow one state within a
+#: tenth over a full charge.
+HYSTERESIS_VARIANCE_PER_SOC = 0.01
+
+#: How far an RC voltage wanders from its model, as the current through its resistance that would do it, in multiples of
+#: the capacity per hour: a resistance from a battery file is right to about that at the currents of a drive.
+PAIR_CURRENT_C = 0.005
+
+#: Between two samples the current is taken as linear. The true mean may be off by this share of the step in current:
+#: half of the 1/sqrt(12) that a single jump at an unknown instant would have.
+PATH_SHARE = 0.15
+
+#: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
+_SHORTEST_STEP_S = 1e-3
+
+_HOUR_S = 3600.0
+
+
+def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
+    """Linear between values on a uniform grid of SoC from 0 to 1, constant beyond."""
+    return table(values, 0.0, 1.0 / (len(values) - 1), clip(soc, 0.0, 1.0))
+
+
+def walk_variance(std: Scalar, period_s: float, dt_s: Scalar) -> Scalar:
+    """Process variance of one step of a random walk whose standard deviation after `period_s` is `std`."""
+    return std**2 * dt_s / period_s
 
 
 @dataclass(frozen=True)
@@ -42,10 +83,6 @@ class BatteryNoise:
     resistance_std: float = 0.05
     resistance_walk: float = 0.05
 
-    def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
-        """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the sensor."""
-        return share * capacity_Ah + 3.0 * self.current_std_A
-
     def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)
@@ -53,3 +90,27 @@ class BatteryNoise:
                 require_positive(f"noise.{f.name}", value)
             else:
                 require_between(f"noise.{f.name}", value, 0.0, float("inf"))
+
+    def model_std_at(self, soc: Scalar) -> Scalar:
+        """Standard deviation of the model's voltage error [V] at this SoC."""
+        return on_soc_grid(self.model_std_V, soc)
+
+    def offset_walk_variance(self, dt_s: Scalar) -> Scalar:
+        """Process variance [A^2] of the offset of the current sensor in one step."""
+        return walk_variance(self.current_offset_walk_A, _HOUR_S, dt_s)
+
+    def capacity_walk_variance(self, dt_s: Scalar) -> Scalar:
+        """Process variance of the relative error of the capacity in one step."""
+        return walk_variance(self.capacity_walk, 1000 * _HOUR_S, dt_s)
+
+    def resistance_walk_variance(self, dt_s: Scalar) -> Scalar:
+        """Process variance of the relative error of the resistances in one step."""
+        return walk_variance(self.resistance_walk, 100 * _HOUR_S, dt_s)
+
+    def samples_per_error(self, dt_s: Scalar) -> Scalar:
+        """Number of samples that share one error that holds on for `correlation_s`, at least 1: R is so much larger."""
+        return maximum(1.0, 2 * self.correlation_s / maximum(dt_s, _SHORTEST_STEP_S))
+
+    def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
+        """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the sensor."""
+        return share * capacity_Ah + 3.0 * self.current_std_A

@@ -97,7 +97,7 @@ class RcModel:
 
 
 def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
-    """C_b + C_s = Q / (OCV(1) - OCV(0)) [F]: the straight line between full and empty holds the capacity ([P] 2.2).
+    """C_b + C_s = Q / (OCV(1) - OCV(0)) [F]: the straight line between full and empty holds the capacity.
 
     Raises:
         InputError: the curve does not rise from SoC 0 to 1.
@@ -153,6 +153,11 @@ def slow_resistance(p: Circuit | RcModel) -> Any:
     D = p.r_bulk_ohm + p.r_surface_ohm
     uneven = p.r_bulk_ohm - p.c_surface_F / (p.c_bulk_F + p.c_surface_F) * D
     return uneven * uneven / D
+
+
+def lasting_resistance(p: Circuit | RcModel) -> Any:
+    """R_0 + R_1 [ohm], seen by a lasting current."""
+    return instant_resistance(p) + slow_resistance(p)
 
 
 def next_state_with_voltage(

@@ -1,4 +1,4 @@
-"""A sample made safe for a filter: bad numbers replaced by the last good ones, and said so. Never stops or raises."""
+"""Sanitise a sample of the battery: what its sensors and its clock cannot have shown is replaced and flagged."""
 
 from __future__ import annotations
 
@@ -8,120 +8,180 @@ from typing import Any, NamedTuple
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.trace import exp, maximum, where
+from ohmward.filters.flags import flags_of
+from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
+from ohmward.trace import logical_not, maximum, where
+from ohmward.trace.expression import Scalar
 
 #: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
 COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 
-#: Without a sensor the last current is believed for so long, then less and less.
+#: Without a sensor the last current is believed for about this time, then less and less.
 HOLD_S = 30.0
 
 #: A longer step is a clock that was set, not a battery that waited.
 LONGEST_STEP_S = 365 * 86400.0
 
 #: No cell shows more than so many times its highest open-circuit voltage; a sensor without its wire shows 0.
-HIGHEST_VOLTAGE_SHARE = 2.0
+HIGHEST_VOLTAGE_RATIO = 2.0
+
+#: No sensor of a battery shows more, even where nobody said what its largest current is.
+HIGHEST_CURRENT_A = 1e9
+
+
+class SampleLimits(NamedTuple):
+    """Limits of what is believed of a sample.
+
+    gap_s: a longer step says nothing about the current between its two samples.
+    current_A: largest current; more is a fault of the sensor: one sample of it would move SoC for good.
+    highest_ocv_V: of the battery; no such battery shows more than `HIGHEST_VOLTAGE_RATIO` times as much.
+    """
+
+    gap_s: float
+    current_A: float = math.inf
+    highest_ocv_V: float = math.inf
 
 
 class CleanSocSample(NamedTuple):
-    """A sample made safe: every number finite, and what was wrong with it.
+    """A sample whose every number is finite, with flags of what was replaced.
 
     dt_s: step [s], >= 0.
     mean: mean current over the step and temperature.
     now: current of this instant and temperature.
     change_A: current now minus current before.
-    known: 1 where the current is measured and close enough in time to the one before, else 0.
+    current_measured: the condition that the current of this instant is measured.
+    current_known: the condition that it is, and close enough in time to the one before.
+    unknown_s: time for which the current has not been known, this step included; 0 where it is.
+    voltage_V: measured terminal voltage; 0 where it is not.
+    voltage_measured: the condition that it is measured.
     flags: sum of `SocFlag`.
-    unknown_s: how long the current has not been known, this step included; 0 where it is.
-    measured: 1 where the current of this instant is measured, else 0.
     """
 
-    dt_s: Any
+    dt_s: Scalar
     mean: CircuitInput
     now: CircuitInput
-    change_A: Any
-    known: Any
-    flags: Any
-    unknown_s: Any
+    change_A: Scalar
+    current_measured: Any
+    current_known: Any
+    unknown_s: Scalar
+    voltage_V: Scalar
+    voltage_measured: Any
+    flags: Scalar
+
+
+class CleanBareSample(NamedTuple):
+    """A sample sanitised for filters that must fit into a small microcontroller: no flags, no fading, no gaps.
+
+    dt_s: step [s], >= 0.
+    current_A: of this instant; that of the sample before where it is not measured.
+    mean_A: mean current over the step.
+    voltage_V: measured terminal voltage; 0 where it is not.
+    measured: the condition that it is measured.
+    """
+
+    dt_s: Scalar
+    current_A: Scalar
+    mean_A: Scalar
+    voltage_V: Scalar
     measured: Any
 
 
 class Rest(NamedTuple):
     """A rest of the battery.
 
-    quiet_s: how long the current has been quiet.
+    rest_s: time for which the current has been below the rest threshold.
     used: 1 once the voltage of this rest has been used: it would say the same again and again.
     """
 
-    quiet_s: Any = 0.0
+    rest_s: Any = 0.0
     used: Any = 0.0
 
 
 def sanitize(
-    sample: SocSample,
-    current_before_A: Any,
-    temperature_before_degC: Any,
-    gap_s: float,
-    current_limit_A: float = math.inf,
-    unknown_before_s: Any = 0.0,
+    sample: SocSample, before: CircuitInput, limits: SampleLimits, unknown_before_s: Scalar = 0.0
 ) -> CleanSocSample:
-    """The sample with everything that cannot be true replaced by what was last known, and said so.
+    """The sample with everything that cannot be true replaced by what was last known, and flagged.
 
-    gap_s: a longer step says nothing about the current between its two samples. Then the line between them is taken
-        for `gap_s` of the step and no current for the rest of it: a robot that was switched off did not go on driving.
-    current_limit_A: a larger current is a fault of the sensor; one sample of it would move SoC for good.
-    unknown_before_s: how long the current had not been known before this step.
+    Where the step is a gap, the line between its two currents is taken for `limits.gap_s` of it and no current for the
+    rest: a robot that was switched off did not go on driving.
+
+    before: last current and temperature.
+    unknown_before_s: time for which the current had not been known before this step.
     """
-    time_good = (sample.dt_s >= 0) & (sample.dt_s <= LONGEST_STEP_S)
-    dt_s = where(time_good, sample.dt_s, 0.0)
-    current_good = is_current(sample.current_A, current_limit_A)
-    current = where(current_good, sample.current_A, current_before_A * exp(-dt_s / HOLD_S))
-    temperature = where(is_temperature(sample.temperature_degC), sample.temperature_degC, temperature_before_degC)
-    gap = dt_s > gap_s
-    flags = (
-        where(current_good, 0.0, float(SocFlag.NO_CURRENT))
-        + where(time_good, 0.0, float(SocFlag.BAD_TIME))
-        + where(gap, float(SocFlag.GAP), 0.0)
-    )
-    trusted_share = gap_s / maximum(dt_s, gap_s)
-    mean = CircuitInput(0.5 * (current + current_before_A) * trusted_share, temperature)
-    measured, known = where(current_good, 1.0, 0.0), where(current_good & ~gap, 1.0, 0.0)
-    unknown_s = where(known > 0.5, 0.0, unknown_before_s + dt_s)
+    step = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
+    current_measured = is_current(sample.current_A, limits.current_A)
+    current_known = current_measured & logical_not(step.gap)
+    voltage_measured = is_voltage(sample.voltage_V, limits.highest_ocv_V)
+    current_A = hold(sample.current_A, current_measured, before.current_A, step.dt_s, HOLD_S)
+    temperature_degC = hold(sample.temperature_degC, is_temperature(sample.temperature_degC), before.temperature_degC)
+    line_share = limits.gap_s / maximum(step.dt_s, limits.gap_s)
     return CleanSocSample(
-        dt_s, mean, CircuitInput(current, temperature), current - current_before_A, known, flags, unknown_s, measured
+        dt_s=step.dt_s,
+        mean=CircuitInput(0.5 * (current_A + before.current_A) * line_share, temperature_degC),
+        now=CircuitInput(current_A, temperature_degC),
+        change_A=current_A - before.current_A,
+        current_measured=current_measured,
+        current_known=current_known,
+        unknown_s=where(current_known, 0.0, unknown_before_s + step.dt_s),
+        voltage_V=where(voltage_measured, sample.voltage_V, 0.0),
+        voltage_measured=voltage_measured,
+        flags=flags_of(
+            {
+                SocFlag.NO_CURRENT: logical_not(current_measured),
+                SocFlag.NO_VOLTAGE: logical_not(voltage_measured),
+                SocFlag.BAD_TIME: logical_not(step.credible),
+                SocFlag.GAP: step.gap,
+            }
+        ),
     )
 
 
-def rested(before: Rest, quiet: Any, dt_s: Any, settle_s: float, usable: Any = True) -> tuple[Rest, Any]:
-    """The rest after a step, and whether its voltage is to be used now: once, when it is usable and has settled.
-
-    quiet: whether the current is one of rest.  usable: whether there is a voltage.
-    """
-    quiet_s = where(quiet, before.quiet_s + dt_s, 0.0)
-    due = (quiet_s > settle_s) & (before.used < 0.5) & usable
-    return Rest(quiet_s, where(quiet, where(due, 1.0, before.used), 0.0)), due
+def sanitize_bare(sample: SocSample, before_A: Scalar, highest_ocv_V: float) -> CleanBareSample:
+    """The sample with a current, a step and a voltage that cannot be true replaced; before_A: last current."""
+    current_A = hold(sample.current_A, is_current(sample.current_A), before_A)
+    measured = is_voltage(sample.voltage_V, highest_ocv_V)
+    return CleanBareSample(
+        dt_s=where(is_step(sample.dt_s, LONGEST_STEP_S), sample.dt_s, 0.0),
+        current_A=current_A,
+        mean_A=0.5 * (current_A + before_A),
+        voltage_V=where(measured, sample.voltage_V, 0.0),
+        measured=measured,
+    )
 
 
 def first_input(first: SocSample, current_limit_A: float = math.inf) -> CircuitInput:
     """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
-    current = where(is_current(first.current_A, current_limit_A), first.current_A, 0.0)
-    temperature = where(is_temperature(first.temperature_degC), first.temperature_degC, ROOM_DEGC)
-    return CircuitInput(current, temperature)
+    current_A = hold(first.current_A, is_current(first.current_A, current_limit_A), 0.0)
+    temperature_degC = hold(first.temperature_degC, is_temperature(first.temperature_degC), ROOM_DEGC)
+    return CircuitInput(current_A, temperature_degC)
 
 
-def is_current(current_A: Any, limit_A: float) -> Any:
-    """Whether it is a finite number within the limit."""
-    return abs(current_A) <= min(limit_A, 1e9)
+def continue_rest(before: Rest, resting: Any, dt_s: Scalar, settle_s: float, usable: Any = True) -> tuple[Rest, Any]:
+    """The rest after a step, and the condition that its voltage is to be used now: once, when the rest has settled.
+
+    resting: the condition that the current is below the rest threshold.
+    settle_s: length of a rest after which its voltage is that of an open circuit.
+    usable: the condition that there is a voltage.
+    """
+    rest_s = where(resting, before.rest_s + dt_s, 0.0)
+    due = (rest_s > settle_s) & (before.used < 0.5) & usable
+    used = where(resting, where(due, 1.0, before.used), 0.0)
+    return Rest(rest_s, used), due
 
 
-def is_temperature(temperature_degC: Any) -> Any:
-    """Whether it is a number and a battery can have that temperature."""
-    return (temperature_degC >= COLDEST_DEGC) & (temperature_degC <= HOTTEST_DEGC)
+def is_current(current_A: Scalar, limit_A: float = math.inf) -> Any:
+    """True where it is a finite number within the limit."""
+    return within(current_A, min(limit_A, HIGHEST_CURRENT_A))
 
 
-def is_voltage(voltage_V: Any, highest_ocv_V: float) -> Any:
-    """Whether it is a number and a battery with this open-circuit voltage when full can show it."""
-    return (voltage_V > 0.0) & (voltage_V < HIGHEST_VOLTAGE_SHARE * highest_ocv_V)
+def is_temperature(temperature_degC: Scalar) -> Any:
+    """True where it is a number and a battery can have that temperature."""
+    return between(temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
+
+
+def is_voltage(voltage_V: Scalar, highest_ocv_V: float) -> Any:
+    """True where it is a number and a battery with this open-circuit voltage when full can show it."""
+    return (voltage_V > 0.0) & (voltage_V < HIGHEST_VOLTAGE_RATIO * highest_ocv_V)
 
 
 def finite_or(value: float, otherwise: float) -> float:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
@@ -26,6 +26,13 @@ MARGIN = 0.2
 
 #: Share by which a first voltage may lie beyond the curve before it is taken for a fault of its sensor.
 BEYOND = 0.25
+
+
+#: RC voltages before the first sample, as a share of those of a lasting current of its size: anything from 0 to 1.
+PAST_SHARE = 0.5
+
+#: Smallest standard deviation of the start: no first voltage tells SoC better.
+LEAST_STD = 1e-3
 
 
 class InitialSoc(NamedTuple):
@@ -52,7 +59,8 @@ def initial_soc(
     density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
     density /= density.sum()
     mean = float(density @ grid)
-    return InitialSoc(min(max(mean, 0.0), 1.0), max(float(np.sqrt(density @ (grid - mean) ** 2)), 1e-3))
+    std = float(np.sqrt(density @ (grid - mean) ** 2))
+    return InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD))
 
 
 def _grid_through(soc: float) -> np.ndarray:
@@ -94,5 +102,6 @@ def first_voltage_std(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: Batt
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)
-    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, 0.7 * p.ocv.hysteresis_at(soc), 0.5 * past)
+    hysteresis = HYSTERESIS_UNKNOWN_STD * p.ocv.hysteresis_at(soc)
+    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, hysteresis, PAST_SHARE * past)
     return np.sqrt(sum(np.square(t) for t in terms))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.rc_kalman import RcKalman
-from ohmward.battery.soc.rc_soc import RcSoc
+from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -113,12 +112,12 @@ def _rest_ocv(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return RestOcv(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
-def _rc_kalman(battery: Battery, settings: EstimatorSettings) -> RcKalman:
-    return RcKalman(_rc(battery), battery.rc_noise, settings.gap_s)
+def _rc_kalman(battery: Battery, settings: EstimatorSettings) -> RcFilter:
+    return RcFilter(_rc(battery), battery.rc_noise, "curve", settings.gap_s)
 
 
 def _rc_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return RcSoc(_rc(battery), battery.rc_noise, settings.gap_s)
+    return RcFilter(_rc(battery), battery.rc_noise, gap_s=settings.gap_s)
 
 
 def _rc_adaptive(battery: Battery, settings: EstimatorSettings) -> Estimator:

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resistances
-from ohmward.battery.soc.clean_sample import Rest, is_current, is_voltage, rested
+from ohmward.battery.soc.clean_sample import Rest, continue_rest, is_current, is_voltage
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_positive
+from ohmward.filters.flags import flags_of
+from ohmward.filters.gate import choose
 from ohmward.trace import clip, linearize, where
+from ohmward.trace.expression import Scalar
+
+#: What the RC pairs still carry when a rest has settled, as the current that would hold it, in multiples of the
+#: capacity per hour: after `settle_s` the pairs of the model have relaxed, the diffusion that it lacks has not.
+REST_CURRENT_C = 0.05
 
 
 class RestOcvState(NamedTuple):
@@ -22,6 +29,18 @@ class RestOcvState(NamedTuple):
 
     counting: CoulombState
     rest: Rest
+
+
+class OcvUpdate(NamedTuple):
+    """Coulomb counting started anew from the voltage of a rest, a scalar Kalman update.
+
+    counting: after it.
+    voltage_V, voltage_std_V: open-circuit voltage expected before it, and the standard deviation of the innovation.
+    """
+
+    counting: CoulombState
+    voltage_V: Scalar
+    voltage_std_V: Scalar
 
 
 @dataclass(frozen=True)
@@ -48,7 +67,7 @@ class RestOcv:
 
     @property
     def counting(self) -> CoulombCounting:
-        """What runs between the rests."""
+        """Estimator between the rests."""
         return CoulombCounting(self.model, self.noise, self.gap_s, self.current_limit_C)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
@@ -56,31 +75,36 @@ class RestOcv:
         return RestOcvState(self.counting.init(first, soc, soc_std), Rest())
 
     def step(self, state: RestOcvState, sample: SocSample) -> tuple[RestOcvState, SocEstimate]:
-        """The state after a sample, and what is known then."""
+        """State and estimate after a sample."""
         counting, counted = self.counting.step(state.counting, sample)
-        quiet = is_current(sample.current_A, self.noise.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
-        dt_s = counting.elapsed_s - state.counting.elapsed_s
+        resting = is_current(sample.current_A, self.noise.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
-        rest, due = rested(state.rest, quiet, dt_s, self.settle_s, measured)
+        dt_s = counting.elapsed_s - state.counting.elapsed_s
+        rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s, measured)
         y = where(measured, sample.voltage_V, 0.0)
-        corrected, voltage, voltage_std = self.corrected(counting, counted.soc_std, y)
-        after = CoulombState(*(where(due, new, old) for new, old in zip(corrected, counting, strict=True)))
-        estimate = self.counting.estimate(after, counted.flags + where(due, float(SocFlag.REST), 0.0))
-        innovation = where(due, y - voltage, math.nan)
-        estimate = estimate._replace(voltage_V=voltage, voltage_std_V=voltage_std, innovation_V=innovation)
-        return RestOcvState(after, rest), estimate
+        update = self.correct(counting, counted.soc_std, y)
+        after = choose(due, update.counting, counting)
+        estimate = self.counting.estimate(after, counted.flags + flags_of({SocFlag.REST: due}))
+        return RestOcvState(after, rest), estimate._replace(
+            voltage_V=update.voltage_V,
+            voltage_std_V=update.voltage_std_V,
+            innovation_V=where(due, y - update.voltage_V, math.nan),
+        )
 
-    def corrected(self, state: CoulombState, soc_std: Any, voltage_V: Any) -> tuple[CoulombState, Any, Any]:
-        """Coulomb counting started anew from this rest's voltage (a scalar Kalman update), OCV and its std [V]."""
-        noise, T = self.noise, state.temperature_degC
-        ocv, slope = linearize(lambda s: np.array([self.model.ocv.mean_V(s[0], T)]), np.array([state.soc]))
-        gap = self.model.ocv.hysteresis_at(state.soc)
-        left = sum(pair_resistances(state.soc, CircuitInput(0.0, T), self.model)) * 0.05 * self.model.capacity_Ah
-        R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * slope[0, 0]) ** 2
-        R = R + (0.7 * gap) ** 2 + left**2
+    def correct(self, state: CoulombState, soc_std: Scalar, voltage_V: Scalar) -> OcvUpdate:
+        """Coulomb counting started anew from this voltage of a rest; soc_std: of the SoC so far."""
+        noise, p = self.noise, self.model
+        soc = np.array([state.soc])
+        ocv_V, slope = linearize(lambda s: np.array([p.ocv.mean_V(s[0], state.temperature_degC)]), soc)
+        H = slope[0, 0]
+        hysteresis_V = p.ocv.hysteresis_at(state.soc)
+        pairs = pair_resistances(state.soc, CircuitInput(0.0, state.temperature_degC), p)
+        past_V = sum(pairs) * REST_CURRENT_C * p.capacity_Ah
+        R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * H) ** 2
+        R = R + (HYSTERESIS_UNKNOWN_STD * hysteresis_V) ** 2 + past_V**2
         P = soc_std * soc_std
-        S = slope[0, 0] * slope[0, 0] * P + R
-        K = P * slope[0, 0] / S
-        soc = clip(state.soc + K * (voltage_V - ocv[0]), 0.0, 1.0)
-        anew = state._replace(soc=soc, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
-        return anew, ocv[0], np.sqrt(S)
+        S = H * H * P + R
+        K = P * H / S
+        corrected = clip(state.soc + K * (voltage_V - ocv_V[0]), 0.0, 1.0)
+        anew = state._replace(soc=corrected, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
+        return OcvUpdate(anew, ocv_V[0], np.sqrt(S))

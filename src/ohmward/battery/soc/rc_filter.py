@@ -1,0 +1,310 @@
+"""State of charge by a linear Kalman filter on the RC model ([P] section 3, [T] 3.4.2).
+
+    x = [V_cb, V_cs, model_error, offset, resistance(, soc)]
+
+[P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve; [T] has V_cb, V_cs and soc. The others make the sigma
+honest: `offset` [A] is what the current sensor shows at zero current, `resistance` the relative error of all
+resistances together; both are random walks, and the voltage is linear in both as long as the current is measured.
+`model_error` is the voltage error of the model in its own standard deviations, a Gauss-Markov state along SoC: it stays
+while SoC stays and is new after `model_soc_length`. Errors of a battery model are not white; as white noise they would
+average out, and the filter would be sure and wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models import rc
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin
+from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.coulomb import charge_variance
+from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
+from ohmward.battery.soc.rc_soc_link import (
+    BULK,
+    MODEL_ERROR,
+    OFFSET,
+    RESISTANCE,
+    SocAsState,
+    SocByCurve,
+    SocLink,
+    line_slope_V,
+)
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.filters import kalman
+from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.flags import flags_of
+from ohmward.filters.gate import choose, require_gate, time_rejected
+from ohmward.trace import logical_not, maximum, where
+from ohmward.trace.expression import Scalar
+
+LINKS: dict[str, type[SocLink]] = {"state": SocAsState, "curve": SocByCurve}
+
+
+class RcFilterState(NamedTuple):
+    """State of the filter between two samples: plain numbers.
+
+    belief: mean (n,) and lower triangle of the covariance.
+    current_A: of the sample before.
+    rejected_s: time for which the voltage has been outside its gate.
+    unknown_s: time for which the current has not been known.
+    """
+
+    belief: PackedBelief
+    current_A: Scalar
+    rejected_s: Scalar
+    unknown_s: Scalar
+
+
+class RcParameters(NamedTuple):
+    """Circuit that is estimated elsewhere, sample by sample, and relative errors of it.
+
+    capacitance_std: adds up over a full charge.  resistance_std: of the overpotential.
+    """
+
+    circuit: rc.Circuit
+    capacitance_std: Any = 0.0
+    resistance_std: Any = 0.0
+
+
+class RcUpdate(NamedTuple):
+    """The belief after a voltage, or the prior where it was not used.
+
+    voltage_V, voltage_std_V: terminal voltage expected before the measurement, and its standard deviation.
+    innovation_V: measured minus expected; nan where there is no measurement.
+    rejected_s: time for which the voltage has been outside its gate.
+    flags: sum of `SocFlag`.
+    """
+
+    belief: Belief
+    voltage_V: Scalar
+    voltage_std_V: Scalar
+    innovation_V: Scalar
+    rejected_s: Scalar
+    flags: Scalar
+
+
+@dataclass(frozen=True)
+class RcFilter:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        model: the circuit and its OCV curve.
+        noise: of sensors and model.
+        soc_as: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse
+            OCV curve at the mean voltage of the capacitors.
+        gap_s: a longer step between two samples says nothing about the current in between.
+        gate: largest NIS of a voltage that is used.
+        reset_after_s: time of rejection after which the filter has diverged and inflates its covariance.
+        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
+    """
+
+    model: rc.RcModel
+    noise: BatteryNoise = field(default_factory=BatteryNoise)
+    soc_as: str = "state"
+    gap_s: float = 600.0
+    gate: float = 25.0
+    reset_after_s: float = 60.0
+    current_limit_C: float = 20.0
+
+    def __post_init__(self) -> None:
+        if self.soc_as not in LINKS:
+            raise InputError(f"soc_as must be one of {', '.join(LINKS)}, got {self.soc_as!r}")
+        require_positive("gap_s", self.gap_s)
+        require_positive("current_limit_C", self.current_limit_C)
+        require_gate(self.gate, self.reset_after_s)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the belief's mean, in order."""
+        return (*rc.STATE_NAMES, "model_error", "offset_A", "resistance", *(("soc",) if self.link.soc_is_state else ()))
+
+    @property
+    def limits(self) -> SampleLimits:
+        """Limits of what is believed of a sample."""
+        model = self.model
+        return SampleLimits(self.gap_s, self.current_limit_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+
+    @cached_property
+    def link(self) -> SocLink:
+        """The link between state of charge and voltage."""
+        return LINKS[self.soc_as](self.model, self.noise)
+
+    @cached_property
+    def thevenin(self) -> Thevenin:
+        """The equivalent Thevenin circuit, for the start and the variance of the charge."""
+        return rc.equivalent_thevenin(self.model)
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcFilterState:
+        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        u = first_input(first, self.limits.current_A)
+        start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
+        return RcFilterState(pack(self.start(start)), u.current_A, 0.0, 0.0)
+
+    def start(self, start: InitialSoc) -> Belief:
+        """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC."""
+        noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
+        past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * noise.current_offset_std_A
+        mean = self.vector(bulk_V=ocv_V, surface_V=ocv_V, soc=start.soc)
+        common = self.charge_direction(float(self.link.slope_V(start.soc))) * start.std
+        own = self.vector(
+            surface_V=past_V, model_error=1.0, offset_A=noise.current_offset_std_A, resistance=noise.resistance_std
+        )
+        return Belief(mean, np.outer(common, common) + np.diag(own**2))
+
+    def step(
+        self, state: RcFilterState, sample: SocSample, parameters: RcParameters | None = None
+    ) -> tuple[RcFilterState, SocEstimate]:
+        """State and estimate after a sample; `parameters` replace the model's where they are given."""
+        parameters = parameters or RcParameters(self.model.circuit)
+        clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits, state.unknown_s)
+        prior = self.predict(unpack(state.belief), clean, parameters)
+        update = self.correct(prior, state.rejected_s, clean, parameters)
+        posterior, limited = self.link.project(update.belief)
+        flags = clean.flags + update.flags + flags_of({SocFlag.SOC_LIMITED: limited})
+        after = RcFilterState(pack(posterior), clean.now.current_A, update.rejected_s, clean.unknown_s)
+        return after, self.estimate(posterior, update, flags)
+
+    def predict(self, belief: Belief, clean: CleanSocSample, parameters: RcParameters) -> Belief:
+        """The belief after the step, before its voltage."""
+        current_A = clean.mean.current_A
+        moved = abs(current_A) * clean.dt_s / self.model.capacity_As
+        decay = self.error_decay(moved)
+        F, B = self.transition(parameters.circuit, decay, clean.dt_s)
+        Q = self.process_noise(belief.mean, clean, moved, decay, parameters)
+        return kalman.predict(belief, F, Q, B * current_A)
+
+    def transition(self, p: rc.Circuit | rc.RcModel, decay: Scalar, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
+        """F (n, n) and B (n,) of the step x+ = F x + B i_measured; decay: factor of the model error."""
+        A, b = rc.transition(p, dt_s)
+        B = self.vector(bulk_V=b[0], surface_V=b[1], soc=dt_s / self.model.capacity_As)
+        lasting = self.vector(model_error=decay, offset_A=1.0, resistance=1.0, soc=1.0)
+        F = _block_diagonal(A, np.diag(lasting[MODEL_ERROR:]))
+        F[:, OFFSET] -= B  # the true current is the measured one less the offset
+        return F, B
+
+    def error_decay(self, moved: Scalar) -> Scalar:
+        """Decay factor of the model error after SoC has moved by so much."""
+        return np.exp(-moved / self.noise.model_soc_length)
+
+    def process_noise(
+        self, x: np.ndarray, clean: CleanSocSample, moved: Scalar, decay: Scalar, parameters: RcParameters
+    ) -> np.ndarray:
+        """Q (n, n) of a step in which SoC moves by `moved`, without sign."""
+        noise, p = self.noise, parameters.circuit
+        slope_V = line_slope_V(p, self.model.capacity_As)
+        direction = self.charge_direction(slope_V)
+        charge = charge_variance(clean, noise, self.thevenin) + noise.capacity_std**2 * moved
+        uneven_V2 = (slope_V * parameters.capacitance_std) ** 2 + self.link.bend_variance_V2(self.link.soc(x))
+        walks = self.vector(
+            model_error=1 - decay**2,
+            offset_A=noise.offset_walk_variance(clean.dt_s),
+            resistance=noise.resistance_walk_variance(clean.dt_s),
+        )
+        own = _block_diagonal(np.full((2, 2), uneven_V2 * moved), np.diag(walks[MODEL_ERROR:]))
+        return own + np.outer(direction * charge, direction)
+
+    def charge_direction(self, slope_V: Scalar) -> np.ndarray:
+        """Change of the state (n,) by an error of the charge of a full capacity: it moves all that count charge."""
+        return self.vector(bulk_V=slope_V, surface_V=slope_V, soc=1.0)
+
+    def correct(self, prior: Belief, rejected_s: Scalar, clean: CleanSocSample, parameters: RcParameters) -> RcUpdate:
+        """The belief after the voltage of this step.
+
+        A filter that has diverged inflates its covariance until the voltage stands at the edge of its gate, because it
+        was sure and wrong; it does so until a voltage passes.
+        """
+        p, current_A = parameters.circuit, clean.now.current_A
+        soc = self.link.soc(prior.mean)
+        over_V = self.overpotential(prior.mean, current_A, p)
+        H = self.output(p, self.link.model_std_V(soc), over_V)
+        R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), parameters.resistance_std)
+        y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
+        y = where(clean.voltage_measured, clean.voltage_V, y_hat)
+        prior_V2 = (H @ prior.cov @ H.T)[0, 0]
+
+        gate_V2 = (y - y_hat) ** 2 / self.gate
+        outside = clean.voltage_measured & (gate_V2 > prior_V2 + R)
+        diverged = outside & (rejected_s > self.reset_after_s)
+        rejected = outside & logical_not(diverged)
+        wider = where(diverged, maximum((gate_V2 - R) / maximum(prior_V2, 1e-30), 1.0), 1.0)
+        inflated = prior._replace(cov=wider * prior.cov)
+        posterior, innovation = kalman.update(inflated, np.array([y]), H, np.array([[R]]), np.array([y_hat]))
+        return RcUpdate(
+            belief=choose(clean.voltage_measured & logical_not(rejected), posterior, prior),
+            voltage_V=y_hat,
+            voltage_std_V=np.sqrt(innovation.cov[0, 0]),
+            innovation_V=where(clean.voltage_measured, innovation.value[0], math.nan),
+            rejected_s=time_rejected(rejected_s, clean.dt_s, outside, clean.voltage_measured),
+            flags=flags_of({SocFlag.VOLTAGE_REJECTED: rejected, SocFlag.DIVERGED: diverged}),
+        )
+
+    def overpotential(self, x: np.ndarray, current_A: Scalar, p: rc.Circuit | rc.RcModel) -> Scalar:
+        """Voltage beyond V_cb [V] in state x at the measured current, with the resistances of p."""
+        return rc.voltage(x[:2], current_A - x[OFFSET], p)[0] - x[BULK]
+
+    def output(self, p: rc.Circuit | rc.RcModel, model_std_V: Scalar, overpotential_V: Scalar) -> np.ndarray:
+        """H (1, n): the voltage is H x + `rc.instant_resistance` * measured current."""
+        bulk_share, surface_share = rc.divider(p)
+        row = self.vector(
+            bulk_V=surface_share,
+            surface_V=bulk_share,
+            model_error=model_std_V,
+            offset_A=-rc.instant_resistance(p),
+            resistance=overpotential_V,
+        )
+        return row[None]
+
+    def voltage_variance(
+        self, clean: CleanSocSample, overpotential_V: Scalar, slope_V: Scalar, resistance_std: Scalar = 0.0
+    ) -> Scalar:
+        """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
+
+        overpotential_V: voltage beyond the open circuit's.  slope_V: slope of the open-circuit voltage per unit of SoC.
+        resistance_std: further relative error of the overpotential.
+        """
+        noise = self.noise
+        over_V2 = (noise.overpotential_share**2 + resistance_std**2) * overpotential_V**2
+        axis_V2 = (noise.soc_axis_std * slope_V) ** 2
+        return (noise.voltage_std_V**2 + over_V2 + axis_V2) * noise.samples_per_error(clean.dt_s)
+
+    def estimate(self, belief: Belief, update: RcUpdate, flags: Scalar) -> SocEstimate:
+        """Estimate after the sample."""
+        return SocEstimate(
+            soc=self.link.soc(belief.mean),
+            soc_std=np.sqrt(self.link.soc_variance(belief) + self.noise.soc_axis_std**2),
+            voltage_V=update.voltage_V,
+            voltage_std_V=update.voltage_std_V,
+            innovation_V=update.innovation_V,
+            current_offset_A=belief.mean[OFFSET],
+            soh_capacity=math.nan * belief.mean[BULK],
+            resistance_ratio=1.0 + belief.mean[RESISTANCE],
+            flags=flags,
+        )
+
+    def vector(
+        self,
+        bulk_V: Scalar = 0.0,
+        surface_V: Scalar = 0.0,
+        model_error: Scalar = 0.0,
+        offset_A: Scalar = 0.0,
+        resistance: Scalar = 0.0,
+        soc: Scalar = 0.0,
+    ) -> np.ndarray:
+        """Vector (n,) of these elements in the order of the state; without `soc` where that is no state."""
+        elements = [bulk_V, surface_V, model_error, offset_A, resistance, soc]
+        return np.array(elements[: len(self.state_names)])
+
+
+def _block_diagonal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The square matrices a (n, n) and b (m, m) as blocks of one of (n + m, n + m)."""
+    n, m = len(a), len(b)
+    return np.block([[a, np.zeros((n, m))], [np.zeros((m, n)), b]])
