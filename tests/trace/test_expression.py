@@ -109,6 +109,7 @@ def test_doing_nothing_keeps_the_node(x, same):
         (lambda x, y: True & (x < y), lambda x, y: x < y),
         (lambda x, y: logical_not(x < y), lambda x, y: ~(x < y)),
         (lambda x, y: (x < y) * 2, lambda x, y: where(x < y, 1.0, 0.0) * 2),
+        (lambda x, y: where(~(x < y), x, y), lambda x, y: where(x < y, y, x)),
         (lambda x, y: math.floor(x), lambda x, y: np.floor(x)),
         (lambda x, y: np.arctan2(x, y), lambda x, y: x.arctan2(y)),
     ],

@@ -219,19 +219,17 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float t203 = t201 / t202;
     const float t204 = t200 ? NAN : t203;
     const float t205 = t198 * t204;
-    const bool t206 = !t69;
-    const float t207 = t206 ? 1.0f : 0e+00f;
-    const bool t208 = t69 && t76;
-    const float t209 = t208 ? 2.0f : 0e+00f;
-    const float t210 = t207 + t209;
-    const float t211 = t183 ? 4.0f : 0e+00f;
-    const float t212 = t210 + t211;
-    const bool t213 = 0.2f < t190;
-    const float t214 = t213 ? 16.0f : 0e+00f;
-    const float t215 = t212 + t214;
-    const bool t216 = !t68;
-    const float t217 = t216 ? 32.0f : 0e+00f;
-    const float t218 = t215 + t217;
+    const float t206 = t69 ? 0e+00f : 1.0f;
+    const bool t207 = t69 && t76;
+    const float t208 = t207 ? 2.0f : 0e+00f;
+    const float t209 = t206 + t208;
+    const float t210 = t183 ? 4.0f : 0e+00f;
+    const float t211 = t209 + t210;
+    const bool t212 = 0.2f < t190;
+    const float t213 = t212 ? 16.0f : 0e+00f;
+    const float t214 = t211 + t213;
+    const float t215 = t68 ? 0e+00f : 32.0f;
+    const float t216 = t214 + t215;
     state->estimate_wheel_speed_rad_s = t30;
     state->estimate_travel_speed_m_s = t33;
     state->estimate_force_N = t54;
@@ -248,5 +246,5 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     output->report_surface_m_s = t144;
     output->report_force_N = t54;
     output->report_demanded_Nm = t158;
-    output->report_flags = t218;
+    output->report_flags = t216;
 }

@@ -90,6 +90,8 @@ def _equal_arguments(apply: Apply, a: Any, b: Any) -> Any:
 def _where(apply: Apply, c: Any, a: Any, b: Any) -> Any:
     if type(c) is bool:
         return a if c else b
+    if _is_result_of("logical_not", c):
+        return apply("where", c.args[0], b, a)
     return a if a is b or (type(a) is float and _is(b, a)) else None
 
 
