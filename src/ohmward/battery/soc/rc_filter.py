@@ -43,7 +43,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.trace import logical_not, maximum, where
+from ohmward.trace import exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
 LINKS: dict[str, type[SocLink]] = {"state": SocAsState, "curve": SocByCurve}
@@ -193,7 +193,7 @@ class RcFilter:
 
     def error_decay(self, moved: Scalar) -> Scalar:
         """Decay factor of the model error after SoC has moved by so much."""
-        return np.exp(-moved / self.noise.model_soc_length)
+        return exp(-moved / self.noise.model_soc_length)
 
     def process_noise(
         self, x: np.ndarray, clean: CleanSocSample, moved: Scalar, decay: Scalar, parameters: RcParameters
@@ -241,7 +241,7 @@ class RcFilter:
         return RcUpdate(
             belief=choose(clean.voltage_measured & logical_not(rejected), posterior, prior),
             voltage_V=y_hat,
-            voltage_std_V=np.sqrt(innovation.cov[0, 0]),
+            voltage_std_V=sqrt(innovation.cov[0, 0]),
             innovation_V=where(clean.voltage_measured, innovation.value[0], math.nan),
             rejected_s=time_rejected(rejected_s, clean.dt_s, outside, clean.voltage_measured),
             flags=flags_of({SocFlag.VOLTAGE_REJECTED: rejected, SocFlag.DIVERGED: diverged}),
@@ -280,7 +280,7 @@ class RcFilter:
         """Estimate after the sample."""
         return SocEstimate(
             soc=self.link.soc(belief.mean),
-            soc_std=np.sqrt(self.link.soc_variance(belief) + self.noise.soc_axis_std**2),
+            soc_std=sqrt(self.link.soc_variance(belief) + self.noise.soc_axis_std**2),
             voltage_V=update.voltage_V,
             voltage_std_V=update.voltage_std_V,
             innovation_V=update.innovation_V,
