@@ -1,15 +1,29 @@
-"""How good an estimate was, where the truth is known: the one place that turns errors into figures."""
+"""Errors of estimates where the truth is known: RMSE, MAE, extremes, coverage of the 95 % band."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.soc.sample import SocEstimate
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
+from ohmward.logs.log import Log
 
-#: Standard deviations that a normal error exceeds in 5 % of the cases.
+#: A start that was not known is found within the first hour or not at all.
+SETTLE_S = 3600.0
+
+#: Fields of the score of a state of charge by the names of its figures.
+_SOC_FIGURES = {
+    "soc_rmse": "rmse",
+    "soc_mae": "mae",
+    "soc_max_error": "max_error",
+    "soc_error_mean": "mean",
+    "soc_error_std": "std",
+    "coverage_95": "coverage_95",
+}
 
 
 class Score(NamedTuple):
@@ -49,7 +63,7 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
     error = estimate[known] - truth[known]
     covered = np.nan if std is None else float(np.mean(np.abs(error) <= BAND_95 * std[known]))
     return Score(
-        float(np.sqrt(np.mean(error**2))),
+        _rms(error),
         float(np.mean(np.abs(error))),
         float(error.mean()),
         float(error.std()),
@@ -57,3 +71,35 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
         covered,
         int(known.sum()),
     )
+
+
+def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> dict[str, float | None]:
+    """Errors of the state of charge by name, over the whole log and (`_after_1h`) after its first hour.
+
+    truth: (T,) reference, nan where there is none; without one every figure is None.
+    """
+    parts = {"": slice(None), "_after_1h": log.time_s >= log.time_s[0] + SETTLE_S}
+    figures: dict[str, float | None] = {}
+    for suffix, part in parts.items():
+        found = None if truth is None else score(estimates.soc[part], truth[part], estimates.soc_std[part])
+        for name, field in _SOC_FIGURES.items():
+            figures[name + suffix] = None if found is None else getattr(found, field)
+    return figures
+
+
+def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
+    """Score of the expected voltage [V]; None where the estimator expects none."""
+    return score(estimates.voltage_V, log.voltage_V)
+
+
+def soc_rms_differences(estimates: Mapping[str, SocEstimate]) -> dict[str, dict[str, float]]:
+    """Root mean square difference of the state of charge between every two estimators, by their names."""
+    differences = {}
+    for name, one in estimates.items():
+        others = {other: two for other, two in estimates.items() if other != name}
+        differences[name] = {other: _rms(one.soc - two.soc) for other, two in others.items()}
+    return differences
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
