@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import Rates
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
 
 HYSTERESIS_RATES = (5.0, 200.0)
@@ -34,6 +34,17 @@ class CircuitFit(NamedTuple):
     search: np.ndarray
     search_cov: np.ndarray
     starts: tuple[tuple[Rates, float], ...]
+
+    def ocv_std_V(self, soc: np.ndarray) -> np.ndarray:
+        """Standard deviation [V] of the correction of the open-circuit voltage at soc."""
+        return np.interp(soc, OCV_KNOTS, self._std(self.solution.layout.correction))
+
+    def resistance_std_ohm(self, j: int) -> np.ndarray:
+        """Standard deviation [ohm] of the j-th resistance on its grid of soc: R0 discharge, R0 charge, R1, ..."""
+        return self._std(self.solution.layout.block(j))
+
+    def _std(self, rows: slice) -> np.ndarray:
+        return np.sqrt(np.diag(self.solution.cov)[rows])
 
 
 def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float], None] | None = None) -> CircuitFit:
