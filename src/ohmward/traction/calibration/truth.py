@@ -1,4 +1,4 @@
-"""How the body really moved: from its pose as a camera or a total station saw it, or from a measured speed."""
+"""True motion of the body: from its pose as a camera or a total station saw it, or from measured speeds."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.score import DriveTruth
 
 #: Half the width [s] of the local fit that turns a pose into a motion.
 HALF_WINDOW_S = 0.3
 
 
 class CalibrationDrive(NamedTuple):
-    """A recording and how the body moved in it.
+    """A recording and the true motion of the body in it.
 
     log: in the robot's wheel order.
     motion: (T, freedoms), nan where it is not known.
@@ -60,6 +61,23 @@ def motion_from_speed(
         )
     yaw_rate = np.zeros_like(speed_m_s) if yaw_rate_rad_s is None else between(time_s, yaw_rate_rad_s)
     return np.column_stack([between(time_s, speed_m_s), yaw_rate])
+
+
+def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np.ndarray:
+    """Motion (T, freedoms) from every speed that was measured, straight lines between them.
+
+    Raises:
+        InputError: the robot moves sideways, and how fast was not measured.
+    """
+    lateral, yaw_rate = truth.lateral_speed_m_s, truth.yaw_rate_rad_s
+    if robot.freedoms == 3 and lateral is not None and yaw_rate is not None:
+        return np.column_stack([between(time_s, values) for values in (truth.speed_m_s, lateral, yaw_rate)])
+    return motion_from_speed(robot, time_s, truth.speed_m_s, yaw_rate)
+
+
+def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
+    """Motion (T, freedoms) of a robot from that of a free body (T, 3), whose lateral speed it may lack."""
+    return motion if robot.freedoms == 3 else motion[:, [0, 2]]
 
 
 def between(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,75 @@
+"""Calibration of a robot in one call: radius first, then the motors with it, then the floor with both."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from ohmward.errors import InputError
+from ohmward.traction.calibration.floor import learn_floor
+from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
+from ohmward.traction.calibration.parameter import Parameter, with_parameters
+from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.truth import CalibrationDrive
+from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward.traction.terrain.floor import Floor
+
+#: Parts of a robot that can be calibrated.
+PARTS = ("radius", "motor")
+#: Loads that add up to less or more than the weight by this factor are not in newtons.
+_OTHER_UNIT = 3.0
+
+
+class Calibration(NamedTuple):
+    """The calibrated robot, its parameters, the floor if one was learnt, and the drives behind them."""
+
+    robot: Robot
+    parameters: tuple[Parameter, ...]
+    floor: Floor | None
+    drives: tuple[CalibrationDrive, ...]
+
+
+def calibrate(
+    drives: Sequence[CalibrationDrive],
+    robot: Robot,
+    parts: Collection[str] = PARTS,
+    floor: str | None = None,
+    rolling: tuple[float, float] = ROLLING,
+) -> Calibration:
+    """Calibrate a robot from drives on one floor.
+
+    drives: with the motion of the body.
+    robot: its mass and geometry are believed.
+    parts: of `PARTS`.
+    floor: name under which the floor is learnt; None learns none.
+    rolling: rolling resistance of the floor, share of the load, and its standard deviation.
+
+    Raises:
+        InputError: the drives have no stretch to calibrate from.
+    """
+    found: list[Parameter] = []
+    if "radius" in parts:
+        found.append(calibrate_radius(drives, robot))
+        robot = with_parameters(robot, found)
+    if "motor" in parts:
+        found += calibrate_motor(drives, robot, rolling)
+        robot = with_parameters(robot, found)
+    learnt = learn_floor(floor, drives, robot) if floor else None
+    return Calibration(robot, tuple(found), learnt, tuple(drives))
+
+
+def with_wheel_loads(robot: Robot, loads_N: Sequence[float]) -> Robot:
+    """The robot with its wheels' loads as weighed, its mass their sum.
+
+    Raises:
+        InputError: a sum that is far from the robot's weight.
+    """
+    weight_N = robot.mass_kg * GRAVITY
+    found_N = sum(loads_N)
+    if not weight_N / _OTHER_UNIT < found_N < _OTHER_UNIT * weight_N:
+        raise InputError(
+            f"--wheel-load adds up to {found_N:.4g} N, the robot file's mass weighs {weight_N:.4g} N; "
+            "give newtons, not kilograms or grams, or correct robot.mass_kg"
+        )
+    return replace(robot, mass_kg=found_N / GRAVITY, wheel_load_N=tuple(loads_N))

@@ -1,0 +1,199 @@
+"""Speed and slip of a recorded drive: check the log, choose an estimator, run it, and sum the drive up.
+
+observed = observe_drive(robot, log, hard_terrain("gravel"))
+drive_figures(observed).slip_episodes
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
+from ohmward.traction.drive_checks import check_drive
+from ohmward.traction.episodes import ImmobilisedEpisode, SlipEpisode, immobilised_episodes, slip_episodes
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.track import Track, motion_of, observe
+from ohmward.traction.terrain.as_estimates import as_estimates
+from ohmward.traction.terrain.crossing import Crossing
+from ohmward.traction.terrain.file import Floors
+from ohmward.traction.terrain.slip_on_floors import SlipTrack, slip_on_floors
+
+#: Flags of learnt floors that mean a fault of the log.
+FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped")
+
+
+class OnFloors(NamedTuple):
+    """Slip of a drive on learnt floors.
+
+    track: of the floors' own estimator.
+    floors: their names, in the order of `track.floor_probability`.
+    """
+
+    track: SlipTrack
+    floors: tuple[str, ...]
+
+
+class ObservedDrive(NamedTuple):
+    """Estimates along a recorded drive.
+
+    robot: the robot that drove.
+    track: speed and slip.
+    notes: faults of the log, and everything that was assumed.
+    on_floors: None without learnt floors.
+    """
+
+    robot: Robot
+    track: Track
+    notes: tuple[Note, ...]
+    on_floors: OnFloors | None = None
+
+
+class DriveFigures(NamedTuple):
+    """A drive in figures; None where nothing was estimated.
+
+    distance_m: along the ground, forward or backward.
+    speed_min_m_s, speed_max_m_s, speed_final_m_s, speed_std_final_m_s: of the body.
+    slip_episodes, immobilised_episodes: in order of time.
+    unobserved_share: of the samples in which the speed was not observable.
+    friction_ratio, friction_std: at the end, of the first wheel, to the ground that was believed; the std is relative.
+    grade_rad, grade_std_rad: at the end.
+    radius_ratio, radius_std: at the end, to the robot's radius.
+    """
+
+    distance_m: float
+    speed_min_m_s: float
+    speed_max_m_s: float
+    speed_final_m_s: float
+    speed_std_final_m_s: float
+    slip_episodes: list[SlipEpisode]
+    immobilised_episodes: list[ImmobilisedEpisode]
+    unobserved_share: float
+    friction_ratio: float | None
+    friction_std: float | None
+    grade_rad: float | None
+    grade_std_rad: float | None
+    radius_ratio: float | None
+    radius_std: float | None
+
+
+class FloorFigures(NamedTuple):
+    """A drive on learnt floors in figures.
+
+    travel_slip_mean, travel_slip_std: slip of the robot and its std, mean over the drive; None where it stood.
+    floor_share: mean probability of each floor under the wheels, by name.
+    floor_crossings: times at which another floor was met.
+    """
+
+    travel_slip_mean: float | None
+    travel_slip_std: float | None
+    floor_share: dict[str, float]
+    floor_crossings: tuple[Crossing, ...]
+
+
+def observe_drive(
+    robot: Robot,
+    log: DriveLog,
+    terrain: Terrain,
+    method: str = "ukf",
+    progress: Callable[[int, int], None] | None = None,
+) -> ObservedDrive:
+    """Speed and slip by an observer of wheels, motors and whatever else the log has.
+
+    terrain: ground that is believed at first.
+    method: "ekf", "aekf", "ukf" or "aukf".
+    progress: called now and then with (steps done, T).
+
+    Raises:
+        InputError: no such method, or a log that cannot be of this robot.
+    """
+    faults = check_drive(robot, log)
+    chosen = make_observer(robot, log, terrain, method)
+    track = observe(chosen.observer, log, progress)
+    return ObservedDrive(robot, track, (*faults, *log.notes, *chosen.notes))
+
+
+def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = "ukf") -> ObservedDrive:
+    """Speed and slip as learnt floors explain the motor currents.
+
+    known: floors and the robot that learnt them.
+
+    Raises:
+        InputError: no floors, no such method, or a driven wheel without encoder or motor current.
+    """
+    faults = check_drive(robot, log)
+    began = time.perf_counter()
+    estimator = slip_on_floors(robot, known.floor, method)
+    on_floors = estimator.run(log)
+    track = Track(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
+    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors))
+    return ObservedDrive(robot, track, notes, OnFloors(on_floors, estimator.recognition.names))
+
+
+def _floor_notes(robot: Robot, known: Floors, track: SlipTrack) -> list[Note]:
+    names = ", ".join(floor.name for floor in known.floor) or "none"
+    notes = [Note(f"slip follows from motor currents on learnt floors ({names}) or one that was never met")]
+    if known.robot != robot.name:
+        notes.append(Note(f"the floors were learnt by {known.robot!r}, the robot is {robot.name!r}", "warning"))
+    faults = {flag: count for flag, count in track.counts().items() if flag in FAULTS}
+    notes += [Note(f"{count} samples with {flag.replace('_', ' ')}", "warning") for flag, count in faults.items()]
+    return notes
+
+
+def drive_figures(observed: ObservedDrive) -> DriveFigures:
+    """Distance, speeds, episodes of slip, and what was learnt of friction, grade and radius."""
+    robot, track = observed.robot, observed.track
+    e = track.estimates
+    wheels = [place.name for place in robot.places[: robot.driven]]
+    unobserved = e.flags.astype(int) & SlipFlag.SPEED_UNOBSERVED != 0
+    return DriveFigures(
+        float(np.trapezoid(travel_speed_m_s(observed), track.time_s)),
+        float(e.speed_m_s.min()),
+        float(e.speed_m_s.max()),
+        float(e.speed_m_s[-1]),
+        float(e.speed_std_m_s[-1]),
+        slip_episodes(track, wheels),
+        immobilised_episodes(track),
+        float(np.mean(unobserved)),
+        *_estimated(e.friction_ratio[-1, 0], e.friction_std[-1, 0]),
+        *_estimated(e.grade_rad[-1], e.grade_std_rad[-1]),
+        *_estimated(e.radius_ratio[-1], e.radius_std[-1]),
+    )
+
+
+def travel_speed_m_s(observed: ObservedDrive) -> np.ndarray:
+    """(T,) speed of the body in whatever direction."""
+    estimates: SlipEstimate = observed.track.estimates
+    if observed.on_floors:
+        return np.abs(estimates.speed_m_s)
+    return np.linalg.norm(motion_of(observed.robot, estimates)[:, :-1], axis=1)
+
+
+def floor_figures(on_floors: OnFloors) -> FloorFigures:
+    """Slip of the robot, share of each floor, and crossings."""
+    track = on_floors.track
+    moving = np.isfinite(track.travel_slip)
+    nothing = np.full(len(on_floors.floors), np.nan)
+    share = track.floor_probability[moving].mean(axis=(0, 1)) if moving.any() else nothing
+    return FloorFigures(
+        _mean(track.travel_slip[moving]),
+        _mean(track.travel_slip_std[moving]),
+        dict(zip(on_floors.floors, share.tolist(), strict=True)),
+        tuple(track.crossings),
+    )
+
+
+def _estimated(value: float, std: float) -> tuple[float, float] | tuple[None, None]:
+    """A value and its std; None for a value that is assumed, which has no std."""
+    return (float(value), float(std)) if std > 0 else (None, None)
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if values.size else None
