@@ -1,0 +1,159 @@
+"""A recorded drive as the energy sees it: motion, power of the battery, stretches on one ground, energy balance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.energy.balance import DriveEnergy, drive_balance, integrate_drive
+from ohmward.energy.recorded import Driven, cut_drive
+from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Log, Note
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.dynamics.forces import Scene
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.track import Track, observe
+
+#: Columns that hold the slope of the ground [rad], the first that is there.
+SLOPE_COLUMNS = ("grade_rad", "pitch_rad")
+
+
+class ObservedWheels(NamedTuple):
+    """A drive of wheels and motors, an observer's estimates along it, and the scene that the observer believes."""
+
+    drive: DriveLog
+    track: Track
+    scene: Scene
+
+
+class Motion(NamedTuple):
+    """Motion at the samples of the battery's log.
+
+    speed_m_s: (T,) forward.
+    grade_rad: (T,) > 0 with the nose up; None on ground that is taken as level.
+    wheels: the observed drive on its own clock; None where speed and grade are columns of the log.
+    notes: everything that was assumed.
+    """
+
+    speed_m_s: np.ndarray
+    grade_rad: np.ndarray | None
+    wheels: ObservedWheels | None
+    notes: tuple[Note, ...]
+
+
+class RecordedBalance(NamedTuple):
+    """Energy balance of a recorded drive: power (T,) over time, and the energies of the whole drive."""
+
+    time_s: np.ndarray
+    power: EnergyBalance
+    energy: DriveEnergy
+
+
+class DriveRecord(NamedTuple):
+    """A recorded drive.
+
+    log: of the battery.
+    speed_m_s, battery_W: (T,) at its samples; the power is > 0 out of the battery.
+    driven: stretches of one ground each.
+    balance: None without wheels and motor currents.
+    notes: everything that was assumed.
+    """
+
+    log: Log
+    speed_m_s: np.ndarray
+    battery_W: np.ndarray
+    driven: list[Driven]
+    balance: RecordedBalance | None
+    notes: tuple[Note, ...]
+
+    @property
+    def end_unix_s(self) -> float | None:
+        """Unix time of the last sample, None without a wall clock."""
+        return None if self.log.start_unix_s is None else self.log.start_unix_s + float(self.log.time_s[-1])
+
+
+def observe_motion(
+    robot: Robot,
+    drive: DriveLog,
+    terrain: Terrain,
+    time_s: np.ndarray,
+    progress: Callable[[int, int], None] | None = None,
+) -> Motion:
+    """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
+
+    terrain: ground that is believed at first.
+    """
+    chosen = make_observer(robot, drive, terrain)
+    track = observe(chosen.observer, drive, progress)
+    speed = np.interp(time_s, drive.time_s, track.estimates.speed_m_s)
+    grade = np.interp(time_s, drive.time_s, track.estimates.grade_rad)
+    level = not chosen.observer.states.grade and "pitch_rad" not in drive.channels
+    wheels = ObservedWheels(drive, track, chosen.observer.scene)
+    return Motion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
+
+
+def measured_motion(log: Log, speed_column: str = "speed_m_s") -> Motion:
+    """Speed and slope from columns of a log, in m/s and rad.
+
+    Raises:
+        InputError: there is no such column.
+    """
+    if speed_column not in log.extra:
+        raise InputError(
+            f"{log.name}: there is no speed: neither wheels (give --robot) nor a column {speed_column!r}; name it with "
+            f"--column speed=NAME. It has: {', '.join(log.extra) or 'nothing but the battery'}"
+        )
+    slope = next((name for name in SLOPE_COLUMNS if name in log.extra), None)
+    ground = f"slope from {slope!r}" if slope else "ground taken as level"
+    note = Note(f"speed from column {speed_column!r} in m/s, {ground}")
+    return Motion(log.extra[speed_column], log.extra[slope] if slope else None, None, (note,))
+
+
+def record_drive(
+    log: Log, motion: Motion, ground: str | Sequence[str] | np.ndarray, payload_kg: float = 0.0
+) -> DriveRecord:
+    """Cut a drive into stretches and balance its energy.
+
+    ground: name under each sample (T,) of the log, or one for all.
+    payload_kg: load during the drive.
+
+    Raises:
+        InputError: no stretch in which speed and power were both measured.
+    """
+    battery_W = -log.voltage_V * log.current_A
+    driven = cut_drive(log.time_s, motion.speed_m_s, battery_W, ground, motion.grade_rad, payload_kg)
+    balance = _balance(motion.wheels, log.time_s, battery_W, driven) if motion.wheels else None
+    notes = (*log.notes, *motion.notes, *_idle_notes(balance))
+    return DriveRecord(log, motion.speed_m_s, battery_W, driven, balance, notes)
+
+
+def standing_power_W(driven: Sequence[Driven]) -> float | None:
+    """Mean power out of the battery while the robot stood [W]; None where it never did."""
+    standing = [d for d in driven if not d.stretch.terrain]
+    standing_s = sum(d.stretch.time_s for d in standing)
+    return sum(d.energy_J for d in standing) / standing_s if standing_s else None
+
+
+def _balance(
+    wheels: ObservedWheels, time_s: np.ndarray, battery_W: np.ndarray, driven: Sequence[Driven]
+) -> RecordedBalance | None:
+    """Energy balance on the clock of the wheels; None without motor currents."""
+    drive, track, scene = wheels
+    if not np.isfinite(drive.motor_current_A).any():
+        return None
+    known = np.isfinite(battery_W)
+    at_drive_W = np.interp(drive.time_s, time_s[known], battery_W[known])
+    power = drive_balance(drive, track.estimates, scene, at_drive_W, standing_power_W(driven))
+    return RecordedBalance(drive.time_s, power, integrate_drive(drive, power, track.estimates, scene.robot))
+
+
+def _idle_notes(balance: RecordedBalance | None) -> list[Note]:
+    if balance is None or balance.energy.balance.idle > 0:
+        return []
+    text = "the idle power is not known (robot.idle_W is 0, and the robot never stood): it is part of 'residual'"
+    return [Note(text, "warning")]

@@ -1,0 +1,263 @@
+"""Mission analysis: from a recorded drive to the consumption that it teaches, the range left, and a plan's forecast.
+
+log, drive = read_log("drive.csv"), read_drive("drive.csv", wheels, driven)
+result = analyse(battery, start(prior_from_robot(robot)), log, drive=drive, robot=robot, ground="grass", plan=plan)
+result.range.distance_m.p50, result.forecast.probability, result.advice["grass"].speed_m_s
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.log_check import check_log
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
+from ohmward.battery.soc.sample import SocEstimate
+from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
+from ohmward.energy.drive_record import DriveRecord, Motion, measured_motion, observe_motion, record_drive
+from ohmward.energy.get_home import MissionForecast, get_home
+from ohmward.energy.leg import Stretch, stretch_of
+from ohmward.energy.plan_file import Plan
+from ohmward.energy.range import Range, range_left
+from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
+from ohmward.energy.usable_energy import BatteryState
+from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Log, Note
+from ohmward.traction.friction.terrain import Terrain, hard_terrain
+from ohmward.traction.robot.robot import Robot
+
+#: State of charge that is to be left where neither settings nor plan say it.
+DEFAULT_RESERVE = 0.1
+#: A speed may be advised between these shares of the present one.
+_SLOWER, _FASTER = 0.5, 1.5
+_SECONDS_PER_DAY = 86400.0
+
+
+@dataclass(frozen=True)
+class MissionSettings:
+    """Settings of a mission analysis.
+
+    Attributes:
+        soc: state of charge now; None takes it from an estimator along the log.
+        soc_std: standard deviation of `soc`.
+        initial_soc: state of charge at the start of the log; None takes it from the voltage.
+        initial_soc_std: standard deviation of `initial_soc`.
+        filter: estimator of the state of charge, see `make_estimator`.
+        reserve_soc: state of charge that is to be left; None takes the plan's, else 0.1.
+        cutoff_V: terminal voltage at which the robot stops; None takes the plan's.
+        payload_kg: load during the log.
+        speed_column: column of the log's speed [m/s], used without wheels.
+        believed: ground that the observer of the wheels believes at first; None is dry asphalt.
+        confidence: probability with which the robot must come back from the latest point of return.
+    """
+
+    soc: float | None = None
+    soc_std: float = 0.03
+    initial_soc: float | None = None
+    initial_soc_std: float = 0.03
+    filter: str = "ekf"
+    reserve_soc: float | None = None
+    cutoff_V: float | None = None
+    payload_kg: float = 0.0
+    speed_column: str = "speed_m_s"
+    believed: Terrain | None = None
+    confidence: float = 0.95
+
+
+class MissionResult(NamedTuple):
+    """Result of a mission analysis.
+
+    battery: the battery file's.
+    record: the recorded drive; None without a log.
+    plan: the mission ahead, if there is one.
+    consumption: with what the log taught.
+    state: of the battery at the end of the log, or as given.
+    range: over ground like that of the plan, else of the log.
+    forecast: of the plan.
+    advice: speed of the least energy per metre, by terrain.
+    notes: everything that was assumed.
+    """
+
+    battery: Battery
+    record: DriveRecord | None
+    plan: Plan | None
+    consumption: Consumption
+    state: BatteryState
+    range: Range
+    forecast: MissionForecast | None
+    advice: dict[str, SpeedAdvice]
+    notes: tuple[Note, ...]
+
+
+def analyse(
+    battery: Battery,
+    before: Consumption,
+    log: Log | None = None,
+    *,
+    drive: DriveLog | None = None,
+    robot: Robot | None = None,
+    ground: str | Sequence[str] | np.ndarray = "ground",
+    plan: Plan | None = None,
+    settings: MissionSettings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> MissionResult:
+    """Learn the consumption from a drive, and look ahead along a plan or over ground like that of the drive.
+
+    before: consumption as known before the drive.
+    log: of the battery; without one a plan and `settings.soc` are needed.
+    drive: wheels and motors of the same drive, of `robot`; without them the speed is a column of the log.
+    ground: name under each sample (T,) of the log, or one for all.
+    progress: of the observer, called now and then with (steps done, T).
+
+    Raises:
+        InputError: neither log nor plan, no state of charge, a log of another battery, no speed.
+    """
+    settings = settings or MissionSettings()
+    if log is None and plan is None:
+        raise InputError("a mission analysis needs a log, a plan, or both; got neither")
+    record, estimates = None, None
+    if log is not None:
+        log = check_log(log, battery)
+        estimates = None if settings.soc is not None else _estimates(battery, log, settings)
+        motion = _motion(log, drive, robot, settings, progress)
+        record = record_drive(log, motion, ground, settings.payload_kg)
+    consumption, notes = learn_drive(before, record) if record else (begin_drive(before), [])
+    consumption, guessed = _with_plan(consumption, plan)
+    state, assumed = battery_state(battery, settings, plan, log, estimates)
+    ahead = stretches_ahead(plan, record)
+    return MissionResult(
+        battery,
+        record,
+        plan,
+        consumption,
+        state,
+        range_left(consumption, ahead, battery, state),
+        get_home(consumption, plan.legs, battery, state, settings.confidence) if plan else None,
+        advice_for(consumption, ahead),
+        (*notes, *(record.notes if record else ()), *guessed, *assumed),
+    )
+
+
+def learn_drive(before: Consumption, record: DriveRecord) -> tuple[Consumption, list[Note]]:
+    """Consumption after a drive, and the days since the last one where both had a wall clock."""
+    notes = []
+    days = 0.0
+    if record.log.start_unix_s is not None and before.last_drive_unix_s is not None:
+        days = max(record.log.start_unix_s - before.last_drive_unix_s, 0.0) / _SECONDS_PER_DAY
+        notes.append(Note(f"{days:.1f} days since the last drive that was learned from"))
+    c = begin_drive(before, days)
+    for driven in record.driven:
+        c = learn(c, driven.stretch, driven.energy_J)
+    return replace(c, last_drive_unix_s=record.end_unix_s or c.last_drive_unix_s), notes
+
+
+def battery_state(
+    battery: Battery,
+    settings: MissionSettings,
+    plan: Plan | None = None,
+    log: Log | None = None,
+    estimates: SocEstimate | None = None,
+) -> tuple[BatteryState, list[Note]]:
+    """State of the battery as given, else as estimated at the end of the log, and what was assumed.
+
+    Raises:
+        InputError: no state of charge, or one below the reserve.
+    """
+    noise = battery.noise if battery.thevenin else battery.rc_noise
+    soc, soc_std = settings.soc, settings.soc_std
+    health: dict[str, float] = {}
+    if estimates is not None:
+        soc = min(max(float(estimates.soc[-1]), 0.0), 1.0)
+        soc_std = float(estimates.soc_std[-1])
+        ratios = {"soh_capacity": estimates.soh_capacity[-1], "resistance_ratio": estimates.resistance_ratio[-1]}
+        health = {name: float(value) for name, value in ratios.items() if math.isfinite(value)}
+    if soc is None:
+        raise InputError("settings.soc is needed with a plan alone: the state of charge now, 0 to 1")
+    reserve_soc, notes = _reserve(settings, plan, log, soc)
+    state = BatteryState(
+        soc=soc,
+        soc_std=soc_std,
+        capacity_std=noise.capacity_std,
+        resistance_std=noise.resistance_std,
+        temperature_degC=_temperature_degC(plan, log),
+        reserve_soc=reserve_soc,
+        cutoff_V=settings.cutoff_V or (plan.cutoff_V if plan else 0.0),
+        **health,
+    )
+    return state, notes
+
+
+def stretches_ahead(plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:
+    """The legs of the plan, else ground like that of the drive."""
+    if plan:
+        return [stretch_of(leg) for leg in plan.legs]
+    return [driven.stretch for driven in record.driven] if record else []
+
+
+def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvice]:
+    """Speed advice for each ground ahead, against the mean speed there."""
+    advice = {}
+    for name in sorted({s.terrain for s in ahead if s.distance_m > 0}):
+        there = [s for s in ahead if s.terrain == name]
+        speed_m_s = sum(s.speed_distance_m2_s for s in there) / sum(s.distance_m for s in there)
+        advice[name] = speed_advice(c, name, speed_m_s, (_SLOWER * speed_m_s, _FASTER * speed_m_s))
+    return advice
+
+
+def _estimates(battery: Battery, log: Log, settings: MissionSettings) -> SocEstimate:
+    """State of charge along the log."""
+    estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
+    return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
+
+
+def _motion(
+    log: Log,
+    drive: DriveLog | None,
+    robot: Robot | None,
+    settings: MissionSettings,
+    progress: Callable[[int, int], None] | None,
+) -> Motion:
+    """Motion of wheels that are observed, else of a measured speed."""
+    if robot is None or drive is None:
+        return measured_motion(log, settings.speed_column)
+    return observe_motion(robot, drive, settings.believed or hard_terrain("dry asphalt"), log.time_s, progress)
+
+
+def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:
+    """Consumption with the plan's terrains, and a warning for each that nobody has driven on."""
+    notes = []
+    for leg in plan.legs if plan else ():
+        if leg.terrain not in c.terrains:
+            text = f"nobody has driven on {leg.terrain!r}: its resistance is a broad guess"
+            notes.append(Note(text, "warning"))
+            c = with_terrain(c, leg.terrain)
+    return c, notes
+
+
+def _reserve(settings: MissionSettings, plan: Plan | None, log: Log | None, soc: float) -> tuple[float, list[Note]]:
+    """State of charge to be left; 0 where nobody said it and the log ends below the usual one."""
+    reserve_soc = plan.reserve_soc if plan and settings.reserve_soc is None else settings.reserve_soc
+    if reserve_soc is not None:
+        return reserve_soc, []
+    if log is not None and 0.0 < soc <= DEFAULT_RESERVE:
+        text = f"the log ends below the usual reserve of {DEFAULT_RESERVE:.0%}: range is that to empty"
+        return 0.0, [Note(text, "warning")]
+    return DEFAULT_RESERVE, []
+
+
+def _temperature_degC(plan: Plan | None, log: Log | None) -> float:
+    """Temperature of the plan, else the last one of the log, else that of a room."""
+    if plan:
+        return plan.temperature_degC
+    if log is None or log.temperature_degC is None:
+        return ROOM_DEGC
+    known = log.temperature_degC[np.isfinite(log.temperature_degC)]
+    return float(known[-1]) if known.size else ROOM_DEGC
