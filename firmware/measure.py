@@ -29,10 +29,11 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.rc import Circuit, RcModel, capacitance_for
 from ohmward.battery.soc.estimator import samples_of
-from ohmward.cli import twin as twin_command
-from ohmward.cli.main import build_parser
+from ohmward.cli.main import parse
+from ohmward.cli.twin import command as twin_command
 from ohmward.errors import OhmwardError
 from ohmward.export import Export, Twin, battery_export, controller_export, library, observer_export, write_library
+from ohmward.export.twin import first_of
 from ohmward.logs import DriveLog
 from ohmward.simulate import closed_loop, make_robot_day
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
@@ -146,7 +147,7 @@ def main(words: list[str]) -> int:
 def replay(words: list[str]) -> int:
     """A recorded log through a library on every machine; words: DIR LOG and options of `ohmward twin`."""
     try:
-        args = build_parser().parse_args(["twin", *words])
+        args = parse(["twin", *words])
         twin = Twin(args.library, args.name)
         log = twin_command.prepare(twin, args)
     except OhmwardError as error:
@@ -245,7 +246,7 @@ def compare(twin: Twin, image: Path, machine: Machine, samples: Any, arguments: 
     """What the image says, and how many of its outputs have other bits than those of this machine; names the first."""
     if samples is None:
         return run(image, machine)[0], 0
-    twin.start(twin_command.first_of(samples), **arguments)
+    twin.start(first_of(samples), **arguments)
     expected = twin.run(samples)
     answer, raw = run(image, machine, twin.records(samples))
     found = np.frombuffer(raw, twin.dtype("output"))

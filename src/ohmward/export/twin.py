@@ -133,6 +133,14 @@ class Twin:
         """Samples of a log as the C structs (T,) of `dtype("sample")`."""
         return self._samples(samples, live=False)
 
+    def flag_counts(self, outputs: Any) -> dict[str, int]:
+        """Number of samples that carry each flag, by its name in small letters; flags that never occur are left out."""
+        if "flags" not in self.Output._fields:
+            return {}
+        flags = outputs.flags[np.isfinite(outputs.flags)].astype(int)
+        counts = {name.lower(): int(np.count_nonzero(flags & bit)) for name, bit in self.flags.items()}
+        return {name: count for name, count in counts.items() if count}
+
     def _run(self, samples: np.ndarray) -> np.ndarray:
         if not self._started:
             raise InputError(f"{self.name}: call start(sample, ...) before the first step")
@@ -188,6 +196,22 @@ class Twin:
 
     def _call(self, word: str, *arguments: Any) -> None:
         getattr(self._library, f"{self.name}_{word}")(*arguments)
+
+
+def first_of(samples: Any) -> Any:
+    """First sample of a log (T, ...); members without a time axis hold for all times."""
+    return type(samples)(*(x[0] if getattr(x, "ndim", 0) else x for x in samples))
+
+
+def output_columns(outputs: Any) -> dict[str, np.ndarray]:
+    """Members of the output (T, ...) as columns (T,) by name; those of an array are numbered."""
+    columns: dict[str, np.ndarray] = {}
+    for name, values in outputs._asdict().items():
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            columns |= {f"{name}_{k}": column for k, column in enumerate(values.T)}
+    return columns
 
 
 def compiler() -> list[str]:
