@@ -10,7 +10,7 @@ import pytest
 from markdown_pages import ROOT, anchors, command_lines, links, name_of, pages, programs, redirected
 from ohmward import Battery, make_robot_day, save_battery, write_log
 from ohmward.battery.chemistries import start_model, start_noise
-from ohmward.cli.main import build_parser
+from ohmward.cli.main import parse
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_the_programs_of_a_page_run_from_top_to_bottom(page, workshop, monkeypat
 def test_the_command_lines_of_a_page_are_understood(page):
     for words in command_lines(page, "ohmward"):
         if words not in (["--help"], ["--version"]):
-            build_parser().parse_args(redirected(words)[0])
+            parse(redirected(words)[0])
 
 
 @pytest.mark.parametrize("page", pages(), ids=name_of)

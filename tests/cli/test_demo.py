@@ -30,9 +30,9 @@ def small(monkeypatch, tmp_path):
         (command, *_) = (drive := robot_drive(*args, **how)).commands
         return replace(drive, plant="own", duration_s=1.0, commands=(command,))
 
-    monkeypatch.setattr("ohmward.simulate.make_robot_day", make_robot_day)
-    monkeypatch.setattr("ohmward.simulate.robot_drive.robot_drive", short_drive)
-    monkeypatch.setattr("ohmward.battery.soc.registry.available", lambda battery: ("ekf",))
+    monkeypatch.setattr("ohmward.cli.demo.command.make_robot_day", make_robot_day)
+    monkeypatch.setattr("ohmward.cli.demo.command.robot_drive", short_drive)
+    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.cli.simulate.command import ENERGY
+from ohmward.cli.simulate.result import ENERGY
 from ohmward.logs import read_drive, read_log
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop import drive_log, parse_scenario

@@ -1,4 +1,4 @@
-"""`ohmward COMMAND ...`: the parser of all commands, and how errors become exit statuses."""
+"""`ohmward COMMAND ...`: the commands by name, and the exit status of every error."""
 
 from __future__ import annotations
 
@@ -7,23 +7,30 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
+from types import ModuleType
 
 from ohmward import __version__
-from ohmward.cli import export, fleet, generic, twin
-from ohmward.cli.calibrate import command as calibrate
-from ohmward.cli.compare import command as compare
-from ohmward.cli.demo import command as demo
-from ohmward.cli.doctor import command as doctor
-from ohmward.cli.identify import command as identify
-from ohmward.cli.mission import command as mission
-from ohmward.cli.outcome import Outcome, check_output, show, write_page
+from ohmward.cli.outcome import carry_out, show
 from ohmward.cli.parser import Parser
-from ohmward.cli.simulate import command as simulate
-from ohmward.cli.slip import command as slip
-from ohmward.cli.soc import command as soc
 from ohmward.errors import OhmwardError
 
-COMMANDS = (doctor, identify, generic, soc, compare, calibrate, slip, mission, simulate, fleet, export, twin, demo)
+#: The commands in the order of the help. The package `ohmward.cli.NAME` of a command is loaded only when it is typed.
+COMMANDS = {
+    "doctor": "what is in a log, what was assumed, what is wrong",
+    "identify": "from logs of tests to a battery file",
+    "generic": "a battery file from chemistry and capacity alone, to start with",
+    "soc": "state of charge along a log, with its uncertainty",
+    "compare": "all estimators on one log, side by side",
+    "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
+    "slip": "speed and wheel slip along a drive, with their uncertainty",
+    "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
+    "simulate": "a robot and its battery driven in closed loop on a ground",
+    "fleet": "state of charge of many logs, one row for each; can be resumed",
+    "export": "a filter or controller as a C99 library for a microcontroller",
+    "twin": "a log through an exported C library on this machine: the firmware's own bits",
+    "demo": "a simulated robot, from pulse test to the way home",
+}
 REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 _EPILOG = """\
@@ -49,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
-        return _status(argv)
+        return _status(sys.argv[1:] if argv is None else argv)
 
 
 def _show_warning(message: Warning | str, *_where: object, **_more: object) -> None:
@@ -57,11 +64,11 @@ def _show_warning(message: Warning | str, *_where: object, **_more: object) -> N
     print(f"ohmward: note: {message}", file=sys.stderr)
 
 
-def _status(argv: Sequence[str] | None) -> int:
-    """The exit status, once all is said."""
+def _status(words: Sequence[str]) -> int:
+    """Exit status of a command line, after everything is said."""
     try:
-        arguments = build_parser().parse_args(argv)
-        outcome = run(arguments)
+        arguments = parse(words)
+        outcome = carry_out(_load(arguments.command, "command").run, arguments)
         show(outcome, as_json=getattr(arguments, "json", False))
         return outcome.status
     except OhmwardError as error:
@@ -78,8 +85,12 @@ def _status(argv: Sequence[str] | None) -> int:
         return BROKEN_PIPE
 
 
-def build_parser() -> Parser:
-    """The parser of `ohmward` with all its commands."""
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """Arguments of a command line; of all commands only the one that is typed is loaded.
+
+    Raises:
+        InputError: no such command, or arguments that it does not take.
+    """
     parser = Parser(
         prog="ohmward",
         description="Charge, wheel slip and range of battery-powered robots, with uncertainties that hold.",
@@ -89,16 +100,23 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"ohmward {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    for command in COMMANDS:
-        command.add_parser(commands)
-    return parser
+    typed = next((word for word in words if word in COMMANDS), None)
+    for name, what in COMMANDS.items():
+        command = commands.add_parser(name, help=what, allow_abbrev=False)
+        if name == typed:
+            command.description = f"{what[:1].upper()}{what[1:]}."
+            _complete(command, name)
+    return parser.parse_args(words)
 
 
-def run(arguments: argparse.Namespace) -> Outcome:
-    """Run a parsed command and write its report."""
-    report = getattr(arguments, "report", None)
-    check_output("--report", report, (".html", ".htm"))
-    outcome: Outcome = arguments.run(arguments)
-    if report and outcome.page:
-        write_page(outcome.page(), report)
-    return outcome
+def _complete(command: Parser, name: str) -> None:
+    """Give the parser of a command its arguments and examples."""
+    module = _load(name, "arguments")
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command.epilog = f"examples:\n{module.EXAMPLES}"
+    module.add_arguments(command)
+
+
+def _load(name: str, part: str) -> ModuleType:
+    """A module of a command, loaded by its name."""
+    return import_module(f"ohmward.cli.{name}.{part}")

@@ -1,7 +1,8 @@
-"""What a command hands back, and the one place that prints it and writes its files."""
+"""Result of a command: carried out, printed, and written as a report."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import sys
@@ -31,6 +32,22 @@ class Outcome(NamedTuple):
     notes: Sequence[str] = ()
     page: Callable[[], Page] | None = None
     status: int = 0
+
+
+def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.Namespace) -> Outcome:
+    """Run a command and write its report.
+
+    run: `run` of the command.
+
+    Raises:
+        OhmwardError: the command refuses, or the report cannot be written.
+    """
+    report = getattr(arguments, "report", None)
+    check_output("--report", report, (".html", ".htm"))
+    outcome = run(arguments)
+    if report and outcome.page:
+        outcome.page().write(report)
+    return outcome
 
 
 def show(outcome: Outcome, *, as_json: bool) -> None:
@@ -76,15 +93,6 @@ def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs:
     if any(Path(other).exists() and file.exists() and file.samefile(other) for other in inputs):
         raise InputError(f"{option} {path}: this file is an input; choose another name")
     _try_folder(option, file)
-
-
-def write_page(page: Page, path: str) -> None:
-    """Write a report; the file is either whole or not there.
-
-    Raises:
-        OhmwardError: the disk refused.
-    """
-    page.write(path)
 
 
 def _try_folder(option: str, file: Path) -> None:

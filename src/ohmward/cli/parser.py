@@ -1,12 +1,17 @@
-"""What the parsers of all commands share: argument types, the options of logs, examples in the help."""
+"""A parser that refuses like the rest of the package, and the types of its arguments."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import NoReturn
 
 from ohmward.errors import InputError
+
+_SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 
 
 class Parser(argparse.ArgumentParser):
@@ -15,44 +20,6 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise what argparse would print."""
         raise InputError(f"{message}; see `{self.prog} --help`")
-
-
-def add_command(commands: argparse._SubParsersAction, name: str, what: str, examples: str) -> Parser:
-    """A subcommand with its one-line description and examples that can be pasted."""
-    return commands.add_parser(
-        name,
-        help=what,
-        description=f"{what[:1].upper()}{what[1:]}.",
-        epilog=f"examples:\n{examples}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-
-
-def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """How to read the logs, the same for every command."""
-    group = parser.add_argument_group("reading logs (CSV, Parquet, BDF)")
-    group.add_argument(
-        "--current-sign",
-        choices=("auto", "charge", "discharge"),
-        default="auto",
-        help="what a positive current in the file does to the battery; auto tells it from the voltage (default)",
-    )
-    for option, metavar, what in (
-        ("--column", "KIND=NAME", "the column of time, current, voltage or temperature"),
-        ("--unit", "KIND=UNIT", "its unit, where the name is silent or wrong: current=mA"),
-        ("--where", "NAME=VALUE", "only the rows with this value, where a file holds several recordings"),
-    ):
-        text = f"{what}; may be repeated"
-        group.add_argument(option, metavar=metavar, type=pair, action="append", default=[], help=text)
-    group.add_argument("--sort-time", action="store_true", help="sort rows that are out of order")
-
-
-def add_output_options(parser: argparse.ArgumentParser) -> None:
-    """What to do with the result, the same for every command."""
-    group = parser.add_argument_group("results")
-    group.add_argument("--json", action="store_true", help="print one JSON object on standard output and nothing else")
-    group.add_argument("--report", metavar="FILE.html", help="write a page with plots, one file that needs no network")
 
 
 def pair(text: str) -> tuple[str, str]:
@@ -95,3 +62,25 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
     return int(text)
+
+
+def floats(text: str) -> list[float]:
+    """Numbers separated by commas."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
+
+
+def split_selection(text: str) -> tuple[Path, dict[str, str]]:
+    """File and rows of `ocv.parquet:script=1,temp_C=25`; a file whose own name looks like that is a file."""
+    found = None if Path(text).exists() else _SELECTION.fullmatch(text)
+    if found is None:
+        return Path(text), {}
+    return Path(found["path"]), dict(part.split("=", 1) for part in found["where"].split(","))
+
+
+def selected_name(name: str, where: Mapping[str, str]) -> str:
+    """Name of a log together with the rows that were selected from its file."""
+    chosen = ",".join(f"{column}={value}" for column, value in where.items())
+    return f"{name}:{chosen}" if chosen else name

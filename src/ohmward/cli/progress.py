@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
-#: Called with what is being done and the share done, from 0 to 1.
+#: Called with the name of a task and the share of it that is done, from 0 to 1.
 Report = Callable[[str, float], None]
 
 
 def counting(report: Report | None, what: str) -> Callable[[int, int], None] | None:
-    """A callback that takes how much is done and how much there is to do, now nothing; None where nobody watches."""
+    """Progress callback (done, total) for one task, which begins now; None where nobody watches."""
     if report is None:
         return None
     report(what, 0.0)
@@ -30,7 +31,8 @@ def progress() -> Iterator[Report | None]:
         yield lambda what, share: bars.update(task, description=what, completed=share)
 
 
-def _bars():
+def _bars() -> Any:
+    """Bars of rich on standard error; None where rich is not installed."""
     try:
         from rich.console import Console
         from rich.progress import Progress

@@ -1,4 +1,4 @@
-"""What the reports of all commands share."""
+"""Footer and assumptions that the reports of several commands share."""
 
 from __future__ import annotations
 

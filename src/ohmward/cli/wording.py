@@ -31,7 +31,7 @@ def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3
 
 
 def known(value: float | None) -> TypeGuard[float]:
-    """Whether there is a finite number."""
+    """True where there is a finite number."""
     return value is not None and math.isfinite(value)
 
 
@@ -73,3 +73,13 @@ def bullets(title: str, lines: Sequence[str]) -> str:
 def paragraphs(*parts: str) -> str:
     """The parts that are not empty, with an empty line between them."""
     return "\n\n".join(part for part in parts if part)
+
+
+def assumptions(notes: Sequence[str]) -> str:
+    """Everything that was assumed, as a list; warnings are marked."""
+    return bullets("Assumed", [note.removeprefix("info: ") for note in notes])
+
+
+def flagged(counts: Mapping[str, int]) -> str:
+    """Flags with their counts in one line, "none" without any."""
+    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items()) or "none"

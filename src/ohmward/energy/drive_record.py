@@ -17,7 +17,7 @@ from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import Track, observe
+from ohmward.traction.speed_observer.track import SlipRun, observe
 
 #: Columns that hold the slope of the ground [rad], the first that is there.
 SLOPE_COLUMNS = ("grade_rad", "pitch_rad")
@@ -27,7 +27,7 @@ class ObservedWheels(NamedTuple):
     """A drive of wheels and motors, an observer's estimates along it, and the scene that the observer believes."""
 
     drive: DriveLog
-    track: Track
+    track: SlipRun
     scene: Scene
 
 

@@ -161,7 +161,7 @@ def ocv_figure(
     if rests:
         x, y = np.array([(r.soc, r.voltage_V) for r in rests]).T
         series.append(Series(100 * x, y, "at the end of a rest", "points", "reference"))
-    bands = [] if fit is None else [band_95(100 * soc, mean, _ocv_std_V(fit, soc))]
+    bands = [] if fit is None else [band_95(100 * soc, mean, fit.ocv_std_V(soc))]
     return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
 
 
@@ -175,7 +175,7 @@ def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
     series = [Series(soc, 1e3 * np.asarray(r), name, role=role) for name, r, role in labelled]
     bands = []
     if fit is not None:
-        stds = [1e3 * _std(fit, fit.solution.layout.block(j)) for j in range(len(labelled))]
+        stds = [1e3 * fit.resistance_std_ohm(j) for j in range(len(labelled))]
         bands = [
             band_95(soc, 1e3 * np.asarray(r), std, (0.0, np.inf), f"95 % of {name}", role)
             for (name, r, role), std in zip(labelled, stds, strict=True)
@@ -246,17 +246,6 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
 def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
     """A line each; those beyond the number of hues are dashed."""
     return [Series(x, y, name, "line" if k < len(CYCLE) else "dashed") for k, (name, y) in enumerate(lines.items())]
-
-
-def _ocv_std_V(fit: CircuitFit, soc: np.ndarray) -> np.ndarray:
-    """Standard deviation [V] of the fit's correction of the curve at soc."""
-    from ohmward.battery.identification.circuit_design import OCV_KNOTS
-
-    return np.interp(soc, OCV_KNOTS, _std(fit, fit.solution.layout.correction))
-
-
-def _std(fit: CircuitFit, rows: slice) -> np.ndarray:
-    return np.sqrt(np.diag(fit.solution.cov)[rows])
 
 
 def seconds_text(seconds: float) -> str:

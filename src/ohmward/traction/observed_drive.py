@@ -20,11 +20,11 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import Track, motion_of, observe
+from ohmward.traction.speed_observer.track import SlipRun, motion_of, observe
 from ohmward.traction.terrain.as_estimates import as_estimates
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.file import Floors
-from ohmward.traction.terrain.slip_on_floors import SlipTrack, slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 
 #: Flags of learnt floors that mean a fault of the log.
 FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped")
@@ -37,7 +37,7 @@ class OnFloors(NamedTuple):
     floors: their names, in the order of `track.floor_probability`.
     """
 
-    track: SlipTrack
+    track: FloorRun
     floors: tuple[str, ...]
 
 
@@ -51,7 +51,7 @@ class ObservedDrive(NamedTuple):
     """
 
     robot: Robot
-    track: Track
+    track: SlipRun
     notes: tuple[Note, ...]
     on_floors: OnFloors | None = None
 
@@ -132,12 +132,12 @@ def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = 
     began = time.perf_counter()
     estimator = slip_on_floors(robot, known.floor, method)
     on_floors = estimator.run(log)
-    track = Track(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
+    track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors))
     return ObservedDrive(robot, track, notes, OnFloors(on_floors, estimator.recognition.names))
 
 
-def _floor_notes(robot: Robot, known: Floors, track: SlipTrack) -> list[Note]:
+def _floor_notes(robot: Robot, known: Floors, track: FloorRun) -> list[Note]:
     names = ", ".join(floor.name for floor in known.floor) or "none"
     notes = [Note(f"slip follows from motor currents on learnt floors ({names}) or one that was never met")]
     if known.robot != robot.name:

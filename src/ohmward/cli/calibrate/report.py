@@ -2,40 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ohmward.cli.calibrate.command import PARAMETERS, Result, floor_fields, parameter_rows
+from ohmward.cli.calibrate.result import PARAMETERS, floor_fields, parameter_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
-from ohmward.filters.consistency import BAND_95
-from ohmward.report import Band, Figure, Page, Series
+from ohmward.figures.parts import band_95
+from ohmward.report import Figure, Page, Series
+from ohmward.traction.calibration import Calibration
 from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.stretches import cut, travel_speed
 from ohmward.traction.terrain.floor import Floor, slip_belief
 
 
-def make_page(result: Result, figures: dict[str, Any]) -> Page:
-    """What was calibrated, the speeds it rests on, and the floor's law among the stretches it was learnt from."""
+def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
+    """Calibrated parameters, the speeds behind them, and the floor's law among the stretches it was learnt from."""
     what = f"{figures['drives']} drives, {duration(figures['duration_s'])}"
-    page = Page(f"Robot {result.robot.name!r}", what, FOOTER)
-    for p in result.parameters:
+    page = Page(f"Robot {found.robot.name!r}", what, FOOTER)
+    for p in found.parameters:
         if not p.identified:
             page = page.callout("warning", f"{p.name} was not identified: {p.reason}. The robot's own value is kept.")
-    if result.parameters:
-        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(result)).plot(_speeds(result))
-    if result.floor:
-        rows = list(floor_fields(result.floor).items())
-        page = (
-            page.heading(f"Floor {result.floor.name!r}").plot(_law(result, result.floor)).table(["What", "Value"], rows)
-        )
+    if found.parameters:
+        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(found)).plot(_speeds(found))
+    if found.floor:
+        rows = list(floor_fields(found.floor).items())
+        page = page.heading(f"Floor {found.floor.name!r}").plot(_law(found, found.floor)).table(["What", "Value"], rows)
     return with_assumptions(page, figures["notes"])
 
 
-def _speeds(result: Result) -> Figure:
+def _speeds(found: Calibration) -> Figure:
     """Speed of the body over that of the rims, which a good radius puts on the diagonal."""
-    stretches = cut(result.drives, result.robot)
+    stretches = cut(found.drives, found.robot)
     rim, body = travel_speed(stretches.rim), travel_speed(stretches.motion)
     ends = np.array([0.0, float(max(rim.max(), body.max()))])
     return Figure(
@@ -46,9 +46,9 @@ def _speeds(result: Result) -> Figure:
     )
 
 
-def _law(result: Result, floor: Floor) -> Figure:
+def _law(found: Calibration, floor: Floor) -> Figure:
     """Slip over force of the wheels, and the law with its band."""
-    p = points(cut(result.drives, result.robot), result.robot)
+    p = points(cut(found.drives, found.robot), found.robot)
     most = float(np.abs(p.force_share).max())
     force = np.linspace(0.0, most, 60)
     law = slip_belief(floor, force[:, None], np.zeros((60, 1)))
@@ -63,5 +63,5 @@ def _law(result: Result, floor: Floor) -> Figure:
             ),
             Series(force, mean, "learnt", role="estimate"),
         ],
-        bands=[Band(force, mean - BAND_95 * std, mean + BAND_95 * std, "95 %")],
+        bands=[band_95(force, mean, std, label="95 %")],
     )

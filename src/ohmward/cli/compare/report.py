@@ -7,8 +7,8 @@ from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.registry import ESTIMATORS
-from ohmward.cli.compare.command import tables_of
-from ohmward.cli.estimating import SocTask
+from ohmward.cli.battery_inputs import SocTask
+from ohmward.cli.compare.result import tables_of
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
 from ohmward.figures import battery as pictures

@@ -7,15 +7,33 @@ import shlex
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from ohmward.cli import wording
-from ohmward.cli.outcome import Outcome, write_page
-from ohmward.cli.parser import add_command, count
+from ohmward.cli.compare import arguments as compare_arguments
+from ohmward.cli.compare import command as compare
+from ohmward.cli.demo.report import make_page
+from ohmward.cli.doctor import arguments as doctor_arguments
+from ohmward.cli.doctor import command as doctor
+from ohmward.cli.identify import arguments as identify_arguments
+from ohmward.cli.identify import command as identify
+from ohmward.cli.mission import arguments as mission_arguments
+from ohmward.cli.mission import command as mission
+from ohmward.cli.outcome import Outcome, carry_out
+from ohmward.cli.parser import Parser
+from ohmward.cli.simulate import arguments as simulate_arguments
+from ohmward.cli.simulate import command as simulate
+from ohmward.cli.slip import arguments as slip_arguments
+from ohmward.cli.slip import command as slip
+from ohmward.cli.soc import arguments as soc_arguments
+from ohmward.cli.soc import command as soc
 from ohmward.errors import InputError
-
-if TYPE_CHECKING:
-    from ohmward.simulate import RobotDay
+from ohmward.filters.consistency import BAND_95
+from ohmward.simulate import RobotDay, make_robot_day, write_robot_day
+from ohmward.simulate.closed_loop import save_scenario
+from ohmward.simulate.robot_drive import WAY_HOME, robot_drive
+from ohmward.traction import save_robot
 
 #: A folder that holds this file was made by the demo and is safe to write into.
 MARK = "made-by-ohmward-demo.txt"
@@ -24,18 +42,26 @@ N_SERIES = {"lfp": 4, "lead-acid": 6}
 #: The battery that drives home.
 DRIVEN = "lfp"
 
-_EXAMPLES = """\
-  ohmward demo
-  ohmward demo --out my-demo --seed 7
-"""
 _WELCOME = """\
 A simulated robot. First its battery, once lithium iron phosphate and once lead-acid: a pulse test on the bench and a
 working day, recorded with low-cost sensors. Then the drive home: dry floor, wet tiles, a ramp. The simulation knows the
 truth; the commands below are what you would type for your own logs, and can be pasted."""
 
 
+#: Arguments and run of each command that the demo types.
+_COMMANDS: dict[str, tuple[ModuleType, ModuleType]] = {
+    "doctor": (doctor_arguments, doctor),
+    "identify": (identify_arguments, identify),
+    "soc": (soc_arguments, soc),
+    "compare": (compare_arguments, compare),
+    "simulate": (simulate_arguments, simulate),
+    "slip": (slip_arguments, slip),
+    "mission": (mission_arguments, mission),
+}
+
+
 class DemoStep(NamedTuple):
-    """A command line of the demo, without `ohmward`, and what to call it."""
+    """A command line of the demo, without `ohmward`, and its name."""
 
     name: str
     words: tuple[str, ...]
@@ -44,19 +70,8 @@ class DemoStep(NamedTuple):
         return f"$ ohmward {shlex.join(self.words)}"
 
 
-def add_parser(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = add_command(commands, "demo", "a simulated robot, from pulse test to the way home", _EXAMPLES)
-    parser.add_argument("--out", default="ohmward-demo", metavar="FOLDER", help="default: %(default)s")
-    parser.add_argument("--seed", type=count, default=1, metavar="N", help="another seed, another day (default 1)")
-    parser.set_defaults(run=run)
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Make the logs, then do what a user would do with them."""
-    from ohmward.cli.demo.report import make_page
-    from ohmward.simulate import make_robot_day
-
     folder = _prepare(Path(args.out))
     print(f"{_WELCOME}\n", flush=True)
     days = {chemistry: make_robot_day(chemistry, args.seed) for chemistry in N_SERIES}
@@ -64,20 +79,18 @@ def run(args: argparse.Namespace) -> Outcome:
     home = drive_home(folder, days[DRIVEN], worked[DRIVEN]["soc"].summary, args.seed)
     results = {chemistry: _summaries(outcomes) for chemistry, outcomes in worked.items()} | _summaries(home)
     page = make_page(worked[DRIVEN] | home, drive_figures(results))
-    write_page(page, str(folder / "report.html"))
+    page.write(folder / "report.html")
     return Outcome({"command": "demo", "folder": str(folder), **results}, describe(results, folder))
 
 
 def work_through(chemistry: str, day: RobotDay, folder: Path) -> dict[str, Outcome]:
     """Write the logs of one battery and run every command on them; outcomes by the name of the step."""
-    from ohmward.simulate import write_robot_day
-
     files = write_robot_day(day, folder)
     return _play(steps(chemistry, folder, files.pulse_test, files.mission))
 
 
 def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list[DemoStep]:
-    """What a user would type for the battery."""
+    """Command lines of a user with this battery."""
     test, day, battery = str(pulse_test), str(mission), str(folder / f"{chemistry}.toml")
 
     def report(command: str) -> str:
@@ -98,10 +111,6 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
 
     evening: the summary of `soc` at the end of the day.
     """
-    from ohmward.simulate.closed_loop import save_scenario
-    from ohmward.simulate.robot_drive import WAY_HOME, robot_drive
-    from ohmward.traction import save_robot
-
     left = float(day.mission.extra["soc_true"][-1])
     drive = robot_drive(DRIVEN, left, seed, "mujoco" if find_spec("mujoco") else "own")
     save_scenario(drive, folder / "drive.toml")
@@ -111,7 +120,10 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
 
 
 def drive_steps(folder: Path, soc: float, soc_std: float) -> list[DemoStep]:
-    """What a user would type for the drive; soc, soc_std: of the battery when it begins."""
+    """Command lines of a user with this drive.
+
+    soc, soc_std: of the battery when it begins.
+    """
 
     def path(name: str) -> str:
         return str(folder / name)
@@ -139,11 +151,11 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
 
 
 def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
-    """What the commands found, by name."""
+    """Figures that the commands found, by name."""
     evening, slip, mission = results[DRIVEN]["soc"], results["slip"], results["mission"]
     p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"].values())
     return {
-        "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {196 * evening['soc_std_final']:.0f} %",
+        "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
         "wheel slip found": wording.percent(slip["detection_rate"], 1),
         "range left": f"{p50:.1f} km, {p10:.1f} to {p90:.1f} (P10-P90)",
@@ -161,16 +173,23 @@ def _summaries(outcomes: Mapping[str, Outcome]) -> dict[str, dict[str, Any]]:
 
 
 def _play(steps: Sequence[DemoStep]) -> dict[str, Outcome]:
-    """Print each command line, run it exactly as the shell would, print the beginning of what it says."""
-    from ohmward.cli import main
-
+    """Print each command line, run it exactly as the shell would, print the beginning of its text."""
     outcomes = {}
     for step in steps:
         print(step, flush=True)
-        outcomes[step.name] = main.run(main.build_parser().parse_args(step.words))
+        outcomes[step.name] = _typed(step)
         beginning = "\n\n".join(outcomes[step.name].text.split("\n\n")[:2])
         print(f"{beginning}\n", flush=True)
     return outcomes
+
+
+def _typed(step: DemoStep) -> Outcome:
+    """Outcome of a command line as if a user had typed it."""
+    name, *words = step.words
+    arguments, command = _COMMANDS[name]
+    parser = Parser(prog=f"ohmward {name}", allow_abbrev=False)
+    arguments.add_arguments(parser)
+    return carry_out(command.run, parser.parse_args(words))
 
 
 def _prepare(folder: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ohmward.cli.doctor.command import contents
+from ohmward.cli.doctor.result import contents
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, grouped, sentence
 from ohmward.figures import battery as pictures

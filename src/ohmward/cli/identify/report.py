@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification import Identified, LogDetails
-from ohmward.cli.identify.command import FITS, PARAMETERS, fit_rows, parameter_rows
+from ohmward.cli.identify.result import FITS, PARAMETERS, fit_rows, parameter_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.report import Page

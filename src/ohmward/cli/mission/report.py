@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ohmward.cli.mission.command import MissionAnswer, MissionTask, expected_J_per_m, summary, usual_speed_m_s
-from ohmward.cli.mission.text import TERRAINS, advice_lines, result, split_rows, terrain_rows
-from ohmward.cli.mission_log import Recording, Split
+from ohmward.cli.mission.result import TERRAINS, advice_lines, result, split_rows, terrain_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.energy import BatteryState, Consumption, MissionForecast
+from ohmward.energy.consumption_figures import expected_J_per_m, usual_speed_m_s
+from ohmward.energy.drive_record import DriveRecord, RecordedBalance
+from ohmward.energy.mission import MissionResult
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series
 from ohmward.report.palette import Meaning
 
@@ -29,30 +31,32 @@ _SPEEDS = 25
 _SHORTEST_M = 5.0
 
 
-def make_page(task: MissionTask, answer: MissionAnswer) -> Page:
-    """Key figures, the plan, where the power went, what each ground takes, assumptions."""
-    figures = summary(task, answer)
+def make_page(found: MissionResult, figures: Mapping[str, Any]) -> Page:
+    """Key figures, the plan, the energy balance, consumption on each ground, assumptions.
+
+    figures: summary of the mission.
+    """
     page = Page(figures["log"] or "Mission", _subtitle(figures), FOOTER).numbers(_numbers(figures))
-    if answer.outlook:
-        page = page.heading("Plan").plot(*plan_figures(answer.outlook, task.charge))
+    if found.forecast:
+        page = page.heading("Plan").plot(*plan_figures(found.forecast, found.state))
         page = page.table(["leg", "distance", "time", "SoC, P10-P90", "probability"], _milestones(figures["plan"]))
-    if task.recording:
-        page = _recorded(page, task.recording, figures)
-    page = _grounds(page, task, figures)
+    if found.record:
+        page = _recorded(page, found.record, figures)
+    page = _grounds(page, found, figures)
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
-    return with_assumptions(page, task.notes)
+    return with_assumptions(page, figures["notes"])
 
 
-def plan_figures(outlook: MissionForecast, charge: BatteryState) -> list[Figure]:
+def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]:
     """State of charge, energy and probability along the plan."""
-    m = outlook.milestones
+    m = forecast.milestones
     x = np.array([0.0, *(one.distance_m for one in m)])
-    soc = 100 * np.array([[charge.soc - 1.2816 * charge.soc_std, charge.soc, charge.soc + 1.2816 * charge.soc_std]])
+    soc = 100 * np.array([[state.soc - 1.2816 * state.soc_std, state.soc, state.soc + 1.2816 * state.soc_std]])
     soc = np.vstack([soc, *(100 * np.array(one.soc) for one in m)]).clip(0.0, 100.0)
     energy = np.vstack([np.zeros(3), *(np.array(one.energy_J) / 3600.0 for one in m)])
     probability = 100 * np.array([1.0, *(one.probability for one in m)])
-    turn = [Marker(outlook.point_of_return_m, "latest point of return", "alert")]
-    reserve = Series(x, np.full(len(x), 100 * charge.reserve_soc), "reserve", "dashed", "reference")
+    turn = [Marker(forecast.point_of_return_m, "latest point of return", "alert")]
+    reserve = Series(x, np.full(len(x), 100 * state.reserve_soc), "reserve", "dashed", "reference")
     label = "Distance [m]"
     return [
         Figure("State of charge", label, "State of charge [%]", [_line(x, soc), reserve], [_band(x, soc)], turn),
@@ -69,9 +73,9 @@ def plan_figures(outlook: MissionForecast, charge: BatteryState) -> list[Figure]
     ]
 
 
-def power_figure(split: Split) -> Figure:
+def power_figure(balance: RecordedBalance) -> Figure:
     """Losses on each other, and the battery's power over them."""
-    t, p = split.time_s, split.power
+    t, p = balance.time_s, balance.power
     lower, bands = np.zeros(len(t)), []
     for label, (names, role) in _STACK.items():
         upper = lower + np.maximum(_smooth(t, sum(getattr(p, name) for name in names)), 0.0)
@@ -82,23 +86,23 @@ def power_figure(split: Split) -> Figure:
     return Figure(title, TIME, "Power [W]", [line], bands, height_px=320)
 
 
-def speed_figure(recording: Recording) -> Figure:
+def speed_figure(record: DriveRecord) -> Figure:
     """Speed and power of the battery, where no split is known."""
-    t = recording.log.time_s
+    t = record.log.time_s
     series = [
-        Series(t, recording.battery_W, "battery", role="reference"),
-        Series(t, recording.speed_m_s, "speed", role="estimate", axis="right"),
+        Series(t, record.battery_W, "battery", role="reference"),
+        Series(t, record.speed_m_s, "speed", role="estimate", axis="right"),
     ]
     return Figure("Power and speed", TIME, "Power [W]", series, right_label="Speed [m/s]")
 
 
-def terrain_figure(c: Consumption, name: str, recording: Recording | None) -> Figure:
+def terrain_figure(c: Consumption, name: str, record: DriveRecord | None) -> Figure:
     """Energy per metre over speed: what another day may take, and the stretches of this one."""
     usual = usual_speed_m_s(c, name)
     speeds = np.linspace(0.4 * usual, 2.0 * usual, _SPEEDS)
     expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
     series = [_line(speeds, expected)]
-    there = [d for d in recording.driven if d.stretch.terrain == name] if recording else []
+    there = [d for d in record.driven if d.stretch.terrain == name] if record else []
     if there := [d for d in there if d.stretch.distance_m > _SHORTEST_M]:
         v = np.array([d.stretch.speed_distance_m2_s / d.stretch.distance_m for d in there])
         points = np.array([d.energy_J / d.stretch.distance_m for d in there])
@@ -106,12 +110,12 @@ def terrain_figure(c: Consumption, name: str, recording: Recording | None) -> Fi
     return Figure(f"On {name}", "Speed [m/s]", "Energy per metre [J/m]", series, [_band(speeds, expected)])
 
 
-def _subtitle(figures: dict[str, Any]) -> str:
+def _subtitle(figures: Mapping[str, Any]) -> str:
     robot = f", robot {figures['robot']!r}" if figures["robot"] else ""
     return f"Energy, range and the way home; battery {figures['battery']!r}{robot}"
 
 
-def _numbers(figures: dict[str, Any]) -> dict[str, str]:
+def _numbers(figures: Mapping[str, Any]) -> dict[str, str]:
     reach = figures["range_m"]
     numbers = {
         "Range left, P50": quantity(reach["p50"], "m"),
@@ -126,7 +130,7 @@ def _numbers(figures: dict[str, Any]) -> dict[str, str]:
     return {label: value for label, value in numbers.items() if value != "-"}
 
 
-def _milestones(plan: dict[str, Any]) -> list[list[str]]:
+def _milestones(plan: Mapping[str, Any]) -> list[list[str]]:
     return [
         [
             str(k),
@@ -139,21 +143,21 @@ def _milestones(plan: dict[str, Any]) -> list[list[str]]:
     ]
 
 
-def _recorded(page: Page, recording: Recording, figures: dict[str, Any]) -> Page:
+def _recorded(page: Page, record: DriveRecord, figures: Mapping[str, Any]) -> Page:
     page = page.heading("Where the energy went")
-    if recording.split is None:
-        return page.plot(speed_figure(recording))
-    page = page.plot(power_figure(recording.split), speed_figure(recording))
+    if record.balance is None:
+        return page.plot(speed_figure(record))
+    page = page.plot(power_figure(record.balance), speed_figure(record))
     return page.table(["Part", "Energy", "Share", "Std, at most"], split_rows(figures["drive"]))
 
 
-def _grounds(page: Page, task: MissionTask, figures: dict[str, Any]) -> Page:
-    c = task.consumption
+def _grounds(page: Page, found: MissionResult, figures: Mapping[str, Any]) -> Page:
+    c = found.consumption
     if not c.terrains:
         return page
     page = page.heading("What the ground takes").table(TERRAINS, terrain_rows(figures))
     for name in c.terrains[:_MOST_TERRAINS]:
-        page = page.plot(terrain_figure(c, name, task.recording))
+        page = page.plot(terrain_figure(c, name, found.record))
     for line in advice_lines(figures):
         page = page.callout("info", line)
     return page

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ohmward.cli.report_parts import FOOTER
-from ohmward.cli.simulate.command import ENERGY, result, summary
+from ohmward.cli.simulate.result import ENERGY, result, summary
 from ohmward.cli.wording import duration
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import TIME, Band, Figure, Page, Series

@@ -1,30 +1,37 @@
-"""The report of `ohmward slip`."""
+"""Report of `ohmward slip`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
+from ohmward.cli.drive_inputs import driven_wheels
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.slip.command import SlipAnswer, SlipTask, driven_wheels, errors, result, summary
+from ohmward.cli.slip.result import SlipTask, errors, result
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.figures.slip import ground_figures, speed_figure
 from ohmward.figures.terrain import run_figures as floor_figures
 from ohmward.report import Figure, Page
+from ohmward.traction.observed_drive import ObservedDrive
 from ohmward.traction.score import true_slip
 
 
-def make_page(task: SlipTask, name: str, answer: SlipAnswer) -> Page:
-    """Key figures, plots above each other on one clock, episodes, assumptions."""
-    figures = summary(task, name, answer)
-    what = f"Speed and slip by {name}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
-    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures)).plot(*_plots(task, answer))
+def make_page(task: SlipTask, observed: ObservedDrive, figures: Mapping[str, Any]) -> Page:
+    """Key figures, plots above each other on one clock, episodes, assumptions.
+
+    figures: summary of the drive.
+    """
+    what = f"Speed and slip by {figures['filter']}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
+    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures)).plot(*_plots(task, observed))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
-    if task.truth:
+    if task.reference:
         page = page.heading("Against the truth").table(["Quantity", "Value"], list(errors(figures).items()))
-    return with_assumptions(_with_episodes(page, figures), answer.notes)
+    return with_assumptions(_with_episodes(page, figures), figures["notes"])
 
 
-def _numbers(figures: dict) -> dict[str, str]:
+def _numbers(figures: Mapping[str, Any]) -> dict[str, str]:
     numbers = {
         "Distance": quantity(figures["distance_m"], "m"),
         "Greatest speed": quantity(max(-figures["speed_min_m_s"], figures["speed_max_m_s"]), "m/s"),
@@ -37,17 +44,18 @@ def _numbers(figures: dict) -> dict[str, str]:
     return {label: value for label, value in numbers.items() if value != "-"}
 
 
-def _plots(task: SlipTask, answer: SlipAnswer) -> list[Figure]:
-    robot, run, on = task.robot, answer.track, answer.on_floors
+def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:
+    robot, run, truth = task.robot, observed.track, task.reference.truth if task.reference else None
     e = run.estimates
+    wheels = driven_wheels(robot)
     rolled_m_s = robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven])[0]
-    truth = task.truth.values.speed_m_s if task.truth else None
-    slips = true_slip(robot, e, task.truth.values).speed_m_s if task.truth else None
-    of_floors = floor_figures(on.track, on.floors, on.wheels) if on else []
-    return [speed_figure(run, rolled_m_s, truth), *of_floors, *ground_figures(run, driven_wheels(robot), slips)]
+    plots = [speed_figure(run, rolled_m_s, truth.speed_m_s if truth else None)]
+    if observed.on_floors:
+        plots += floor_figures(observed.on_floors.track, observed.on_floors.floors, wheels)
+    return plots + ground_figures(run, wheels, true_slip(robot, e, truth).speed_m_s if truth else None)
 
 
-def _with_episodes(page: Page, figures: dict) -> Page:
+def _with_episodes(page: Page, figures: Mapping[str, Any]) -> Page:
     """The page with a row for each time that a wheel slipped."""
     found = figures["slip_episodes"]
     if not found:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.cli.estimating import SocTask
+from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.soc.command import result
+from ohmward.cli.soc.result import result
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.figures import battery as pictures
 from ohmward.filters.consistency import BAND_95

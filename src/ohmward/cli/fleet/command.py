@@ -8,61 +8,28 @@ import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ohmward.battery.file import load_battery
+from ohmward.battery.soc.registry import make_estimator
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.parser import add_command, add_log_options, count, positive, share
-from ohmward.cli.progress import progress
+from ohmward.cli.progress import Report, progress
 from ohmward.errors import InputError
-
-if TYPE_CHECKING:
-    from ohmward.fleet import Finished
-    from ohmward.fleet.run import Work
-
-_EXAMPLES = """\
-  ohmward fleet 'logs/*.parquet' --battery battery.toml -o results
-  ohmward fleet 'logs/**/*.csv' --battery battery.toml --filter ukf --processes 8 --estimates -o results --json
-  ohmward fleet '/shared/logs/*.parquet' --battery battery.toml --dask tcp://10.0.0.5:8786 -o results
-"""
-
-
-def add_parser(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = add_command(commands, "fleet", "state of charge of many logs, one row for each; can be resumed", _EXAMPLES)
-    parser.add_argument("logs", nargs="+", metavar="LOGS", help="files or patterns, quoted: 'logs/**/*.parquet'")
-    parser.add_argument("--battery", required=True, metavar="FILE.toml", help="battery file of all of them")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder for summary.csv and progress")
-    group = parser.add_argument_group("estimation")
-    group.add_argument("--filter", default="ekf", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
-    group.add_argument("--initial-soc", type=share, metavar="S", help="at the start of every log; default: its voltage")
-    group.add_argument(
-        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
-    )
-    group.add_argument("--estimates", action="store_true", help="write the estimates of every log too, as Parquet")
-    group = parser.add_argument_group("where")
-    where = group.add_mutually_exclusive_group()
-    where.add_argument("--processes", type=count, metavar="N", help="side by side; default: one for each processor")
-    where.add_argument(
-        "--dask", metavar="ADDRESS", help="on the workers of this scheduler, such as tcp://10.0.0.5:8786"
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    add_log_options(parser)
-    parser.set_defaults(run=run)
+from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
+from ohmward.fleet.run import Work
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
-    from ohmward.battery.file import load_battery
-    from ohmward.battery.soc.registry import make_estimator
-    from ohmward.fleet import Job, ReadOptions, run_fleet
-
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
     make_estimator(args.filter, load_battery(args.battery))  # refused now, not in every process
-    folder, paths = Path(args.output), find(args.logs)
+    folder = Path(args.output)
+    paths = find(args.logs)
     if args.dask:  # workers have other working folders
-        folder, paths = folder.absolute(), [str(Path(path).absolute()) for path in paths]
+        folder = folder.absolute()
+        paths = [str(Path(path).absolute()) for path in paths]
     job = Job(
         battery=Path(args.battery).read_text(encoding="utf-8"),
         filter=args.filter,
@@ -72,16 +39,20 @@ def run(args: argparse.Namespace) -> Outcome:
         estimates=str(folder / "estimates") if args.estimates else None,
     )
     with progress() as report:
-        told = (lambda done, total: report(f"{done:,} of {total:,} logs", done / total)) if report else None
-        finished = run_fleet(paths, job, folder, work(args), told)
+        finished = run_fleet(paths, job, folder, work(args), _progress_of(report))
     figures = summary(args, finished)
-    return Outcome(figures, describe(figures, finished), status=0)
+    return Outcome(figures, describe(figures, finished))
+
+
+def _progress_of(report: Report | None) -> Callable[[int, int], None] | None:
+    """Progress callback (done, total) that counts the logs; None where nobody watches."""
+    if report is None:
+        return None
+    return lambda done, total: report(f"{done:,} of {total:,} logs", done / total)
 
 
 def work(args: argparse.Namespace) -> Work:
-    """Where the batches are worked on."""
-    from ohmward.fleet import in_processes, on_dask
-
+    """Executor of the batches: processes here, or the workers of a Dask scheduler."""
     if args.dask:
         return partial(on_dask, address=args.dask)
     return partial(in_processes, processes=args.processes or os.cpu_count() or 1)

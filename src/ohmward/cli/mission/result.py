@@ -1,11 +1,71 @@
-"""What `ohmward mission` found, for people: key figures, tables and sentences."""
+"""Figures of `ohmward mission`, for programs and for people."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ohmward.cli import wording
+from ohmward.energy import MissionForecast, Range
+from ohmward.energy.consumption_figures import TerrainFigures, record_figures, terrain_figures
+from ohmward.energy.mission import MissionResult
+from ohmward.traction import Robot
+
+TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
+
+
+def summary(result: MissionResult, robot: Robot | None, notes: Sequence[str]) -> dict[str, Any]:
+    """The object of --json.
+
+    notes: everything that was assumed.
+    """
+    c, record, forecast = result.consumption, result.record, result.forecast
+    return {
+        "command": "mission",
+        "log": record.log.name if record else None,
+        "battery": result.battery.name,
+        "robot": robot.name if robot else None,
+        "drive": record_figures(record, c)._asdict() if record else None,
+        "terrains": {name: _terrain(terrain_figures(c, name)) for name in c.terrains},
+        "idle_W": float(c.mean[0]),
+        "idle_std_W": float(c.cov[0, 0] ** 0.5),
+        "soc": result.state.soc,
+        "soc_std": result.state.soc_std,
+        "reserve_soc": result.state.reserve_soc,
+        **_range(result.range),
+        "probability": forecast.probability if forecast else None,
+        "plan": _plan(forecast) if forecast else None,
+        "advice": {name: advice._asdict() for name, advice in result.advice.items()},
+        "notes": list(notes),
+    }
+
+
+def _terrain(figures: TerrainFigures) -> dict[str, Any]:
+    expected = {name: getattr(figures, name)._asdict() for name in ("expected_J_per_m", "expected_cost_of_transport")}
+    return figures._asdict() | expected
+
+
+def _range(left: Range) -> dict[str, Any]:
+    return {
+        "usable_J": left.usable_J._asdict(),
+        "range_m": left.distance_m._asdict(),
+        "time_left_s": left.time_s._asdict(),
+        "energy_J_per_m": left.energy_J_per_m._asdict(),
+        "power_W": left.power_W,
+    }
+
+
+def _plan(forecast: MissionForecast) -> dict[str, Any]:
+    milestones = [m._asdict() | {"energy_J": m.energy_J._asdict(), "soc": m.soc._asdict()} for m in forecast.milestones]
+    last = milestones[-1]
+    return {
+        "distance_m": last["distance_m"],
+        "time_s": last["time_s"],
+        "energy_J": last["energy_J"],
+        "probability": forecast.probability,
+        "point_of_return_m": forecast.point_of_return_m,
+        "milestones": milestones,
+    }
 
 
 def describe(figures: Mapping[str, Any]) -> str:
@@ -17,7 +77,7 @@ def describe(figures: Mapping[str, Any]) -> str:
         wording.table(TERRAINS, terrain_rows(figures)) if figures["terrains"] else "",
         _plan_text(figures["plan"]),
         wording.bullets("Advice", advice_lines(figures)),
-        wording.bullets("Assumed", [note.removeprefix("info: ") for note in figures["notes"]]),
+        wording.assumptions(figures["notes"]),
     )
 
 
@@ -51,9 +111,6 @@ def result(figures: Mapping[str, Any]) -> dict[str, str]:
 def band(values: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
     """P10 / P50 / P90 with their unit."""
     return " / ".join(f"{float(f'{scale * v:.3g}'):g}" for v in values.values()) + f" {unit}  (P10 / P50 / P90)"
-
-
-TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
 
 
 def terrain_rows(figures: Mapping[str, Any]) -> list[list[str]]:

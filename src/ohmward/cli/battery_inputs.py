@@ -1,0 +1,78 @@
+"""Battery, log, truth and estimator as the options of a command name them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection
+from dataclasses import replace
+from typing import NamedTuple
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.file import load_battery
+from ohmward.battery.log_check import check_log
+from ohmward.battery.soc.estimator import SocEstimator, SocRun
+from ohmward.battery.soc.reference import SocReference
+from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
+from ohmward.cli.options import UNKNOWN
+from ohmward.cli.parser import selected_name, split_selection
+from ohmward.cli.progress import Report, counting
+from ohmward.cli.truth import read_soc_truth
+from ohmward.logs import Log, read_log
+
+
+class SocTask(NamedTuple):
+    """One log to estimate: the battery it is of, and the truth if there is one."""
+
+    battery: Battery
+    log: Log
+    truth: SocReference | None
+
+    @property
+    def notes(self) -> list[str]:
+        """Everything that was assumed while reading."""
+        truth = [f"info: {self.truth.note}"] if self.truth else []
+        return [str(note) for note in self.log.notes] + truth
+
+
+def read_battery_log(
+    text: str, args: argparse.Namespace, extra: Collection[str] | None = None, report: Report | None = None
+) -> Log:
+    """The log that an argument names, read as the options of `add_log_options` say.
+
+    text: a file, or a file and the rows wanted from it, `ocv.parquet:script=1,temp_C=25`, then part of the log's name.
+    extra: further columns to keep; None keeps every numeric one.
+
+    Raises:
+        InputError: the file cannot be read as a log.
+    """
+    path, where = split_selection(text)
+    log = read_log(
+        path,
+        current_sign=args.current_sign,
+        columns=dict(args.column),
+        units=dict(args.unit),
+        where=dict(args.where) | where,
+        extra=extra,
+        sort_time=args.sort_time,
+        progress=counting(report, f"reading {path.name}"),
+    )
+    return replace(log, name=selected_name(log.name, where))
+
+
+def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
+    """Battery, log and truth that the options of `add_soc_options` name."""
+    battery = load_battery(args.battery)
+    extra = None if args.truth else ()
+    log = check_log(read_battery_log(args.log, args, extra, report), battery)
+    if not args.truth:
+        return SocTask(battery, log, None)
+    start_soc = args.initial_soc if args.truth_start is None else args.truth_start
+    return SocTask(battery, log, read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc))
+
+
+def estimate(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> SocRun:
+    """Run the estimator of this name over the log."""
+    rest_A = task.battery.idle_current_A if args.rest_current is None else args.rest_current
+    settings = EstimatorSettings(idle_current_A=None if rest_A == UNKNOWN else rest_A)
+    estimator = make_estimator(name, task.battery, settings)
+    return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, counting(report, name))

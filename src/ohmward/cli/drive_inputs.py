@@ -1,0 +1,128 @@
+"""Robot, ground, log of a drive and its truth as the options of a command name them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.cli.options import BUILT_IN, TRUTHS
+from ohmward.cli.parser import selected_name, split_selection
+from ohmward.cli.truth import truth_column
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog, read_drive
+from ohmward.logs.units import unit_in_name
+from ohmward.traction import RLMA, ROBOTINO, Robot, Terrain, load_robot
+from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
+from ohmward.traction.score import DriveTruth
+
+
+class DriveReference(NamedTuple):
+    """Truth of a drive, and its origin in one sentence."""
+
+    truth: DriveTruth
+    note: str
+
+
+def make_robot(name: str) -> Robot:
+    """The robot of --robot: one that comes with the package, or a file.
+
+    Raises:
+        InputError: the file cannot be read as a robot.
+    """
+    built_in = dict(zip(BUILT_IN, (RLMA, ROBOTINO), strict=True))
+    return built_in[name.lower()] if name.lower() in built_in else load_robot(name)
+
+
+def make_terrain(name: str, robot: Robot) -> Terrain:
+    """The ground of --terrain under this robot's wheels.
+
+    Raises:
+        InputError: there is no ground of that name; lists all.
+    """
+    if name in SOILS:
+        return soft_terrain(name, robot.wheel.radius_m, robot.wheel.width_m)
+    if name not in {*ADHESION, *ROADS}:
+        raise InputError(f"--terrain must be one of {', '.join([*ADHESION, *ROADS, *SOILS])}; got {name!r}")
+    return hard_terrain(name)
+
+
+def read_drive_log(
+    text: str,
+    robot: Robot,
+    args: argparse.Namespace,
+    extra: Collection[str] | None = None,
+    leave: Collection[str] = (),
+) -> DriveLog:
+    """The drive that an argument names, read as the options of `add_drive_options` say.
+
+    text: a file, or a file and the rows wanted from it, `gray.parquet:exp=5`, then part of the log's name.
+    extra: further columns to keep; None keeps every numeric one.
+    leave: columns not to take for a sensor by their names: truths.
+
+    Raises:
+        InputError: the file cannot be read as a drive of this robot.
+    """
+    path, where = split_selection(text)
+    log = read_drive(
+        path,
+        [place.name for place in robot.places],
+        robot.driven,
+        radius_m=robot.wheel.radius_m,
+        gear_ratio=robot.motor.gear_ratio,
+        at_motor_shaft=args.motor_shaft,
+        counts_per_turn=args.counts_per_turn,
+        columns=dict(args.column),
+        units=dict(args.unit),
+        where=dict(args.where) | where,
+        extra=extra,
+        leave=leave,
+        sort_time=args.sort_time,
+    )
+    return replace(log, name=selected_name(log.name, where))
+
+
+def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
+    """The truth in the columns that --truth names: speed, then yaw rate, then lateral speed, separated by commas.
+
+    The slip ratios are those of the columns `<wheel>_slip_true`, where the log has them for all driven wheels.
+
+    Raises:
+        InputError: there is no such column.
+    """
+    named = dict(zip(TRUTHS, truth_names(text), strict=False))
+    known = {kind: _in_SI(log, name, kind) for kind, name in named.items() if name}
+    slips = [f"{wheel}_slip_true" for wheel in driven_wheels(robot)]
+    slip = np.column_stack([log.extra[name] for name in slips]) if set(slips) <= set(log.extra) else None
+    truth = DriveTruth(known["speed"], known.get("yaw rate"), known.get("lateral speed"), slip)
+    note = ", ".join(f"{kind} from {name!r}" for kind, name in named.items() if name)
+    how = "from the speeds of body and wheels" if slip is None else f"from {', '.join(map(repr, slips))}"
+    return DriveReference(truth, f"truth: {note}; slip {how}")
+
+
+def truth_names(text: str | None) -> list[str]:
+    """The columns that --truth names, in the order of `TRUTHS`; an empty name leaves one out.
+
+    Raises:
+        InputError: too many, or none for the speed.
+    """
+    if text is None:
+        return []
+    names = [name.strip() for name in text.split(",")]
+    if not names[0] or len(names) > len(TRUTHS):
+        raise InputError(f"--truth takes the columns of {', '.join(TRUTHS)}, separated by commas; got {text!r}")
+    return names
+
+
+def driven_wheels(robot: Robot) -> list[str]:
+    """Names of the driven wheels."""
+    return [place.name for place in robot.places[: robot.driven]]
+
+
+def _in_SI(log: DriveLog, name: str, kind: str) -> np.ndarray:
+    """(T,) the column of a truth, by the unit in its name; SI where the name has none."""
+    unit = unit_in_name(name, (TRUTHS[kind],))
+    return truth_column(log, name) * (unit.scale if unit else 1.0)

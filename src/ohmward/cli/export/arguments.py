@@ -1,0 +1,67 @@
+"""Arguments of `ohmward export`."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.parser import positive, share
+
+EXAMPLES = """\
+  ohmward export battery.toml -o firmware/soc
+  ohmward export battery.toml --filter textbook-ekf --name cell --sample-time 1 --flash-kb 8 -o firmware/cell
+  ohmward export battery.toml --filter textbook-joint --style loops --name joint -o firmware/joint
+  ohmward export robot.toml --filter ekf --name speed -o firmware/speed
+  ohmward export rlma --filter slip-controller --name wheel -o firmware/wheel
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument(
+        "file", metavar="FILE", help="battery file, made by `ohmward identify`; or robot file, rlma or robotino"
+    )
+    parser.add_argument(
+        "--filter",
+        default="ekf",
+        metavar="NAME",
+        help="as in `ohmward soc`, or textbook-joint for the parameters of the RC model; of a robot as in "
+        "`ohmward slip`, or slip-controller or speed-controller (default %(default)s)",
+    )
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
+    parser.add_argument(
+        "--name", default="filter", metavar="WORD", help="prefix of files and symbols (default %(default)s)"
+    )
+    parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
+    group = parser.add_argument_group("start and target")
+    group.add_argument(
+        "--initial-soc",
+        type=share,
+        default=0.5,
+        metavar="S",
+        help="state of charge of the example; filters that must start there say so (default %(default)s)",
+    )
+    group.add_argument(
+        "--initial-soc-std", type=positive, default=0.3, metavar="S", help="how sure that is (default %(default)s)"
+    )
+    group.add_argument(
+        "--sample-time",
+        type=positive,
+        metavar="S",
+        help="samples always come so many seconds apart: smaller and faster, dt_s is not looked at",
+    )
+    group.add_argument(
+        "--style",
+        choices=("lines", "loops"),
+        default="lines",
+        help="lines: no loops, the fastest; loops: a few filters, the smallest (default %(default)s)",
+    )
+    group.add_argument(
+        "--curve-error",
+        type=positive,
+        metavar="MV",
+        help="of textbook-ekf and textbook-ukf: for a smaller table the open-circuit voltage of a cell may be so many "
+        "millivolts off",
+    )
+    group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
+    group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

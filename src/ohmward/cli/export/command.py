@@ -1,0 +1,75 @@
+"""`ohmward export`: an estimator as a C99 library for a microcontroller."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ohmward.battery.file import load_battery
+from ohmward.cli import wording
+from ohmward.cli.drive_inputs import make_robot, make_terrain
+from ohmward.cli.options import BUILT_IN
+from ohmward.cli.outcome import Outcome
+from ohmward.errors import InputError
+from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
+from ohmward.export.c_library import Export, check_fits, library, size, write_library
+from ohmward.export.traction import CONTROLLERS, controller_export, observer_export
+from ohmward.toml_file import noun_of
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Write the library."""
+    export = _robot_export(args) if _is_robot(args.file) else _battery_export(args)
+    check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
+    paths = write_library(library(export), Path(args.output))
+    needed = size(export)
+    figures = {
+        "command": "export",
+        "title": export.title,
+        "filter": args.filter,
+        "name": args.name,
+        "sample_time_s": args.sample_time,
+        "style": args.style,
+        "curve_error_mV": args.curve_error,
+        "operations": needed.operations,
+        "flash_bytes_estimated": needed.flash,
+        "state_bytes": needed.state,
+        "vectors": len(export.samples),
+        "output": args.output,
+        "files": [path.name for path in paths],
+    }
+    rows = {
+        "operations": f"{needed.operations:,}",
+        "flash": f"about {needed.flash / 1024:.1f} KB on a Cortex-M with -Os",
+        "state": f"{needed.state} bytes",
+        "files": ", ".join(figures["files"]),
+    }
+    text = wording.paragraphs(
+        f"{args.output}: {export.title}",
+        wording.fields(rows),
+        f"compile and check it here:\n  make -C {args.output} test",
+    )
+    return Outcome(figures, text)
+
+
+def _is_robot(file: str) -> bool:
+    """True where it names a robot: one that comes with the package, or a file of that format."""
+    return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
+
+
+def _battery_export(args: argparse.Namespace) -> Export:
+    battery = load_battery(args.file)
+    start = args.initial_soc, args.initial_soc_std
+    curve_V = curve_error_of_pack_V(battery, args.curve_error)
+    return battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
+
+
+def _robot_export(args: argparse.Namespace) -> Export:
+    if args.curve_error:
+        raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
+    if args.style != "lines":
+        raise InputError(f"{args.filter} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
+    robot = make_robot(args.file)
+    if args.filter in CONTROLLERS:
+        return controller_export(robot, args.filter, args.name)
+    return observer_export(robot, make_terrain(args.terrain, robot), args.filter, args.name)

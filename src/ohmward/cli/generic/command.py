@@ -1,0 +1,27 @@
+"""`ohmward generic`: a battery file for a battery that nobody has tested, to start with."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
+from ohmward.cli.outcome import Outcome, check_output
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Write the battery file."""
+    check_output("--output", args.output, (".toml",))
+    battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    save_battery(battery, args.output)
+    summary = {
+        "command": "generic",
+        "name": battery.name,
+        "chemistry": battery.chemistry,
+        "capacity_Ah": battery.capacity_Ah,
+        "n_series": battery.n_series,
+        "not_identified": list(battery.not_identified),
+        "output": args.output,
+    }
+    text = f"battery file: {args.output}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
+    return Outcome(summary, text)

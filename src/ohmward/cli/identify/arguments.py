@@ -1,0 +1,58 @@
+"""Arguments of `ohmward identify`."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.options import add_log_options, add_output_options
+from ohmward.cli.parser import count, number, positive, share
+
+EXAMPLES = """\
+  ohmward identify test.csv --capacity-ah 12 -o battery.toml
+  ohmward identify test.csv --capacity-ah 12 --chemistry lfp --n-series 4 --report identify.html -o battery.toml
+  ohmward identify test.csv --capacity-ah 12 --model thevenin-1rc --initial-soc test=1.0 --json
+
+A file that holds several recordings may be named several times: ocv.parquet:script=1,temp_C=25
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="pulse tests, low-rate tests, drives of one battery")
+    group = parser.add_argument_group("the battery")
+    group.add_argument(
+        "--capacity-ah", type=positive, required=True, metavar="Q", help="charge between full and empty [Ah]"
+    )
+    group.add_argument(
+        "--model",
+        default="thevenin-2rc",
+        metavar="NAME",
+        help="thevenin-0rc to thevenin-3rc, or rc (default %(default)s)",
+    )
+    group.add_argument("--chemistry", default="", metavar="NAME", help="such as lfp, nmc, nca, lipo, lead-acid")
+    group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
+    group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
+    group.add_argument(
+        "--initial-soc",
+        type=initial_soc,
+        action="append",
+        default=[],
+        metavar="[LOG=]S",
+        help="state of charge at the start of the logs, or of the log of this name, where they do not tell it",
+    )
+    group.add_argument(
+        "--idle-current",
+        type=number,
+        metavar="A",
+        help="what flows at every rest, <= 0: 0 in a laboratory, -0.7 on a robot that draws 0.7 A; goes into the "
+        "battery file, and then each rest tells the current sensor's offset (default: not declared)",
+    )
+    add_log_options(parser)
+    add_output_options(parser)
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the battery file")
+
+
+def initial_soc(text: str) -> tuple[str, float]:
+    """`test=0.8` or `0.8` as the log's name, "" for all, and the state of charge."""
+    name, _, value = text.rpartition("=")
+    return name, share(value)

@@ -1,0 +1,130 @@
+"""Options that several commands share: logs of batteries and of drives, robot and ground, estimation, results."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.parser import number, pair, positive, share
+
+#: Robots that come with the package, by the name that --robot takes; any other is a file.
+BUILT_IN = ("rlma", "robotino")
+DEFAULT_TERRAIN = "dry asphalt"
+
+#: Columns that --truth of a drive may name, in this order, and their dimension.
+TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
+
+#: Word for a current at rest that is not known.
+UNKNOWN = "unknown"
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Options of logs of batteries."""
+    group = parser.add_argument_group("reading logs (CSV, Parquet, BDF)")
+    group.add_argument(
+        "--current-sign",
+        choices=("auto", "charge", "discharge"),
+        default="auto",
+        help="what a positive current in the file does to the battery; auto tells it from the voltage (default)",
+    )
+    _add_column_options(
+        group,
+        column="the column of time, current, voltage or temperature",
+        unit="its unit, where the name is silent or wrong: current=mA",
+    )
+    _add_sort_option(group)
+
+
+def add_drive_options(parser: argparse.ArgumentParser) -> None:
+    """Options of logs of drives."""
+    group = parser.add_argument_group("reading logs of drives (CSV, Parquet)")
+    _add_column_options(
+        group,
+        column="the column of front_left_wheel_speed, left_motor_current, yaw_rate, speed, ...",
+        unit="its unit, where the name is silent or wrong: wheel_speed=rpm, motor_current=mA",
+    )
+    group.add_argument(
+        "--motor-shaft", action="store_true", help="wheel speeds are those of the motors, before the gear"
+    )
+    group.add_argument(
+        "--counts-per-turn", type=positive, metavar="N", help="of the encoders, where the columns hold their counts"
+    )
+    _add_sort_option(group)
+
+
+def add_robot_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the robot and of the ground that it is believed to drive on."""
+    group = parser.add_argument_group("robot and ground")
+    group.add_argument(
+        "--robot",
+        required=True,
+        metavar="FILE.toml",
+        help=f"robot file, or {' or '.join(BUILT_IN)}, which come with ohmward",
+    )
+    group.add_argument(
+        "--terrain",
+        default=DEFAULT_TERRAIN,
+        metavar="NAME",
+        help="ground that is believed at first, 'gravel' or 'soft soil' for example (default: %(default)s)",
+    )
+
+
+def add_soc_options(parser: argparse.ArgumentParser) -> None:
+    """The log, the battery, the start and the truth of `soc` and `compare`."""
+    parser.add_argument("log", metavar="LOG", help="a CSV, Parquet or BDF file")
+    parser.add_argument(
+        "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
+    )
+    group = parser.add_argument_group("estimation")
+    group.add_argument(
+        "--initial-soc", type=share, metavar="S", help="state of charge at the start, 0 to 1; default: from the voltage"
+    )
+    group.add_argument(
+        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
+    )
+    group.add_argument(
+        "--rest-current",
+        type=rest_current,
+        metavar="A",
+        help="true current of a rest: 0 in a laboratory, minus the idle draw on a robot, 'unknown' teaches the filter "
+        "nothing; default: the battery file's",
+    )
+    group.add_argument(
+        "--truth",
+        metavar="COLUMN",
+        help="reference in the log: a share, percent or Ah counter; 'a - b' for a counter of each direction",
+    )
+    group.add_argument(
+        "--truth-start", type=share, metavar="S", help="state of charge at which an Ah counter starts, 0 to 1"
+    )
+    add_log_options(parser)
+
+
+def add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the result."""
+    group = parser.add_argument_group("results")
+    group.add_argument("--json", action="store_true", help="print one JSON object on standard output and nothing else")
+    group.add_argument("--report", metavar="FILE.html", help="write a page with plots, one file that needs no network")
+
+
+def rest_current(text: str) -> float | str:
+    """A current [A], or the word for one that is not known."""
+    return UNKNOWN if text == UNKNOWN else number(text)
+
+
+def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) -> None:
+    """Columns, their units and the rows of one recording.
+
+    column, unit: help.
+    """
+    rows = "only the rows with this value, where a file holds several recordings"
+    for option, metavar, text in (
+        ("--column", "KIND=NAME", column),
+        ("--unit", "KIND=UNIT", unit),
+        ("--where", "NAME=VALUE", rows),
+    ):
+        what = f"{text}; may be repeated"
+        group.add_argument(option, metavar=metavar, type=pair, action="append", default=[], help=what)
+
+
+def _add_sort_option(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--sort-time", action="store_true", help="sort rows that are out of order")

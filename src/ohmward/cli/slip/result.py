@@ -1,0 +1,209 @@
+"""Figures of `ohmward slip`, for programs, for people and along the drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.cli import wording
+from ohmward.cli.drive_inputs import DriveReference, driven_wheels
+from ohmward.filters.consistency import BAND_95
+from ohmward.logs import DriveLog
+from ohmward.traction import Robot, Terrain
+from ohmward.traction.observed_drive import FloorFigures, ObservedDrive, drive_figures, floor_figures
+from ohmward.traction.score import DriveScore, score_drive
+
+_MOST_EPISODES = 8
+
+
+class SlipTask(NamedTuple):
+    """One drive to observe: the robot and the ground that is believed at first, and the truth if there is one."""
+
+    robot: Robot
+    terrain: Terrain
+    log: DriveLog
+    reference: DriveReference | None
+
+
+def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any]:
+    """The object of --json."""
+    drive = drive_figures(observed)._asdict()
+    for kind in ("slip_episodes", "immobilised_episodes"):
+        drive[kind] = [episode._asdict() for episode in drive[kind]]
+    return {
+        "command": "slip",
+        "log": task.log.name,
+        "robot": task.robot.name,
+        "terrain": "learnt floors" if observed.on_floors else task.terrain.name,
+        "filter": name,
+        "steps": len(task.log),
+        "seconds": observed.track.seconds,
+        "duration_s": task.log.duration_s,
+        **drive,
+        "flags": observed.track.counts(),
+        **_scores(task, observed),
+        "truth": task.reference.note if task.reference else None,
+        "notes": notes_of(task, observed),
+        **_floors(observed),
+    }
+
+
+def notes_of(task: SlipTask, observed: ObservedDrive) -> list[str]:
+    """Everything that was assumed."""
+    truth = [f"info: {task.reference.note}"] if task.reference else []
+    return [*map(str, observed.notes), *truth]
+
+
+def _scores(task: SlipTask, observed: ObservedDrive) -> dict[str, float | None]:
+    """Errors against the truth; every figure None without one."""
+    names = [name for name in DriveScore._fields if name != "samples"]
+    if task.reference is None:
+        return dict.fromkeys(names)
+    score = score_drive(task.robot, observed.track.estimates, task.reference.truth)
+    return {name: getattr(score, name) for name in names}
+
+
+def _floors(observed: ObservedDrive) -> dict[str, Any]:
+    """Figures of learnt floors; None without them."""
+    if observed.on_floors is None:
+        return dict.fromkeys(FloorFigures._fields)
+    figures = floor_figures(observed.on_floors)
+    return figures._asdict() | {"floor_crossings": [crossing._asdict() for crossing in figures.floor_crossings]}
+
+
+def describe(task: SlipTask, figures: Mapping[str, Any]) -> str:
+    """The same for people."""
+    title = f"{figures['log']} with robot {figures['robot']!r}: {figures['filter']} on {figures['terrain']}"
+    return wording.paragraphs(
+        title,
+        wording.fields(result(figures)),
+        episodes(figures),
+        wording.fields(errors(figures)) if task.reference else "",
+        wording.assumptions(figures["notes"]),
+    )
+
+
+def result(figures: Mapping[str, Any]) -> dict[str, str]:
+    """The key figures of a run with their units, by name."""
+    band_m_s = BAND_95 * figures["speed_std_final_m_s"]
+    rows = {
+        "drive": f"{figures['distance_m']:.3g} m in {wording.duration(figures['duration_s'])}, "
+        f"{figures['speed_min_m_s']:z.2f} to {figures['speed_max_m_s']:z.2f} m/s",
+        "speed at the end": f"{figures['speed_final_m_s']:.3g} ± {band_m_s:.2g} m/s (95 %)",
+        "friction": _ratio_text(figures, "friction"),
+        "grade": _grade_text(figures),
+        "radius": _ratio_text(figures, "radius"),
+        "speed unobserved": f"{wording.percent(figures['unobserved_share'], 1)} of the time",
+        "flagged samples": wording.flagged(figures["flags"]),
+        "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
+    }
+    if figures["floor_share"]:
+        rows |= _floor_rows(figures)
+    return {name: value for name, value in rows.items() if value}
+
+
+def _floor_rows(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Figures of a drive on learnt floors with their units, by name."""
+    std = figures["travel_slip_std"]
+    band = wording.percent(None if std is None else BAND_95 * std, 1)
+    floors = ", ".join(f"{name} {wording.percent(share, 0)}" for name, share in figures["floor_share"].items())
+    times = ", ".join(f"{crossing['time_s']:.1f} s" for crossing in figures["floor_crossings"])
+    return {
+        "slip of the robot": f"{wording.percent(figures['travel_slip_mean'], 1)} ± {band} (95 %), mean",
+        "floors under the wheels": floors,
+        "other floor met at": times or "-",
+    }
+
+
+def _ratio_text(figures: Mapping[str, Any], name: str) -> str:
+    """A ratio to the value believed, with its 95 % band; empty where it was not estimated."""
+    ratio, std = figures[f"{name}_ratio"], figures[f"{name}_std"]
+    if ratio is None:
+        return ""
+    relative = BAND_95 * std * (ratio if name == "friction" else 1.0)
+    of = "the ground's that was believed" if name == "friction" else "the robot's"
+    return f"{wording.percent(ratio, 1)} ± {wording.percent(relative, 1)} of {of}"
+
+
+def _grade_text(figures: Mapping[str, Any]) -> str:
+    if figures["grade_rad"] is None:
+        return ""
+    return f"{math.degrees(figures['grade_rad']):.2f} ± {math.degrees(BAND_95 * figures['grade_std_rad']):.2f} degrees"
+
+
+def episodes(figures: Mapping[str, Any]) -> str:
+    """Episodes of slip in order of time; only the longest where there are many."""
+    found = figures["slip_episodes"]
+    longest = sorted(found, key=lambda e: e["start_s"] - e["end_s"])[:_MOST_EPISODES]
+    lines = [
+        f"{e['wheel'].replace('_', ' ')} slips from {e['start_s']:.2f} s to {e['end_s']:.2f} s, at most by "
+        f"{e['greatest_slip_m_s']:.2f} m/s ({wording.percent(e['greatest_slip'], 0)})"
+        for e in sorted(longest, key=lambda e: e["start_s"])
+    ]
+    lines += [f"and {len(found) - len(longest)} shorter ones"] if len(found) > len(longest) else []
+    lines += [f"immobilised from {e['start_s']:.2f} s to {e['end_s']:.2f} s" for e in figures["immobilised_episodes"]]
+    return wording.bullets("Slip", lines or ["no wheel slips beyond what is allowed"])
+
+
+def errors(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Errors against the truth, by name."""
+    return {
+        "speed error": f"{wording.quantity(figures['speed_rmse_m_s'], 'm/s RMS')}, at most "
+        f"{wording.quantity(figures['speed_max_error_m_s'], 'm/s')}",
+        "true speed inside the 95 % band": wording.percent(figures["speed_coverage_95"], 1),
+        "slip error": wording.quantity(figures["slip_rmse"], "RMS of the slip ratio"),
+        "true slip inside the 95 % band": wording.percent(figures["coverage_95"], 1),
+        "false alarms": wording.percent(figures["false_alarm_rate"], 2),
+        "slip that was found": wording.percent(figures["detection_rate"], 1),
+    }
+
+
+def estimate_table(task: SlipTask, observed: ObservedDrive) -> dict[str, np.ndarray]:
+    """Columns (T,) of the estimates file, by name."""
+    e = observed.track.estimates
+    columns = {
+        "time_s": observed.track.time_s,
+        "speed_m_s": e.speed_m_s,
+        "speed_std_m_s": e.speed_std_m_s,
+        "yaw_rate_rad_s": e.yaw_rate_rad_s,
+        "yaw_rate_std_rad_s": e.yaw_rate_std_rad_s,
+        "grade_rad": e.grade_rad,
+        "grade_std_rad": e.grade_std_rad,
+        "radius_ratio": e.radius_ratio,
+        "unobserved_s": e.unobserved_s,
+        "immobilised": e.immobilised.astype(int),
+        "flags": e.flags.astype(int),
+    }
+    for k, wheel in enumerate(driven_wheels(task.robot)):
+        columns |= {
+            f"{wheel}_wheel_speed_rad_s": e.wheel_speed_rad_s[:, k],
+            f"{wheel}_slip": e.slip_ratio[:, k],
+            f"{wheel}_slip_speed_m_s": e.slip_speed_m_s[:, k],
+            f"{wheel}_slip_speed_std_m_s": e.slip_speed_std_m_s[:, k],
+            f"{wheel}_traction_N": e.traction_N[:, k],
+            f"{wheel}_friction_ratio": e.friction_ratio[:, k],
+            f"{wheel}_slipping": e.slipping[:, k].astype(int),
+        }
+    if task.reference:
+        columns["speed_truth_m_s"] = task.reference.truth.speed_m_s
+    return columns | _floor_columns(task, observed)
+
+
+def _floor_columns(task: SlipTask, observed: ObservedDrive) -> dict[str, np.ndarray]:
+    """Columns (T,) that learnt floors add, by name."""
+    if observed.on_floors is None:
+        return {}
+    track = observed.on_floors.track
+    columns = {
+        "travel_slip": track.travel_slip,
+        "travel_slip_std": track.travel_slip_std,
+        "speed_over_ground_m_s": track.speed_m_s,
+        "speed_over_ground_std_m_s": track.speed_std_m_s,
+    }
+    for w, wheel in enumerate(driven_wheels(task.robot)):
+        for k, floor in enumerate(observed.on_floors.floors):
+            columns[f"{wheel}_on_{floor.replace(' ', '_')}"] = track.floor_probability[:, w, k]
+    return columns

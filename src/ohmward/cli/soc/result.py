@@ -1,0 +1,106 @@
+"""Figures of `ohmward soc`, for programs, for people and along the log."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.registry import ESTIMATORS
+from ohmward.battery.soc.score import soc_scores, voltage_score
+from ohmward.cli import wording
+from ohmward.cli.battery_inputs import SocTask
+from ohmward.filters.consistency import BAND_95
+
+
+def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
+    """The object of --json."""
+    log, estimates = task.log, answer.estimates
+    voltage = voltage_score(log, estimates)
+    return {
+        "command": "soc",
+        "log": log.name,
+        "battery": task.battery.name,
+        "filter": name,
+        "steps": len(log),
+        "seconds": answer.seconds,
+        "duration_s": log.duration_s,
+        "soc_initial": float(estimates.soc[0]),
+        "soc_final": float(estimates.soc[-1]),
+        "soc_std_final": float(estimates.soc_std[-1]),
+        "soc_min": float(estimates.soc.min()),
+        "soc_max": float(estimates.soc.max()),
+        "voltage_rmse_V": voltage.rmse if voltage else None,
+        "current_offset_A": float(estimates.current_offset_A[-1]),
+        "soh_capacity": float(estimates.soh_capacity[-1]),
+        "resistance_ratio": float(estimates.resistance_ratio[-1]),
+        "flags": answer.counts(),
+        **soc_scores(log, estimates, task.truth.soc if task.truth else None),
+        "truth": task.truth.note if task.truth else None,
+        "notes": task.notes,
+    }
+
+
+def describe(task: SocTask, figures: dict[str, Any]) -> str:
+    """The same for people."""
+    title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
+    return wording.paragraphs(
+        title + ESTIMATORS[figures["filter"]].title,
+        wording.fields(result(figures)),
+        errors(figures) if task.truth else "",
+        wording.assumptions(task.notes),
+    )
+
+
+def result(figures: dict[str, Any]) -> dict[str, str]:
+    """The key figures of a run with their units, by name."""
+    band = wording.percent(BAND_95 * figures["soc_std_final"], 1)
+    rows = {
+        "SoC at the end": f"{wording.percent(figures['soc_final'], 1)} ± {band} (95 %)",
+        "SoC before": f"started at {wording.percent(figures['soc_initial'], 1)}, "
+        f"ran from {wording.percent(figures['soc_min'], 1)} to {wording.percent(figures['soc_max'], 1)}",
+        "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3),
+        "current offset": wording.quantity(figures["current_offset_A"], "mA", 1e3),
+        "capacity": f"{wording.percent(figures['soh_capacity'], 1)} of the battery file's",
+        "resistance": f"{wording.percent(figures['resistance_ratio'], 1)} of the battery file's",
+        "flagged samples": wording.flagged(figures["flags"]),
+        "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
+    }
+    return {name: value for name, value in rows.items() if value.split()[0] != "-"}
+
+
+def errors(figures: dict[str, Any]) -> str:
+    """Errors against the truth as a table."""
+    rows = [
+        [title, *(wording.percent(figures[key + suffix]) for suffix in ("", "_after_1h"))]
+        for title, key in (
+            ("root mean square error", "soc_rmse"),
+            ("mean absolute error", "soc_mae"),
+            ("largest error", "soc_max_error"),
+            ("truth inside the 95 % band", "coverage_95"),
+        )
+    ]
+    return wording.table(["against the truth", "whole log", "after 1 h"], rows)
+
+
+def estimate_table(task: SocTask, answer: SocRun) -> dict[str, np.ndarray]:
+    """Columns (T,) of the estimates file, by name."""
+    log, e = task.log, answer.estimates
+    clock = {} if log.start_unix_s is None else {"unix_time_s": log.start_unix_s + log.time_s}
+    columns = {
+        "time_s": log.time_s,
+        **clock,
+        "current_A": log.current_A,
+        "voltage_V": log.voltage_V,
+        "soc": e.soc,
+        "soc_std": e.soc_std,
+        "voltage_expected_V": e.voltage_V,
+        "voltage_expected_std_V": e.voltage_std_V,
+        "innovation_V": e.innovation_V,
+        "current_offset_A": e.current_offset_A,
+        "soh_capacity": e.soh_capacity,
+        "resistance_ratio": e.resistance_ratio,
+        "flags": e.flags.astype(int),
+    }
+    return columns | ({"soc_truth": task.truth.soc} if task.truth else {})

@@ -1,0 +1,123 @@
+"""`ohmward twin`: a log through an exported C library on this machine, bit by bit as the microcontroller computes."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any, NamedTuple
+
+from ohmward.battery.file import load_battery
+from ohmward.battery.soc.estimator import samples_of as battery_samples_of
+from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.twin.result import describe, summary
+from ohmward.errors import InputError
+from ohmward.export.battery import battery_export, curve_error_of_pack_V
+from ohmward.export.c_library import Export
+from ohmward.export.comparison import compare
+from ohmward.export.traction import observer_export
+from ohmward.export.twin import Twin, first_of, output_columns
+from ohmward.logs import DriveLog, Log, write_table
+from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
+
+#: A member of the sample that only a battery's, or only a drive's has.
+_BATTERY, _DRIVE = "voltage_V", "wheel_speed_rad_s"
+
+
+class Replay(NamedTuple):
+    """A log as samples of the library, and the estimator to compare with, if one is named."""
+
+    log: Log | DriveLog
+    samples: Any
+    arguments: dict[str, float]
+    export: Export | None
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Compile, replay, compare, write."""
+    check_output("--output", args.output, (".csv", ".parquet"), [args.log])
+    twin = Twin(args.library, args.name)
+    replay = prepare(twin, args)
+    began = time.perf_counter()
+    twin.start(first_of(replay.samples), **replay.arguments)
+    outputs = twin.run(replay.samples)
+    seconds = time.perf_counter() - began
+    if args.output:
+        write_table({"time_s": replay.log.time_s} | output_columns(outputs), args.output)
+    figures = summary(twin, replay.log, outputs, seconds, _compared(twin, replay, outputs))
+    figures |= {"library": args.library, "output": args.output}
+    return Outcome(figures, describe(figures), figures["notes"])
+
+
+def _compared(twin: Twin, replay: Replay, outputs: Any) -> dict[str, Any]:
+    """Estimator in double precision and largest differences to it; None where none was named."""
+    export = replay.export
+    if export is None:
+        return {"compared_with": None, "differences": None}
+    differences = compare(twin, export, outputs, replay.samples, tuple(replay.arguments.values()))
+    return {"compared_with": export.title, "differences": differences}
+
+
+def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
+    """The log as samples of the library.
+
+    Raises:
+        InputError: the library takes no samples of a log, or a drive comes without its robot.
+    """
+    members = twin.Sample._fields
+    if _BATTERY in members:
+        return _battery_replay(twin, args)
+    if _DRIVE not in members:
+        raise InputError(
+            f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.export.Twin in Python"
+        )
+    if args.robot is None:
+        raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
+    return _drive_replay(args)
+
+
+def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
+    log = read_battery_log(args.log, args, extra=())
+    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
+    given = {word: value for word, value in given.items() if value is not None}
+    arguments = start_arguments(twin, given)
+    if (args.battery is None) != (args.filter is None):
+        raise InputError("--battery and --filter go together: they name the estimator to compare with")
+    export = None
+    if args.battery:
+        battery = load_battery(args.battery)
+        curve_V = curve_error_of_pack_V(battery, args.curve_error)
+        exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
+        export = battery_export(battery, args.filter, twin.name, **given, **exported)
+    return Replay(log, battery_samples_of(log), arguments, export)
+
+
+def _drive_replay(args: argparse.Namespace) -> Replay:
+    robot = make_robot(args.robot)
+    terrain = make_terrain(args.terrain, robot)
+    log = read_drive_log(args.log, robot, args, extra=())
+    export = observer_export(robot, terrain, args.filter) if args.filter else None
+    return Replay(log, drive_samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
+
+
+def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
+    """Arguments of the start: those of the command line, else those that the library was exported with.
+
+    Raises:
+        InputError: the start takes no such argument, or nobody says its value.
+    """
+    if foreign := sorted(set(given) - set(twin.arguments)):
+        raise InputError(
+            f"the start of library {twin.name!r} takes no {foreign[0]}: it always starts as it was exported; leave out "
+            f"--initial-{foreign[0].replace('_', '-')}, or export it with that"
+        )
+    known = twin.example | given
+    if missing := [word for word in twin.arguments if word not in known]:
+        raise InputError(
+            f"library {twin.name!r} needs {', '.join(missing)} to start, and its folder lacks test_{twin.name}.c, "
+            "which says what it was exported with; export it anew"
+        )
+    return {word: known[word] for word in twin.arguments}
