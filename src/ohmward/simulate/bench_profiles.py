@@ -1,4 +1,4 @@
-"""What a battery goes through on the bench so that it can be identified: a pulse test and a low-rate test."""
+"""Current profiles of the bench tests that identify a battery: a pulse test and a low-rate test."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ def pulse_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rest_
     Q = battery.circuit.capacity_Ah
     full = [(600.0, 0.0), (10.0, -Q), (60.0, 0.0)]
     pulses = [(10.0, -Q), (60.0, 0.0), (10.0, 0.75 * Q), (60.0, 0.0)]
-    small, large = ([(share * 3.0 * _HOUR_S, -Q / 3.0), (rest_s, 0.0)] for share in (0.05, 0.10))
-    inner = [phase for step in (small, *8 * (large,), small, small) for phase in pulses + step]
-    return steps(full + small + inner, ambient_degC)
+    small = [(0.05 * 3.0 * _HOUR_S, -Q / 3.0), (rest_s, 0.0)]
+    large = [(0.10 * 3.0 * _HOUR_S, -Q / 3.0), (rest_s, 0.0)]
+    phases = full + small
+    for discharge in (small, *8 * (large,), small, small):
+        phases += pulses + discharge
+    return steps(phases, ambient_degC)
 
 
 def low_rate_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
@@ -38,5 +41,6 @@ def bench_times(profile: Profile, busy_s: float = 1.0, rest_s: float = 10.0, set
     edges = profile.time_s[1:][np.diff(profile.current_A) != 0.0]
     since_edge = times - np.concatenate([[0.0], edges])[np.searchsorted(edges, times, side="right")]
     resting = np.interp(times, profile.time_s, profile.current_A) == 0.0
-    kept = ~resting | (since_edge < settle_s + EDGE_S) | (np.arange(times.size) % round(rest_s / busy_s) == 0)
-    return times[kept]
+    settling = since_edge < settle_s + EDGE_S
+    sparse = np.arange(times.size) % round(rest_s / busy_s) == 0
+    return times[~resting | settling | sparse]

@@ -1,4 +1,4 @@
-"""A day of a small field or warehouse robot as the battery sees it: legs of driving, a tool, idling, charging at noon.
+"""Load of a battery through a day of a field or warehouse robot: driving, a tool, idling, charging at noon.
 
 Power on the shaft: P = (m a + m g (c_rr cos(grade) + sin(grade))) v; the battery gives P / eta, takes back eta_r P when
 braking, and feeds the electronics always. The current is that power over the nominal voltage.
@@ -90,14 +90,17 @@ def ambient_degC(time_s: np.ndarray, start_hour: float) -> np.ndarray:
 def drive(rng: np.random.Generator, robot: MissionRobot, duration_s: float) -> Profile:
     """Legs of 5 to 40 m with stops between them, on ground of changing slope and roughness."""
     time_s = np.arange(0.0, duration_s, _GRID_S)
-    speed, grade, mass, tool = (np.zeros(time_s.size) for _ in range(4))
-    start, payload = 0, 0.0
+    speed, grade, mass, tool = np.zeros((4, time_s.size))
+    start = 0
+    payload_kg = 0.0
     while start < time_s.size:
         leg = leg_speed(rng, robot)
         rows = slice(start, start + leg.size)
-        payload = robot.payload_kg * rng.integers(0, 2) if rng.random() < 0.1 else payload
+        if rng.random() < 0.1:
+            payload_kg = robot.payload_kg * rng.integers(0, 2)
         speed[rows] = leg[: speed[rows].size]
-        grade[rows], mass[rows] = rng.normal(0.0, robot.grade_std), robot.mass_kg + payload
+        grade[rows] = rng.normal(0.0, robot.grade_std)
+        mass[rows] = robot.mass_kg + payload_kg
         tool[rows] = robot.tool_W * (rng.random() < 1 / 3)
         start += leg.size
     rough = 1.0 + 0.25 * rng.standard_normal(time_s.size)

@@ -28,12 +28,14 @@ from ohmward.simulate.cells import SimulatedBattery
 from ohmward.simulate.profile import Profile
 from ohmward.trace import Kernel, exp, maximum, minimum, where
 
+#: Newton converges quadratically from one side: four steps reach rounding.
 _NEWTON_STEPS = 4
+#: Parts of the integral over SoC in `stored_energy_J`.
 _ENERGY_PARTS = 4000
 
 
 class PlantState(NamedTuple):
-    """Everything that the next instant depends on.
+    """State of the simulated battery.
 
     x: (n + 2,) state of the circuit, as `Thevenin.state_names`.
     temperature_degC: of the battery.
@@ -50,7 +52,7 @@ class PlantState(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """One small step: its length [s], the current wanted at its end [A], the ambient temperature [degC]."""
+    """One small step: its length [s], the demanded current at its end [A], the ambient temperature [degC]."""
 
     dt_s: Any
     current_A: Any
@@ -58,7 +60,7 @@ class Demand(NamedTuple):
 
 
 class BatteryTruth(NamedTuple):
-    """What really is at an instant, numbers or (T,) arrays; heat_J is counted from the start."""
+    """True state of the battery at an instant, numbers or (T,) arrays; heat_J is counted from the start."""
 
     current_A: Any
     voltage_V: Any
@@ -88,7 +90,7 @@ def resting_state(
 def simulate(
     battery: SimulatedBattery, profile: Profile, time_s: np.ndarray, state: PlantState, max_step_s: float = 1.0
 ) -> Simulation:
-    """The truth at `time_s`, the battery being asked for `profile`, in steps of at most `max_step_s`.
+    """The truth at `time_s` under the load of `profile`, in steps of at most `max_step_s`.
 
     time_s: (T,) [s], increasing, within the profile; the profile starts at its first time with `state`.
 
@@ -141,7 +143,7 @@ def transfer_overpotential(u: CircuitInput, battery: SimulatedBattery) -> Any:
 
 
 def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery: SimulatedBattery) -> Any:
-    """The part of the wanted current that keeps the voltage in its limits, as a charger's constant-voltage phase."""
+    """The demanded current, limited so that the voltage stays in its range, as by a charger at constant voltage."""
 
     def most(limit_V: float, direction: float) -> Any:
         u = CircuitInput(direction, temperature_degC)
@@ -167,7 +169,7 @@ def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: Simulat
 
 
 def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
-    """Share of a charge that still finds something to convert, 0 at full; the rest makes gas."""
+    """Share of a charge that is still stored, 0 at full; the rest makes gas."""
     if battery.full_width == 0.0:
         return 1.0
     return where(current_A > 0, 1 - exp((soc - 1) / battery.full_width), 1.0)

@@ -1,4 +1,4 @@
-"""What a battery is asked to do: current and ambient temperature over time, piecewise linear."""
+"""Profile of a battery's load: current and ambient temperature over time, piecewise linear."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 
-#: How long a switched current takes to change [s].
+#: Time [s] in which a switched current changes.
 EDGE_S = 0.05
 
 
 class Profile(NamedTuple):
-    """Wanted current [A] (> 0 charges) and ambient temperature [degC] at the times [s], (K,) each; linear between."""
+    """Current [A] (> 0 charges) and ambient temperature [degC] at the times [s], (K,) each; linear between."""
 
     time_s: np.ndarray
     current_A: np.ndarray

@@ -1,4 +1,4 @@
-"""One robot and its battery, recorded on the bench and through a day: what `ohmward demo` and tests run on."""
+"""Logs of a robot's battery on the bench and through a working day, for `ohmward demo` and tests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RobotDay(NamedTuple):
 
 
 class RobotDayFiles(NamedTuple):
-    """Where the logs of a `RobotDay` were written."""
+    """Paths of the logs of a `RobotDay`."""
 
     pulse_test: Path
     mission: Path
@@ -73,7 +73,7 @@ def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulati
 def record(
     battery: SimulatedBattery, name: str, simulation: Simulation, sensors: BatterySensors, rng: np.random.Generator
 ) -> Log:
-    """The simulation as the sensors show it, with the true SoC as the extra column `soc_true`."""
+    """Log of the simulation by the sensors, with the true SoC as the extra column `soc_true`."""
     time_s, truth = simulation.time_s, simulation.truth
     offset_A, gain = sensors.current.offset, sensors.current.gain_error
     return Log(

@@ -1,4 +1,4 @@
-"""The drive home at the end of the robot day: dry floor, wet tiles, a ramp. What `ohmward demo` and tests run on."""
+"""The drive home at the end of the robot day, for `ohmward demo` and tests: dry floor, wet tiles, a ramp."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _DRY, _WET = 0.8, 0.1
 def robot_drive(chemistry: str = "lfp", start_soc: float = 0.4, seed: int = 1, plant: str = "own") -> Scenario:
     """RLMA sets out, stops on wet tiles, starts on them again and climbs a ramp: half a minute, in closed loop.
 
-    chemistry: "lfp" or "lead-acid".  start_soc: where the day has left the battery.  seed: draws the sensors' noise.
+    chemistry: "lfp" or "lead-acid".  start_soc: state of charge at the end of the day.  seed: draws the sensors' noise.
     plant: "own" or "mujoco".
 
     Raises:

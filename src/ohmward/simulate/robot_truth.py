@@ -1,4 +1,4 @@
-"""What really is with a simulated robot at an instant, whichever plant made it."""
+"""Truth about a simulated robot, the same for every plant."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RobotTruth(NamedTuple):
     friction: (wheels,) adhesion under the wheel.
     grade_rad: slope of the ground, > 0 where x leads uphill.
     gyro_rad_s: (3,) angular velocity about forward, left, up.
-    specific_force_m_s2: (3,) what an ideal accelerometer shows, forward, left, up; 9.81 up at rest on level ground.
+    specific_force_m_s2: (3,) of an ideal accelerometer, forward, left, up; 9.81 up at rest on level ground.
     """
 
     time_s: Any

@@ -1,4 +1,4 @@
-"""When samples arrive: nearly periodic, and at times not at all."""
+"""Arrival times of samples: nearly periodic, with dropouts of the link."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ohmward.checks import require_between, require_positive
 
 @dataclass(frozen=True)
 class Telemetry:
-    """A logger that is late by a little and loses its link now and then.
+    """A logger with jitter and dropouts.
 
     Attributes:
-        interval_s: wanted interval.
-        jitter_std_s: of each sample about its place in the raster, cut at 0.4 intervals.
-        dropouts_per_hour: how often the link is lost (Poisson).
-        dropout_mean_s: how long (exponential).
+        interval_s: nominal interval.
+        jitter_std_s: of each sample about its nominal time, limited to 0.4 intervals.
+        dropouts_per_hour: mean number of dropouts (Poisson).
+        dropout_mean_s: mean duration of a dropout (exponential).
 
     Raises:
         InputError: a value out of its range.
@@ -35,15 +35,16 @@ class Telemetry:
 
     def times(self, duration_s: float, rng: np.random.Generator) -> np.ndarray:
         """(T,) strictly increasing sample times [s] in [0, duration_s]; the first sample always arrives."""
-        raster = np.arange(0.0, duration_s, self.interval_s)
+        nominal = np.arange(0.0, duration_s, self.interval_s)
         most = 0.4 * self.interval_s
-        late = np.clip(self.jitter_std_s * rng.standard_normal(raster.size), -most, most)
-        times = np.clip(raster + late, 0.0, duration_s)
-        arrives = ~self._lost(times, duration_s, rng)
+        jitter = np.clip(self.jitter_std_s * rng.standard_normal(nominal.size), -most, most)
+        times = np.clip(nominal + jitter, 0.0, duration_s)
+        arrives = ~self._dropped(times, duration_s, rng)
         arrives[0] = True
         return times[arrives]
 
-    def _lost(self, times: np.ndarray, duration_s: float, rng: np.random.Generator) -> np.ndarray:
+    def _dropped(self, times: np.ndarray, duration_s: float, rng: np.random.Generator) -> np.ndarray:
+        """(T,) True for samples during a dropout."""
         count = rng.poisson(self.dropouts_per_hour * duration_s / 3600.0)
         start = rng.uniform(0.0, duration_s, count)[:, None]
         stop = start + rng.exponential(self.dropout_mean_s, count)[:, None]

@@ -1,4 +1,4 @@
-"""What a Thevenin model says to the current of a log: no filter, no feedback from the voltage."""
+"""Voltage of a Thevenin model under the current of a log: no filter, no feedback from the voltage."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ohmward.checks import require_between
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 
-#: A simulation takes every interval as it is: it has no way to doubt the current.
+#: Longest interval [s] that is simulated: any, because nothing here could correct the charge after a gap.
 NO_GAP_S = 1e9
 
 
 class Simulated(NamedTuple):
-    """Answer of the model, (T,) each: state of charge and terminal voltage [V]."""
+    """Output of the model, (T,) each: state of charge and terminal voltage [V]."""
 
     soc: np.ndarray
     voltage_V: np.ndarray

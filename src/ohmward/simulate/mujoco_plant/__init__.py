@@ -1,4 +1,4 @@
-"""A robot on four wheels in MuJoCo: a plant whose contact and rigid-body dynamics are not ours, to test ours against.
+"""A robot on four wheels in MuJoCo, whose contact and rigid-body dynamics are independent of ours.
 
 Needs the extra `sim`; MuJoCo is imported when a plant is made, not before.
 """

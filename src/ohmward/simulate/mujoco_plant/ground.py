@@ -1,4 +1,4 @@
-"""The ground: adhesion under each wheel and grade, as functions of time and place."""
+"""Ground of the MuJoCo plant: adhesion under each wheel and grade, as functions of time and place."""
 
 from __future__ import annotations
 

@@ -18,7 +18,9 @@ from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward.simulate.robot_truth import WHEELS
 from ohmward.traction.robot.robot import GRAVITY
 
+#: d, the smallest impedance that MuJoCo takes; see the module.
 IMPEDANCE = 1e-4
+#: `impratio`; see the module.
 FRICTION_RATIO = 300.0
 
 

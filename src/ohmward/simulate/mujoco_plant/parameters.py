@@ -1,4 +1,4 @@
-"""What the plant is made of; the defaults are the robot of [T] (RLMA)."""
+"""Parameters of the plant; the defaults are the robot of [T] (RLMA)."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class RlmaParameters:
 
     @property
     def wheel_inertia_kg_m2(self) -> float:
-        """Of one wheel about its axle, without the rotor."""
+        """Moment of inertia of one wheel about its axle, without the rotor."""
         return 0.5 * self.wheel_mass_kg * self.wheel_radius_m**2
 
     @property

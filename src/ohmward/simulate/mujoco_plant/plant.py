@@ -1,7 +1,7 @@
 """The robot and the ground in MuJoCo: torques in, truth out.
 
-Grade tilts gravity, not the ground. MuJoCo's own contacts, rigid bodies and integrator do the rest; ours are the
-numbers in `mjcf` that make a contact behave as a wheel.
+Grade tilts gravity, not the ground. Contacts, rigid bodies and integrator are MuJoCo's own; ours are the numbers in
+`mjcf` that make a contact behave as a wheel.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class RlmaPlant:
         return torques
 
     def _surroundings(self) -> float:
-        """Give the next step its friction, gravity and drag; the grade."""
+        """Set friction, gravity and drag of the next step; the grade."""
         d, p = self._data, self.parameters
         self._friction[:] = self.ground.friction(d.time, d.xpos[_WHEELS, :2])
         grade = float(self.ground.grade_rad(d.time, d.xpos[_BODY, :2]))
