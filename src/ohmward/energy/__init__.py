@@ -8,6 +8,8 @@ from ohmward.energy.get_home import Milestone, MissionForecast, get_home
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range import Range, range_left, time_left
+from ohmward.energy.range_estimator import RangeEstimator, RangeRun
+from ohmward.energy.range_step import RangeEstimate, RangeFlag
 from ohmward.energy.recorded import Cut, Driven, cut_drive
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
 from ohmward.energy.usable_energy import BatteryState, usable_energy
@@ -26,6 +28,10 @@ __all__ = [
     "MissionForecast",
     "Quantiles",
     "Range",
+    "RangeEstimate",
+    "RangeEstimator",
+    "RangeFlag",
+    "RangeRun",
     "SpeedAdvice",
     "Stretch",
     "begin_drive",

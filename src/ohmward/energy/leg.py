@@ -89,6 +89,12 @@ def part_of(stretch: Stretch, share: float) -> Stretch:
     return stretch._replace(**scaled)
 
 
+def joined(first: Stretch, second: Stretch) -> Stretch:
+    """Two stretches of one ground and load as one."""
+    sums = {name: getattr(first, name) + getattr(second, name) for name in _MEASURES}
+    return first._replace(**sums)
+
+
 def way_back(stretch: Stretch) -> Stretch:
     """The same ground in the other direction."""
     return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m, kinetic_m2_s2=-stretch.kinetic_m2_s2)

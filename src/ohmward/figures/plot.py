@@ -6,8 +6,9 @@ from functools import singledispatch
 from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, slip, terrain
+from ohmward.figures import battery, range, slip, terrain
 from ohmward.report import Plot
 from ohmward.traction.speed_observer.track import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
@@ -38,3 +39,8 @@ def _(result: SlipRun) -> Plot:
 @plot.register
 def _(result: FloorRun) -> Plot:
     return Plot("Slip on floors", terrain.run_figures(result))
+
+
+@plot.register
+def _(result: RangeRun) -> Plot:
+    return Plot("Range", range.run_figures(result))

@@ -1,0 +1,276 @@
+"""Range for people: an estimator that remembers. `update` takes live samples, `run` takes a whole log."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.sample import SocEstimate
+from ohmward.energy.consumption import Consumption, begin_drive
+from ohmward.energy.consumption_file import dump_consumption, parse_consumption
+from ohmward.energy.drive_meter import DriveMeter, DriveSample, Measured
+from ohmward.energy.leg import Stretch
+from ohmward.energy.points import Quantiles
+from ohmward.energy.range_step import (
+    RangeEstimate,
+    RangeFlag,
+    RangeSample,
+    RangeSettings,
+    RangeState,
+    SocNow,
+    WayHome,
+)
+from ohmward.errors import InputError
+from ohmward.filters.estimator import Progress, number
+from ohmward.filters.run import Run
+from ohmward.logs.log import Log
+from ohmward.trace import snapshot
+
+
+class RangeRun(Run[RangeEstimate]):
+    """Range along a whole log; every field (T,), quantiles as three of them."""
+
+    flag_type = RangeFlag
+
+
+class RangeEstimator:
+    """Distance and time that the battery still gives, and the probability of coming home; live or from logs.
+
+    >>> estimator = RangeEstimator(battery, load_consumption("table.toml"))                          # doctest: +SKIP
+    >>> estimator.update(0.0, soc=0.8, speed_m_s=0.5, current_A=-2.1, voltage_V=26.1).distance_m     # doctest: +SKIP
+    Quantiles(p10=3120.4, p50=3710.9, p90=4533.2)
+
+    A forecast takes some hundredths of a second, so it is made every `refresh_s`, and stands in between.
+
+    Args:
+        battery: identified or generic.
+        consumption: as learned before this drive; `start(prior_from_robot(robot))` where there was none.
+        days: since the last drive that the consumption knows.
+        options: see `RangeSettings`: terrain, reserve_soc, cutoff_V, payload_kg, refresh_s, cut.
+    """
+
+    def __init__(self, battery: Battery, consumption: Consumption, days: float = 0.0, **options: Any):
+        if not isinstance(consumption, Consumption):
+            raise InputError(
+                f"consumption must be a Consumption, got {type(consumption).__name__}; load_consumption reads one, "
+                "start(prior_from_robot(robot)) begins one"
+            )
+        self.settings = RangeSettings(battery, **options)
+        self.state = self.settings.init(begin_drive(consumption, days))
+
+    @classmethod
+    def restore(cls, battery: Battery, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot; options: as those of the one that took it.
+
+        Raises:
+            InputError: the snapshot is of another version, another battery or other settings, or damaged.
+        """
+        estimator = object.__new__(cls)
+        estimator.settings = RangeSettings(battery, **options)
+        estimator.state = _state_of(estimator.settings, snapshot)
+        return estimator
+
+    @property
+    def consumption(self) -> Consumption:
+        """What has been learned, this drive included; `save_consumption` keeps it for the next one."""
+        return self.state.consumption
+
+    @property
+    def time_s(self) -> float:
+        """Time of the last sample; nan before the first."""
+        return self.state.meter.last.time_s if self.state.meter.last else math.nan
+
+    def update(
+        self,
+        time_s: float,
+        soc: float | SocEstimate | None,
+        speed_m_s: float | None = None,
+        current_A: float | None = None,
+        voltage_V: float | None = None,
+        grade_rad: float | None = 0.0,
+        terrain: str | None = None,
+        home: WayHome = None,
+        temperature_degC: float | None = None,
+    ) -> RangeEstimate:
+        """Range after one live sample; None and nan are missing values.
+
+        time_s: of the sample; one that is late is not used for the drive, and flagged.
+        soc: what `SocEstimator.update` returned, or a number in [0, 1] that is taken as exact.
+        speed_m_s: of the body, forward.
+        current_A, voltage_V: of the battery; current > 0 charges.
+        grade_rad: > 0 with the nose up.
+        terrain: name of the ground; None is that of the settings.
+        home: length of the way home [m] over ground like that of late, or its legs.
+        temperature_degC: of the battery.
+
+        Raises:
+            InputError: something else than numbers, or a state of charge outside [0, 1].
+        """
+        drive = DriveSample(
+            number("time_s", time_s),
+            self.settings.speed_m_s(number("speed_m_s", speed_m_s)),
+            self.settings.battery_W(number("current_A", current_A), number("voltage_V", voltage_V)),
+            number("grade_rad", grade_rad),
+            terrain or self.settings.terrain,
+        )
+        now = soc_now(soc, number("temperature_degC", temperature_degC))
+        way = home if home is None or isinstance(home, Sequence) else number("home", home)
+        self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way))
+        return estimate
+
+    def run(
+        self,
+        log: Log,
+        soc: SocRun | np.ndarray,
+        speed_m_s: np.ndarray | str = "speed_m_s",
+        grade_rad: np.ndarray | str | None = None,
+        terrain: Sequence[str] | str | None = None,
+        home: np.ndarray | WayHome = None,
+        progress: Progress | None = None,
+    ) -> RangeRun:
+        """Range at every sample of a log of the battery, from this estimator's state on.
+
+        soc: what `SocEstimator.run` returned for the log, or (T,) in [0, 1].
+        speed_m_s, grade_rad: (T,), or the name of a further column of the log.
+        terrain: name of the ground under each sample, or one for all.
+        home: length of the way home [m], (T,) or one for all; or its legs.
+        progress: called now and then with (steps done, T).
+
+        Raises:
+            InputError: a column that there is not, or of another length.
+        """
+        began = time.perf_counter()
+        T = len(log)
+        socs = _soc_rows(soc) if isinstance(soc, SocRun) else _column(log, "soc", soc)
+        columns: dict[str, Any] = {
+            "time_s": log.time_s,
+            "soc": socs,
+            "speed_m_s": _column(log, "speed_m_s", speed_m_s),
+            "current_A": log.current_A,
+            "voltage_V": log.voltage_V,
+            "grade_rad": np.zeros(T) if grade_rad is None else _column(log, "grade_rad", grade_rad),
+            "terrain": [terrain] * T if terrain is None or isinstance(terrain, str) else terrain,
+            "home": home if isinstance(home, np.ndarray) else [home] * T,
+            "temperature_degC": [None] * T if log.temperature_degC is None else log.temperature_degC,
+        }
+        for name, values in columns.items():
+            if len(values) != T:
+                raise InputError(f"{name} must have {T} values, one for each sample of the log, got {len(values)}")
+        estimates = []
+        for row in zip(*columns.values(), strict=True):
+            estimates.append(self.update(*row))
+            if progress:
+                progress(len(estimates), T)
+        return RangeRun(log.time_s, _along(estimates), time.perf_counter() - began)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+
+        Raises:
+            InputError: there is no state before the first sample.
+        """
+        if self.state.meter.last is None:
+            raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
+        state = self.state._replace(consumption=dump_consumption(self.consumption))  # type: ignore[arg-type]
+        content = {"estimator": snapshot.identity(self.settings), "time_s": self.time_s, "state": _plain(state)}
+        return snapshot.sealed(content)
+
+    def __repr__(self) -> str:
+        battery, reach = self.settings.battery, self.state.forecast.distance_m
+        left = "" if math.isnan(reach.p50) else f", {reach.p50:.0f} m left ({reach.p10:.0f} to {reach.p90:.0f})"
+        return f"RangeEstimator({battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah{left})"
+
+
+def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
+    """State of the battery from an estimate, or from a number that is taken as exact.
+
+    Raises:
+        InputError: a number outside [0, 1].
+    """
+    if isinstance(soc, SocEstimate):
+        known = min(max(float(soc.soc), 0.0), 1.0) if soc.soc == soc.soc else math.nan
+        return SocNow(known, float(soc.soc_std), float(soc.soh_capacity), float(soc.resistance_ratio), temperature_degC)
+    value = number("soc", soc)
+    if not math.isnan(value) and not 0.0 <= value <= 1.0:
+        raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {value:g}")
+    return SocNow(value, temperature_degC=temperature_degC)
+
+
+def _soc_rows(run: SocRun) -> list[SocEstimate]:
+    return [SocEstimate(*row) for row in zip(*run.estimates, strict=True)]
+
+
+def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:
+    """A column that is given, or that the log has."""
+    if not isinstance(values, str):
+        return np.asarray(values, dtype=float)
+    if values not in log.extra:
+        has = ", ".join(log.extra) or "nothing but the battery"
+        raise InputError(
+            f"{log.name}: there is no column {values!r} for {name}; name another or give an array, it has: {has}"
+        )
+    return log.extra[values]
+
+
+def _along(estimates: Sequence[RangeEstimate]) -> RangeEstimate:
+    """Estimates one by one as one of arrays (T,)."""
+    columns: list[Any] = []
+    for values in zip(*estimates, strict=True):
+        if isinstance(values[0], Quantiles):
+            columns.append(Quantiles(*np.array(values, dtype=float).T))
+        else:
+            columns.append(np.array(values, dtype=float))
+    return RangeEstimate(*columns)
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists for JSON, which has neither NaN nor infinity: those become None and text."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return repr(value) if math.isinf(value) else snapshot.to_json(value)
+    return int(value) if isinstance(value, RangeFlag) else value
+
+
+def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
+    """The state in a snapshot."""
+    snapshot.require_version(taken)
+    snapshot.require_identity(settings, taken)
+    snapshot.require_seal(taken)
+    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s = taken["state"]
+    distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
+    meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
+    return RangeState(
+        parse_consumption(table),
+        meter,
+        tuple(Stretch(*row) for row in recent),
+        finished_m,
+        SocNow(*map(_number, soc)),
+        RangeEstimate(
+            Quantiles(*map(_number, distance_m)),
+            Quantiles(*map(_number, duration_s)),
+            Quantiles(*map(_number, usable_J)),
+            Quantiles(*map(_number, per_m)),
+            _number(home),
+            driven_m,
+            RangeFlag(flags),
+        ),
+        _number(forecast_s),
+    )
+
+
+def _measured(row: list[Any] | None) -> Measured | None:
+    return None if row is None else Measured(Stretch(*row[0]), *row[1:])
+
+
+def _number(value: Any) -> Any:
+    """What `_plain` made of a number, and names as they are."""
+    if value is None:
+        return math.nan
+    return float(value) if value in ("inf", "-inf") else value

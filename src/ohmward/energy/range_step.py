@@ -1,0 +1,267 @@
+"""Range left as a drive goes on: one step for each sample, pure.
+
+Battery power, speed and slope are cut into stretches (`drive_meter`); each finished one teaches what this robot takes
+on this ground today (`consumption`); from time to time that is set against the energy that the battery still gives
+(`range`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.checks import require_between, require_positive
+from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
+from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
+from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
+from ohmward.energy.points import Quantiles, normal_points
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left
+from ohmward.energy.recorded import Cut
+from ohmward.energy.usable_energy import BatteryState, discharge, usable_J
+from ohmward.errors import InputError
+from ohmward.filters.flags import SampleFlag
+
+#: Ground like the last so many stretches lies ahead; with three minutes each, that of the last hour.
+RECENT_STRETCHES = 20
+
+#: What lies ahead of a robot that has not moved yet.
+FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
+
+#: A sample that is late by more than this is not late: the clock was set.
+CLOCK_SET_S = 60.0
+
+#: No battery has a larger current [multiples of the capacity per hour] or voltage [multiples of its highest], and no
+#: robot a larger speed: there a sensor is at fault.
+CURRENT_LIMIT_C, VOLTAGE_LIMIT, SPEED_LIMIT_M_S = 20.0, 2.0, 50.0
+
+#: Way home: its length [m] over ground like that of late, or its legs; None where nobody says.
+WayHome = float | Sequence[Leg] | None
+
+_UNKNOWN = Quantiles(math.nan, math.nan, math.nan)
+_NOTHING = Quantiles(0.0, 0.0, 0.0)
+
+
+class RangeFlag(SampleFlag):
+    """What happened at a sample. None of it stops the estimator."""
+
+    NO_SOC = 1  # no number: the last one stands; before the first there is no forecast
+    NO_POWER = 2  # current or voltage is missing: what is driven now teaches nothing
+    NO_SPEED = 4  # likewise
+    BAD_TIME = 8  # no number, or before the last sample: not used for the drive
+    RESERVE = 16  # nothing above the reserve is left
+
+
+class SocNow(NamedTuple):
+    """State of the battery as its estimator has it; nan where it does not know."""
+
+    soc: float = math.nan
+    soc_std: float = 0.0
+    soh_capacity: float = math.nan
+    resistance_ratio: float = math.nan
+    temperature_degC: float = math.nan
+
+
+class RangeSample(NamedTuple):
+    """What is known at an instant: of the drive, of the battery, and of the way home."""
+
+    drive: DriveSample
+    soc: SocNow
+    home: WayHome = None
+
+
+class RangeEstimate(NamedTuple):
+    """Range after a sample. Quantiles are P10, P50 and P90; P10 is reached with 90 % probability.
+
+    distance_m, duration_s: until the reserve, over ground like that of late.
+    usable_J: energy above the reserve.
+    energy_J_per_m: of the ground ahead.
+    home_probability: of coming home with the reserve left; nan where nobody said how far it is.
+    driven_m: since the start.
+    flags: sum of `RangeFlag` values; 0 is a sample without incident.
+    """
+
+    distance_m: Any
+    duration_s: Any
+    usable_J: Any
+    energy_J_per_m: Any
+    home_probability: Any
+    driven_m: Any
+    flags: Any
+
+
+class RangeState(NamedTuple):
+    """All that is carried from sample to sample.
+
+    consumption: as learned so far.
+    meter: of the drive.
+    recent: last stretches that were driven.
+    finished_m: length of all finished stretches.
+    soc: last one known.
+    forecast: last one.
+    forecast_s: its time; -inf before the first.
+    """
+
+    consumption: Consumption
+    meter: DriveMeter
+    recent: tuple[Stretch, ...]
+    finished_m: float
+    soc: SocNow
+    forecast: RangeEstimate
+    forecast_s: float
+
+
+@dataclass(frozen=True)
+class RangeSettings:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        battery: identified or generic.
+        terrain: ground where a sample does not name it.
+        reserve_soc: state of charge that is to be left.
+        cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
+        payload_kg: on top of the robot's mass.
+        refresh_s: time between two forecasts.
+        cut: rules by which the drive is cut into stretches.
+    """
+
+    battery: Battery
+    terrain: str = "floor"
+    reserve_soc: float = 0.1
+    cutoff_V: float = 0.0
+    payload_kg: float = 0.0
+    refresh_s: float = 60.0
+    cut: Cut = field(default_factory=Cut)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.battery, Battery):
+            raise InputError(f"battery must be a Battery, got {type(self.battery).__name__}; load_battery reads one")
+        require_between("reserve_soc", self.reserve_soc, 0.0, 1.0)
+        for name in ("cutoff_V", "payload_kg"):
+            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_positive("refresh_s", self.refresh_s)
+        if not self.terrain:
+            raise InputError("terrain must be the name of a ground, got an empty text")
+
+    def battery_W(self, current_A: float, voltage_V: float) -> float:
+        """Power out of the battery; nan where the sensors cannot have shown it."""
+        limit_A = CURRENT_LIMIT_C * self.battery.capacity_Ah
+        credible = abs(current_A) <= limit_A and 0.0 < voltage_V <= VOLTAGE_LIMIT * self.battery.voltage_max_V
+        return -current_A * voltage_V if credible else math.nan
+
+    def speed_m_s(self, measured_m_s: float) -> float:
+        """The speed; nan where the sensor cannot have shown it."""
+        return measured_m_s if abs(measured_m_s) <= SPEED_LIMIT_M_S else math.nan
+
+    def init(self, consumption: Consumption) -> RangeState:
+        """State before the first sample; consumption: at the begin of the drive."""
+        known = with_terrain(consumption, self.terrain)
+        nothing = RangeEstimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, math.nan, 0.0, RangeFlag.NO_SOC)
+        return RangeState(known, DriveMeter(), (), 0.0, SocNow(), nothing, -math.inf)
+
+    def step(self, state: RangeState, sample: RangeSample) -> tuple[RangeState, RangeEstimate]:
+        """The state after a sample, and what is known then."""
+        flags = flags_of_sample(state, sample)
+        if math.isfinite(sample.soc.soc):
+            state = state._replace(soc=sample.soc)
+        if not flags & RangeFlag.BAD_TIME:
+            state = self.drive(state, sample.drive)
+        time_s = sample.drive.time_s
+        if not state.forecast_s <= time_s < state.forecast_s + self.refresh_s and math.isfinite(state.soc.soc):
+            state = state._replace(forecast=self.forecast(state, sample), forecast_s=time_s)
+        moving_m = state.meter.moving.stretch.distance_m if state.meter.moving else 0.0
+        if state.soc.soc <= self.reserve_soc:
+            flags |= RangeFlag.RESERVE
+        return state, state.forecast._replace(driven_m=state.finished_m + moving_m, flags=flags)
+
+    def drive(self, state: RangeState, sample: DriveSample) -> RangeState:
+        """The state after a sample of the drive; each stretch that it finishes is learned."""
+        meter, finished = advance(state.meter, sample, self.cut)
+        consumption, recent, finished_m = state.consumption, state.recent, state.finished_m
+        for part in finished:
+            stretch = part.stretch._replace(payload_kg=self.payload_kg)
+            consumption = learn(consumption, stretch, part.energy_J)
+            recent = (*recent, stretch)[-RECENT_STRETCHES:]
+            finished_m += stretch.distance_m
+        return state._replace(consumption=consumption, meter=meter, recent=recent, finished_m=finished_m)
+
+    def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
+        """Range from here on; flags and distance driven are those of each sample."""
+        if state.soc.soc <= self.reserve_soc:
+            home = math.nan if sample.home is None else 0.0
+            return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
+        ahead, battery_now = self.ahead(state), self.battery_state(state.soc)
+        home_m = self.way_home(ahead, sample.home)
+        known = state.consumption
+        for stretch in (*ahead, *home_m):
+            known = with_terrain(known, stretch.terrain) if stretch.terrain else known
+        left = range_left(known, ahead, self.battery, battery_now)
+        probability = reach_probability(known, home_m, self.battery, battery_now) if home_m else math.nan
+        return RangeEstimate(
+            left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, RangeFlag(0)
+        )
+
+    def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
+        """Stretches like those to come: those of late."""
+        driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
+        if total_distance_m(driven) > 0.0:
+            return driven
+        return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
+
+    def way_home(self, ahead: Sequence[Stretch], home: WayHome) -> tuple[Stretch, ...]:
+        """Stretches of the way home; none where nobody says."""
+        if home is None:
+            return ()
+        if isinstance(home, Sequence):
+            return tuple(map(stretch_of, home))
+        share = max(float(home), 0.0) / total_distance_m(ahead)
+        return tuple(part_of(stretch, share) for stretch in ahead)
+
+    def battery_state(self, now: SocNow) -> BatteryState:
+        """The battery for the forecast; what its estimator does not know is as in the battery file."""
+        noise = self.battery.noise if self.battery.thevenin else self.battery.rc_noise
+        return BatteryState(
+            soc=min(now.soc, 1.0),
+            soc_std=now.soc_std,
+            soh_capacity=_known(now.soh_capacity, 1.0),
+            capacity_std=noise.capacity_std,
+            resistance_ratio=_known(now.resistance_ratio, 1.0),
+            resistance_std=noise.resistance_std,
+            temperature_degC=_known(now.temperature_degC, BatteryState.temperature_degC),
+            reserve_soc=self.reserve_soc,
+            cutoff_V=self.cutoff_V,
+        )
+
+
+def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState) -> float:
+    """Probability of driving these stretches with the reserve left."""
+    demand = energy_demand(c, way)
+    duration_s = total_time_s(way)
+    z = normal_points(DIMENSIONS)
+    power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
+    usable = usable_J(discharge(battery, battery_now, power_W, z[BATTERY]))
+    return float(np.mean(needed_J(demand, z) <= usable))
+
+
+def flags_of_sample(state: RangeState, sample: RangeSample) -> RangeFlag:
+    """What is missing in a sample."""
+    drive, last = sample.drive, state.meter.last
+    flags = RangeFlag(0)
+    if not math.isfinite(sample.soc.soc):
+        flags |= RangeFlag.NO_SOC
+    if not math.isfinite(drive.battery_W):
+        flags |= RangeFlag.NO_POWER
+    if not math.isfinite(drive.speed_m_s):
+        flags |= RangeFlag.NO_SPEED
+    late = last is not None and last.time_s - CLOCK_SET_S <= drive.time_s < last.time_s
+    if late or not math.isfinite(drive.time_s):
+        flags |= RangeFlag.BAD_TIME
+    return flags
+
+
+def _known(value: float, otherwise: float) -> float:
+    return value if math.isfinite(value) else otherwise
