@@ -1,4 +1,4 @@
-"""An estimator of a battery file as a C99 library."""
+"""Estimators of a battery file as C99 libraries."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from enum import IntFlag
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, require_thevenin
@@ -23,21 +24,18 @@ from ohmward.published.rc_joint import nominal_of
 from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import trace
 
-if TYPE_CHECKING:
-    from ohmward.battery.battery import Battery
-
 #: The filter of the RC model's parameters, which is no estimator of state of charge.
 JOINT = "textbook-joint"
 
 #: The filters whose step can be written as loops.
 WITH_LOOPS = ("textbook-ekf", "textbook-ukf", JOINT)
 
-#: The filters that look at nothing but the mean curve, whose table can be one of lines.
+#: The filters that use the mean curve alone, which may then consist of straight lines.
 WITH_LINES = ("textbook-ekf", "textbook-ukf")
 
 Style = Literal["lines", "loops"]
 
-#: How far the open-circuit voltage may be from the first voltage in its test [V].
+#: Standard deviation of the open-circuit voltage about the first voltage, in the test of the joint filter [V].
 BULK_STD_V = 0.05
 
 _STEPS = 64
@@ -45,7 +43,7 @@ _EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 
 
 class NoFlag(IntFlag):
-    """Of an output without flags."""
+    """Flags of an output that has none."""
 
 
 def battery_export(
@@ -62,11 +60,10 @@ def battery_export(
 
     name: prefix of the symbols and files.
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
-    sample_time_s: of samples that always come so far apart; `dt_s` is then not looked at, and the code is smaller.
-
-    curve_error_V: how far the open-circuit voltage of a textbook filter may be from the curve in the file, of the whole
-        pack, so that its table is small; None keeps the curve.
+    sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
     style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
+    curve_error_V: largest error of the open-circuit voltage of a textbook filter, of the whole pack [V]: its curve
+        becomes straight lines, and the table small. None keeps the curve.
 
     Raises:
         InputError: no such estimator or style of it, or the battery file lacks its model.
@@ -83,7 +80,8 @@ def battery_export(
     estimator: Any = make_estimator(filter_name, battery)
     rest = SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
-    traceable, at_rate = hasattr(estimator, "start"), partial(_at_fixed_rate, sample_time_s=sample_time_s)
+    at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
+    traceable = hasattr(estimator, "start")
     start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
     return Export(
         name=name,
@@ -98,12 +96,12 @@ def battery_export(
 
 
 def curve_error_of_pack_V(battery: Battery, cell_mV: float | None) -> float | None:
-    """The `curve_error_V` of a pack whose cells may be so many millivolts off; None stays None."""
+    """The `curve_error_V` of a pack from the error of a cell [mV]; None stays None."""
     return None if cell_mV is None else 1e-3 * battery.n_series * cell_mV
 
 
 def require_style(style: str, filter_name: str) -> None:
-    """Refuse a style that there is not, or not of this filter."""
+    """Raise InputError for an unknown style, or one that this filter does not have."""
     if style not in get_args(Style):
         raise InputError(f"style must be one of {', '.join(get_args(Style))}, got {style!r}")
     if style == "loops" and filter_name not in WITH_LOOPS:
@@ -117,7 +115,7 @@ def _title(filter_name: str) -> str:
 
 
 def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:
-    """The battery with its curve on lines, and how far they are from it; of a filter that looks at the curve alone."""
+    """The battery with its curve on straight lines, and their largest error [V]; for the filters in WITH_LINES."""
     if filter_name not in WITH_LINES:
         raise InputError(
             f"{filter_name} needs the hysteresis and the temperature coefficient of the curve too; a curve "
@@ -151,8 +149,8 @@ def _joint_export(battery: Battery, name: str, sample_time_s: float | None, styl
     )
 
 
-def _at_fixed_rate(step: Callable, sample_time_s: float | None) -> Callable:
-    """The function of state and sample with a time step that is a constant of the program."""
+def _at_fixed_rate(step: Callable[..., Any], sample_time_s: float | None) -> Callable[..., Any]:
+    """A function of state and sample with the time step as a constant; None leaves it as it is."""
     if sample_time_s is None:
         return step
     require_positive("sample_time_s", sample_time_s)
@@ -160,7 +158,7 @@ def _at_fixed_rate(step: Callable, sample_time_s: float | None) -> Callable:
 
 
 def vector_samples(battery: Battery) -> np.ndarray:
-    """(T, 4) samples that reach every corner: a drive, a rest, charging, and faults of each sensor."""
+    """Samples (T, 4) of the test vectors: a drive, a rest, charging, and faults of each sensor."""
     rng = np.random.default_rng(0)
     capacity = battery.capacity_Ah
     current = capacity * np.concatenate([rng.normal(-0.5, 0.5, _STEPS // 2), np.zeros(8), rng.uniform(0, 0.5, 24)])
@@ -172,7 +170,7 @@ def vector_samples(battery: Battery) -> np.ndarray:
     return samples
 
 
-#: Row, column, value: what sensors and clocks do when they fail.
+#: Row, column and value of faults of sensors and clock.
 _FAULTS: tuple[tuple[int, int, Any], ...] = (
     (5, 1, math.nan),
     (9, 2, math.nan),
@@ -188,6 +186,6 @@ _FAULTS: tuple[tuple[int, int, Any], ...] = (
 
 
 def _usual_voltage(battery: Battery) -> float:
-    """At rest, half charged."""
+    """Voltage at rest, half charged [V]; 0 without a model."""
     model = battery.thevenin or battery.rc
     return model.ocv.voltage_V[len(model.ocv.voltage_V) // 2] if model else 0.0

@@ -1,4 +1,4 @@
-"""What fields and flags mean, from where the Python says it: the C says it in the same words."""
+"""Comments of the C: the meanings of fields and flags, taken from the docstrings of the Python."""
 
 from __future__ import annotations
 
@@ -47,5 +47,5 @@ def flag_comments(flags: type[IntFlag]) -> dict[str, str]:
 
 
 def _safe(text: str) -> str:
-    """As it may stand in a comment of C."""
+    """Text that cannot end a comment of C."""
     return text.strip().rstrip(".").replace("*/", "* /")

@@ -14,7 +14,7 @@ def templates() -> list[str]:
 
 
 def template(name: str) -> str:
-    """The text of one."""
+    """Text of a template."""
     return _folder().joinpath(*name.split("/")).read_text(encoding="utf-8")
 
 

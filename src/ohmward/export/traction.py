@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,24 +24,22 @@ from ohmward.traction.control import (
     driven_wheel,
 )
 from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimate import SlipSample as DriveSample
 from ohmward.traction.speed_observer.make_observer import FILTERS
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-
-if TYPE_CHECKING:
-    from ohmward.traction.friction.terrain import Terrain
-    from ohmward.traction.robot.robot import Robot
 
 CONTROLLERS = ("slip-controller", "speed-controller")
 _STEPS = 64
 
 
 class ControlSample(NamedTuple):
-    """What a controller of one wheel is given.
+    """Sample of a controller of one wheel.
 
-    command: what it should hold.
-    measurement: what is known of the wheel.
+    command: target and bound.
+    measurement: measured or estimated motion of the wheel.
     dt_s: time since the step before [s], > 0.
     """
 
@@ -51,10 +49,10 @@ class ControlSample(NamedTuple):
 
 
 class ControllerOutput(NamedTuple):
-    """What a controller of one wheel answers.
+    """Output of a controller of one wheel.
 
     torque_Nm: to hold until the next step [N m].
-    report: what it saw and did.
+    report: of this step.
     """
 
     torque_Nm: Any
@@ -62,7 +60,7 @@ class ControllerOutput(NamedTuple):
 
 
 def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", name: str = "speed") -> Export:
-    """The speed observer with encoders and motor currents; it starts at rest.
+    """Speed observer with encoders and motor currents; it starts at rest.
 
     Raises:
         InputError: no such filter, or wheels that scrub.
@@ -85,7 +83,7 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
 
 
 def controller_export(robot: Robot, controller: str = "slip-controller", name: str = "control") -> Export:
-    """A controller of one driven wheel, sliding mode, with friction 0.5 give or take 0.5; it starts without torque.
+    """Sliding-mode controller of one driven wheel, for friction 0.5 +- 0.5; it starts without torque.
 
     Raises:
         InputError: no such controller.
@@ -129,7 +127,7 @@ def _sample(sample: DriveSample, wheel_speed: np.ndarray, current_A: np.ndarray)
 
 
 def _drive(observer: SpeedObserver) -> np.ndarray:
-    """(T, m): from rest, with a wheel that spins, and faults of encoder, motor current and clock."""
+    """Samples (T, m): from rest, with a wheel that spins, and faults of encoder, motor current and clock."""
     rng, robot = np.random.default_rng(0), observer.scene.robot
     rows = []
     for k in range(_STEPS):
@@ -144,7 +142,7 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
 
 
 def _commands(command: Any, radius_m: float) -> np.ndarray:
-    """(T, m): driving, braking, a speed that is too old, and commands that are none."""
+    """Samples (T, m): driving, braking, an outdated speed, an excessive command and a missing speed."""
     rng, rows = np.random.default_rng(0), []
     for k in range(_STEPS):
         speed = 0.02 * k

@@ -1,7 +1,7 @@
 """The firmware's twin: an exported library, compiled for this machine and called from Python.
 
-It is the very C that the microcontroller compiles, with the flags of its Makefile, so it gives the microcontroller's
-bits. Needs a C compiler and cffi (extra `twin`).
+It is the C that the microcontroller runs, compiled with the flags of its Makefile, so it gives the same bits. Needs a C
+compiler and cffi (extra `twin`).
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ class Twin:
     Attributes:
         name: prefix of the library.
         Sample, Output, State: NamedTuples with the members of the C structs.
-        arguments: names of what `start` takes after the sample.
-        example: their values in the library's own test, which are those it was exported with.
-        flags: what the bits of the output's `flags` mean, by name.
+        arguments: names of the arguments of `start` after the sample.
+        example: their values in the library's own test, which are those of its export.
+        flags: bit of each of the output's `flags`, by name.
 
     Raises:
         InputError: there is no library in the folder, or there are several.
@@ -77,16 +77,13 @@ class Twin:
         self.arguments = tuple(re.findall(r", float (\w+)", _prototype(text, f"{self.name}_start")))
         self.example = dict(zip(self.arguments, _example(header), strict=False))
         self._ffi, self._library = _loaded(header)
-        types: list[Any] = [
-            namedtuple(word.capitalize(), self._ffi_members(word)) for word in ("sample", "output", "state")
-        ]
-        self.Sample, self.Output, self.State = types
         self._dtypes = {word: self._laid_out(word) for word in ("sample", "output", "state")}
+        self.Sample, self.Output, self.State = (_tuple_of(word, dtype) for word, dtype in self._dtypes.items())
         self._state = np.zeros(1, self._dtypes["state"])
         self._started = False
 
     def start(self, sample: Any, **arguments: float) -> None:
-        """Begin anew with the first sample, which is looked at; then give that sample to `step` or `run`.
+        """Set the state before the first sample; then give that sample to `step` or `run`.
 
         arguments: as in the C, by name: `soc=0.5, soc_std=0.3`.
 
@@ -96,12 +93,14 @@ class Twin:
         if set(arguments) != set(self.arguments):
             wanted = ", ".join(f"{word}=..." for word in self.arguments) or "nothing else"
             raise InputError(f"{self.name}_start takes the sample and {wanted}; got {', '.join(arguments) or 'none'}")
-        first, numbers = self._samples(sample, live=True), (float(arguments[word]) for word in self.arguments)
-        self._call("start", self._pointer("state *", self._state), self._pointer("sample *", first), *numbers)
+        first = self._samples(sample, live=True)
+        numbers = [float(arguments[word]) for word in self.arguments]
+        start = getattr(self._library, f"{self.name}_start")
+        start(self._pointer("state *", self._state), self._pointer("sample *", first), *numbers)
         self._started = True
 
     def step(self, sample: Any) -> Any:
-        """What is known after one sample, an `Output`: numbers, and arrays where the struct has arrays.
+        """`Output` after one sample: numbers, and arrays where the struct has arrays.
 
         Raises:
             InputError: not started, or a sample of another form.
@@ -110,7 +109,7 @@ class Twin:
         return self.Output(*(_plain(outputs[word][0]) for word in self.Output._fields))
 
     def run(self, samples: Any) -> Any:
-        """What is known after each sample of a log, an `Output` of arrays (T, ...), from the twin's state on.
+        """`Output` after each sample of a log, arrays (T, ...), from the twin's state on.
 
         samples: every member with a leading time axis (T, ...); one without it holds for all times.
 
@@ -122,11 +121,11 @@ class Twin:
 
     @property
     def state(self) -> Any:
-        """The state as it stands, a `State`."""
+        """The state after the last sample, a `State`."""
         return self.State(*(_plain(self._state[word][0]) for word in self.State._fields))
 
     def dtype(self, struct: str) -> np.dtype:
-        """How "sample", "output" or "state" lies in memory, here and on a Cortex-M: for dumps of the target's."""
+        """Layout in memory of "sample", "output" or "state", here and on a Cortex-M: reads dumps of the target."""
         return self._dtypes[struct]
 
     def records(self, samples: Any) -> np.ndarray:
@@ -150,7 +149,7 @@ class Twin:
         return outputs
 
     def _samples(self, tree: Any, live: bool) -> np.ndarray:
-        """The structs (T,) of a tree of members; (1,) of a live sample."""
+        """Structs (T,) of a tree of members; (1,) of a live sample."""
         values = [np.asarray(x) for x in _members_of(tree)]
         dtype = self.dtype("sample")
         if len(values) != len(dtype.names or ()):
@@ -188,14 +187,8 @@ class Twin:
             "itemsize": self._ffi.sizeof(f"{self.name}_{struct}"),
         })  # fmt: skip
 
-    def _ffi_members(self, struct: str) -> list[str]:
-        return [name for name, _ in self._ffi.typeof(f"{self.name}_{struct}").fields]
-
     def _pointer(self, kind: str, array: np.ndarray) -> Any:
         return self._ffi.cast(f"{self.name}_{kind}", array.ctypes.data)
-
-    def _call(self, word: str, *arguments: Any) -> None:
-        getattr(self._library, f"{self.name}_{word}")(*arguments)
 
 
 def first_of(samples: Any) -> Any:
@@ -215,10 +208,10 @@ def output_columns(outputs: Any) -> dict[str, np.ndarray]:
 
 
 def compiler() -> list[str]:
-    """The C compiler of this machine: CC of the environment, Python's own, cc, gcc or clang.
+    """C compiler of this machine: CC of the environment, Python's own, cc, gcc or clang.
 
     Raises:
-        OhmwardError: there is none.
+        OhmwardError: no compiler is installed.
     """
     named = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
     for words in (shlex.split(text) for text in named if text):
@@ -231,7 +224,7 @@ def compiler() -> list[str]:
 
 
 def _header(folder: Path, name: str | None) -> Path:
-    """The header of the library in a folder."""
+    """Header of the library in a folder."""
     found = [h for h in sorted(folder.glob(f"{name or '*'}.h")) if h.with_suffix(".c").is_file() and _steps(h)]
     if len(found) == 1:
         return found[0]
@@ -248,13 +241,13 @@ def _steps(header: Path) -> bool:
 
 
 def _prototype(text: str, function: str) -> str:
-    """Of a function, from a header; empty if it is not there."""
+    """Prototype of a function in a header; empty if it is not there."""
     found = re.search(rf"\bvoid {function}\([^;]*\);", text)
     return found[0] if found else ""
 
 
 def _example(header: Path) -> list[float]:
-    """What the test of a library gives its start after the sample; nothing where there is no test."""
+    """Arguments after the sample with which the library's test calls its start; nothing without a test."""
     test = header.with_name(f"test_{header.stem}.c")
     text = test.read_text(encoding="utf-8") if test.is_file() else ""
     found = re.search(rf"{header.stem}_start\(&state, &sample((?:, [^,;]+)*)\);", text)
@@ -262,27 +255,27 @@ def _example(header: Path) -> list[float]:
 
 
 def _loaded(header: Path) -> tuple[Any, Any]:
-    """The types of a library and its compiled functions; nothing stays on the disk."""
+    """Types of a library and its compiled functions; nothing stays on the disk."""
     try:
         from cffi import FFI
     except ImportError as error:
-        raise OhmwardError("the twin needs cffi; pip install 'ohmward[twin]'") from error
-    cc, name = compiler(), header.stem
-    ffi, prototype = FFI(), _PROTOTYPE.replace("@NAME@", name)
+        raise OhmwardError("the twin needs cffi, which is not installed; pip install cffi") from error
+    ffi = FFI()
+    cc, include, name = compiler(), f"-I{header.parent}", header.stem
+    prototype = _PROTOTYPE.replace("@NAME@", name)
+    types = _run_compiler([*cc, "-std=c99", "-E", "-P", include, "-include", header.name, "-xc", os.devnull])
+    ffi.cdef(f"{types}\n{prototype};")
     with tempfile.TemporaryDirectory() as temporary:
-        driver, library = Path(temporary) / "driver.c", Path(temporary) / f"{name}.so"
+        driver = Path(temporary) / "driver.c"
         driver.write_text(_DRIVER.replace("@PROTOTYPE@", prototype).replace("@NAME@", name), encoding="utf-8")
-        include = [f"-I{header.parent}"]
-        ffi.cdef(
-            f"{_do([*cc, '-std=c99', '-E', '-P', *include, '-include', header.name, '-xc', os.devnull])}\n{prototype};"
-        )
+        library = Path(temporary) / f"{name}.so"
         sources = [str(driver), str(header.with_suffix(".c"))]
-        _do([*cc, *FLAGS, *include, "-shared", "-fPIC", "-o", str(library), *sources, "-lm"])
+        _run_compiler([*cc, *FLAGS, include, "-shared", "-fPIC", "-o", str(library), *sources, "-lm"])
         return ffi, ffi.dlopen(str(library))
 
 
-def _do(command: list[str]) -> str:
-    """What a compiler prints; OhmwardError where it refuses."""
+def _run_compiler(command: list[str]) -> str:
+    """Run a compiler and return its output; OhmwardError if it fails."""
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = "\n".join(result.stderr.splitlines()[:10])
@@ -290,13 +283,18 @@ def _do(command: list[str]) -> str:
     return result.stdout
 
 
+def _tuple_of(struct: str, dtype: np.dtype) -> Any:
+    """NamedTuple with the members of a struct."""
+    return namedtuple(struct.capitalize(), dtype.names or ())
+
+
 def _format(ctype: Any) -> Any:
-    """The type of a member for NumPy."""
+    """NumPy's type of a member."""
     return (_TYPES[ctype.item.cname], (ctype.length,)) if ctype.kind == "array" else _TYPES[ctype.cname]
 
 
 def _members_of(tree: Any) -> Iterator[Any]:
-    """The values of nested tuples, in order; arrays without entries have no member in C."""
+    """Values of nested tuples, in order; arrays without entries have no member in C."""
     if isinstance(tree, tuple):
         for part in tree:
             yield from _members_of(part)

@@ -47,7 +47,7 @@ def llvm() -> Any:
     try:
         import llvmlite.binding as binding
     except ImportError as error:
-        raise NoMachineCodeError("llvmlite is not installed; pip install 'ohmward[fast]'") from error
+        raise NoMachineCodeError("llvmlite is not installed; pip install llvmlite") from error
     try:
         binding.initialize_native_target()
         binding.initialize_native_asmprinter()
