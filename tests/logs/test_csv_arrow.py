@@ -157,7 +157,7 @@ def test_packed_files_and_wide_letters_are_left_to_the_standard_library(encode, 
 
 
 def test_without_arrow_the_standard_library_does_it_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_arrow, "_arrow", lambda: None)
+    monkeypatch.setattr(csv_arrow, "import_arrow", lambda: None)
     columns = {"time_s": np.arange(3.0), "current_A": np.ones(3), "voltage_V": np.full(3, 12.0)}
     write_table(columns, tmp_path / "t.csv")
     np.testing.assert_array_equal(read_log(tmp_path / "t.csv", current_sign="charge").time_s, columns["time_s"])
@@ -165,7 +165,7 @@ def test_without_arrow_the_standard_library_does_it_alone(tmp_path, monkeypatch)
 
 def test_short_tables_do_not_wait_for_arrow(tmp_path, monkeypatch):
     monkeypatch.undo()
-    monkeypatch.setattr(csv_arrow, "_arrow", lambda: pytest.fail("not for three rows"))
+    monkeypatch.setattr(csv_arrow, "import_arrow", lambda: pytest.fail("not for three rows"))
     write_table({"time_s": np.arange(3.0), "x": np.ones(3)}, tmp_path / "t.csv")
     open_csv(tmp_path / "t.csv").load(["time_s"])
 

@@ -12,7 +12,10 @@ from ohmward.logs.columns import Column, listed
 from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Table, numbers
 
+# An interval that is longer than its neighbours and the median by this factor is a gap.
 _GAP_FACTOR = 10.0
+# Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
+_TOGETHER_FRACTION = 0.5
 
 
 def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
@@ -21,18 +24,17 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
     Raises:
         InputError: text where a number must stand (names the line), or no value of the current or voltage at all.
     """
-    columns, notes = dict(table.columns), list(table.notes)
     for channel in (CURRENT, VOLTAGE, TEMPERATURE):
         if channel.name not in chosen:
             continue
         name, unit = chosen[channel.name]
         values, infinite = finite(name, numbers(table, name))
-        columns[name] = (unit or channel.default).in_si(values)
-        taken = f"in {unit.symbol}" if unit else f"which names no unit: taken as {channel.default.symbol}"
-        notes += [*infinite, Note(f"{channel.name} from {name!r}{' ' if unit else ', '}{taken}")]
-        if channel.required and not np.isfinite(columns[name]).any():
+        if channel.required and not np.isfinite(values).any():
             raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {channel.name}")
-    return table._replace(columns=columns, notes=tuple(notes))
+        taken = f" in {unit.symbol}" if unit else f", which names no unit: taken as {channel.default.symbol}"
+        note = Note(f"{channel.name} from {name!r}{taken}")
+        table = table.with_columns({name: (unit or channel.default).in_si(values)}, *infinite, note)
+    return table
 
 
 def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
@@ -56,7 +58,7 @@ def drop_untimed(table: Table, time: str) -> Table:
     if known.all():
         return table
     note = Note(f"{counted((~known).sum(), 'row')} without a time: dropped", "warning")
-    return table.pick(known)._replace(notes=(*table.notes, note))
+    return table.pick(known).with_notes(note)
 
 
 def drop_text(table: Table) -> Table:
@@ -65,7 +67,7 @@ def drop_text(table: Table) -> Table:
     measured = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
     left_out = {"text": table.columns.keys() - numeric.keys(), "empty": numeric.keys() - measured.keys()}
     notes = [Note(f"{kind} columns left out: {listed(sorted(names))}") for kind, names in left_out.items() if names]
-    return table._replace(columns=measured, notes=(*table.notes, *notes))
+    return table._replace(columns=measured).with_notes(*notes)
 
 
 def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
@@ -74,33 +76,36 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     The temperature is always interpolated linearly over rows that lack it. The current is, where the file samples it
     on other rows than the voltage; single missing values of current and voltage stay NaN.
     """
-    time_s = table.columns[chosen["time"].name]
-    current, voltage = chosen["current"].name, chosen["voltage"].name
-    has_current, has_voltage = np.isfinite(table.columns[current]), np.isfinite(table.columns[voltage])
-    columns, notes = dict(table.columns), []
-    if (has_current & has_voltage).sum() < 0.5 * min(has_current.sum(), has_voltage.sum()):
-        columns[current], note = _bridged(time_s, columns[current], has_voltage & ~has_current, current)
-        notes.append(note)
+    time, current = chosen["time"].name, chosen["current"].name
+    has_current = np.isfinite(table.columns[current])
+    has_voltage = np.isfinite(table.columns[chosen["voltage"].name])
     measured = has_current | has_voltage
-    if "temperature" in chosen and (name := chosen["temperature"].name) in columns:
-        lacking = measured & ~np.isfinite(columns[name])
-        if lacking.any():
-            columns[name], note = _bridged(time_s, columns[name], lacking, name)
-            notes.append(note)
+    if (has_current & has_voltage).sum() < _TOGETHER_FRACTION * min(has_current.sum(), has_voltage.sum()):
+        table = _interpolate(table, time, current, has_voltage & ~has_current)
+    if "temperature" in chosen and (name := chosen["temperature"].name) in table.columns:
+        table = _interpolate(table, time, name, measured & ~np.isfinite(table.columns[name]))
     if measured.all():
-        return table._replace(columns=columns, notes=(*table.notes, *notes))
-    notes.append(Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped"))
-    return table._replace(columns=columns, notes=(*table.notes, *notes)).pick(measured)
+        return table
+    note = Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped")
+    return table.with_notes(note).pick(measured)
 
 
-def missing_notes(table: Table, chosen: Mapping[str, Column]) -> tuple[Note, ...]:
+def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
+    """Interpolate a column linearly in time at `rows` (mask), the ends held."""
+    if not rows.any():
+        return table
+    time_s, values = table.columns[time], table.columns[name].copy()
+    known = np.isfinite(values)
+    values[rows] = np.interp(time_s[rows], time_s[known], values[known])
+    text = f"{name!r} is interpolated at {counted(rows.sum(), 'sample')} from {counted(known.sum(), 'value')}"
+    return table.with_columns({name: values}, Note(text))
+
+
+def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
     """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
-    return tuple(
-        Note(f"{count} of {table.line.size} samples have no {quantity} (NaN)", "warning")
-        for quantity, count in counts.items()
-        if count
-    )
+    lacking = [f"{count} of {table.line.size} samples have no {q} (NaN)" for q, count in counts.items() if count]
+    return [Note(text, "warning") for text in lacking]
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:
@@ -127,13 +132,3 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
     longest = gaps[np.argmax(np.diff(time_s)[gaps])]
     length = time_s[longest + 1] - time_s[longest]
     return (Note(f"{counted(gaps.size, 'gap')}, the longest {length:g} s after {time_s[longest]:g} s", "warning"),)
-
-
-def _bridged(time_s: np.ndarray, values: np.ndarray, rows: np.ndarray, name: str) -> tuple[np.ndarray, Note]:
-    """The values with those at `rows` (mask) interpolated linearly in time, the ends held."""
-    known = np.isfinite(values)
-    filled = values.copy()
-    filled[rows] = np.interp(time_s[rows], time_s[known], values[known])
-    return filled, Note(
-        f"{name!r} is interpolated at {counted(rows.sum(), 'sample')} from {counted(known.sum(), 'value')}"
-    )

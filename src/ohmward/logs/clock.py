@@ -101,7 +101,7 @@ def _from_text(table: Table, column: Column, values: np.ndarray) -> Clock:
     if parse is _duration_s:
         return Clock(seconds, None)
     start = seconds[np.isfinite(seconds)][0]
-    zone = "" if _has_zone(first) else "; no time zone given, taken as UTC"
+    zone = "" if datetime.fromisoformat(first.strip()).tzinfo else "; no time zone given, taken as UTC"
     note = Note(f"column {column.name!r} read as dates: time counts from {first.strip()}{zone}")
     return Clock(seconds - start, float(start), (note,))
 
@@ -111,10 +111,6 @@ def _unix_s(cell: str) -> float:
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     return moment.timestamp()
-
-
-def _has_zone(cell: str) -> bool:
-    return datetime.fromisoformat(cell.strip()).tzinfo is not None
 
 
 def _duration_s(cell: str) -> float:

@@ -11,6 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
+from ohmward.logs.arrow import import_arrow, numbers_of
 from ohmward.logs.csv_layout import CsvLayout
 from ohmward.logs.table import MISSING, Progress
 
@@ -26,7 +27,7 @@ def read_numbers(
 ) -> dict[str, np.ndarray] | None:
     """The named columns (T,) of a text table, one row for every line; None where one of its lines is not plain."""
     size = path.stat().st_size
-    if size < WORTH_BYTES or not names or (arrow := _arrow()) is None or not (rows := _plain_rows(path, layout)):
+    if size < WORTH_BYTES or not names or (arrow := import_arrow()) is None or not (rows := _plain_rows(path, layout)):
         return None
     from pyarrow import csv
 
@@ -37,7 +38,7 @@ def read_numbers(
             for batch in csv.open_csv(stream, *_options(csv, arrow, layout, list(keys.values()))):
                 last = first + batch.num_rows
                 for name, key in keys.items():
-                    columns[name][first:last] = batch[key].to_numpy(zero_copy_only=False)
+                    columns[name][first:last] = numbers_of(batch[key])
                 first = last
                 if progress:
                     progress(stream.tell(), size)
@@ -53,7 +54,7 @@ def rows_as_text(columns: Sequence[np.ndarray]) -> str | None:
     # a row of one empty cell is quoted by the standard library, lest it be an empty line
     if len(columns) < 2 or len(columns[0]) < WORTH_ROWS or any(c.dtype.kind not in "fiu" for c in columns):
         return None
-    if (arrow := _arrow()) is None:
+    if (arrow := import_arrow()) is None:
         return None
     from pyarrow import csv
 
@@ -67,7 +68,7 @@ def rows_as_text(columns: Sequence[np.ndarray]) -> str | None:
 def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[str]) -> tuple:
     """Columns are called by their number, for a file may leave some unnamed."""
     names = [str(k) for k in range(len(layout.names))]
-    missing = sorted({spelling for word in MISSING for spelling in (word, word.upper(), word.title(), _nan(word))})
+    missing = sorted({"NaN", *(spelling for word in MISSING for spelling in (word, word.upper(), word.title()))})
     return (
         csv.ReadOptions(skip_rows=layout.skip_lines, column_names=names, block_size=_BLOCK),
         csv.ParseOptions(delimiter=layout.delimiter, quote_char=False),
@@ -79,10 +80,6 @@ def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[s
             decimal_point="," if layout.decimal_comma else ".",
         ),
     )
-
-
-def _nan(word: str) -> str:
-    return "NaN" if word == "nan" else word
 
 
 def _plain_rows(path: Path, layout: CsvLayout) -> int:
@@ -117,12 +114,3 @@ def _cells(arrow: ModuleType, values: np.ndarray):
         spelled = arrow.array([repr(value) for value in values[odd].tolist()], arrow.string())
         text = compute.replace_with_mask(text, arrow.array(odd), spelled)
     return text
-
-
-def _arrow() -> ModuleType | None:
-    try:
-        import pyarrow
-        import pyarrow.csv
-    except ImportError:
-        return None
-    return pyarrow

@@ -1,4 +1,4 @@
-"""How a text table is written: encoding, header, delimiter, decimal mark; found from its first lines."""
+"""The layout of a text table: encoding, header, delimiter, decimal mark; found from its first lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 
 
 class CsvLayout(NamedTuple):
-    """What is needed to read the rows: column names, how cells are split, lines to skip before the first row."""
+    """Column names, delimiter and decimal mark of the rows, and the number of lines before the first one."""
 
     names: tuple[str, ...]
     delimiter: str
@@ -51,7 +51,7 @@ def open_text(path: Path) -> TextIO:
 
 
 def bytes_read(stream: TextIO) -> int:
-    """How far a stream of `open_text` is in its file, packed or not."""
+    """The position [bytes] of a stream of `open_text` in its file, packed or not."""
     return getattr(stream.buffer, "fileobj", stream.buffer).tell()
 
 
@@ -73,7 +73,8 @@ def find_layout(path: Path) -> CsvLayout:
     rows = [line for line in lines[at:] if line.strip()]
     delimiter = _delimiter(rows)
     header, skip = rows[0], at + 1
-    if _is_data(_cells(header, delimiter)):
+    cells = _cells(header, delimiter)
+    if any(cells) and all(map(_is_value, cells)):
         header, skip = _header_in_comments(path, comments, rows[0], delimiter), at
     names = tuple(name.strip() for name in _cells(header, delimiter))
     _check_names(path, names)
@@ -104,10 +105,6 @@ def _delimiter(rows: list[str]) -> str:
 
     fitting = [mark for mark in _DELIMITERS if len(_cells(rows[0], mark)) > 1]
     return max(fitting, key=score, default=",")
-
-
-def _is_data(cells: list[str]) -> bool:
-    return any(cells) and all(_is_value(cell) for cell in cells)
 
 
 def _is_value(cell: str) -> bool:

@@ -49,7 +49,7 @@ def to_numbers(table: Table, columns: Mapping[str, Column]) -> Table:
         InputError: text where a number must stand; names the line.
     """
     names = {column.name for quantity, column in columns.items() if quantity != "time"}
-    return table._replace(columns={**table.columns, **{name: numbers(table, name) for name in names}})
+    return table.with_columns({name: numbers(table, name) for name in names})
 
 
 def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechanics) -> DriveChannels:

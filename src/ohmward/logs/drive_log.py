@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -14,7 +14,8 @@ from ohmward.logs.clean import gap_notes
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
 from ohmward.logs.note import Note, counted
-from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording, stem
+from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
+from ohmward.logs.table import TableFile
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics
@@ -39,7 +40,7 @@ class DriveLog(TimeSeries):
 
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
-    name: what to call it, usually the file's stem.
+    name: usually the file's stem.
     time_s: (T,) [s], finite and strictly increasing.
     wheel_speed_rad_s: (T, wheels) of every wheel, driven ones first, > 0 forward; all NaN for a wheel without encoder.
     motor_current_A: (T, driven), > 0 drives forward.
@@ -146,17 +147,15 @@ def read_drive(
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
     mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
-    mechanics.require_valid()
     file = open_table(source)
-    given = {"time": file.time} if file.time else {}
-    found = find_drive_columns(file.source, file.names, wheels, given | dict(columns or {}), units, leave)
+    found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
     rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
     channels = drive_channels(rows.table, found, wheels, mechanics)
-    return _as_log(file.source, rows, channels, _order_notes(found, wheels))
+    return _as_log(file, rows, channels, _order_notes(found, wheels))
 
 
-def _as_log(source: str, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
+def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
     """The rows in which something was measured.
 
     Raises:
@@ -164,12 +163,12 @@ def _as_log(source: str, rows: RecordedTable, channels: DriveChannels, order: Se
     """
     measured = channels.measured
     if not measured.any():
-        raise InputError(f"{source}: no row has the speed of a wheel or anything else that the robot measured")
+        raise InputError(f"{file.source}: no row has the speed of a wheel or anything else that the robot measured")
     notes = [*rows.table.notes, *channels.notes]
     if not measured.all():
         notes.append(Note(f"{counted(int((~measured).sum()), 'row')} in which nothing was measured: dropped"))
     log = DriveLog(
-        name=stem(source),
+        name=file.stem,
         time_s=channels.time_s,
         wheel_speed_rad_s=channels.wheel_speed_rad_s,
         motor_current_A=channels.motor_current_A,
@@ -196,7 +195,7 @@ def _wheels(robot: Any, driven: int | None) -> Wheels:
     """
     if hasattr(robot, "places") and driven in (None, robot.driven):
         return Wheels(tuple(place.name for place in robot.places), robot.driven)
-    names = () if isinstance(robot, str) or not isinstance(robot, Sequence) else tuple(robot)
+    names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()
     if not names or driven is None or not 0 <= driven <= len(names):
         raise InputError(
             "read_drive needs a Robot, or the names of its wheels, driven ones first, and the number of driven ones: "

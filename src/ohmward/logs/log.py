@@ -14,9 +14,9 @@ from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
 from ohmward.logs.columns import find_columns
 from ohmward.logs.frame import to_frame
 from ohmward.logs.note import Note, counted
-from ohmward.logs.read import Wanted, open_table, read_recording, stem
-from ohmward.logs.sign import CurrentSign, decide_sign, sign_evidence
-from ohmward.logs.table import Progress, TableFile
+from ohmward.logs.read import Wanted, open_table, read_recording
+from ohmward.logs.sign import CurrentSign, charging_current
+from ohmward.logs.table import Progress
 from ohmward.logs.time_series import TimeSeries
 
 SECONDS_PER_HOUR = 3600.0
@@ -28,7 +28,7 @@ class Log(TimeSeries):
 
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
-    name: what to call it, usually the file's stem.
+    name: usually the file's stem.
     time_s: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock.
     current_A: (T,) [A], > 0 charges; NaN where it was not measured.
     voltage_V: (T,) [V] of the whole pack; NaN where it was not measured.
@@ -127,18 +127,17 @@ def read_log(
     """
     file = open_table(source)
     bdf.check_names(file.source, file.names)
-    columns = ({"time": file.time} if file.time else {}) | dict(columns or {})
-    chosen = find_columns(file.source, file.names, columns, units)
+    chosen = find_columns(file.source, file.names, file.given(columns), units)
     wanted = Wanted(where or {}, extra, sort_time, progress)
     rows = read_recording(file, chosen, wanted, lambda table: to_si(table, chosen))
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
-    current_A, sign_note = _charging(file, current_sign, measured)
+    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     return Log(
-        name=stem(file.source),
+        name=file.stem,
         time_s=time_s,
         current_A=current_A,
         voltage_V=measured["voltage"],
@@ -147,20 +146,6 @@ def read_log(
         notes=(*table.notes, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
     )
-
-
-def _charging(file: TableFile, wanted: CurrentSign, measured: Mapping[str, np.ndarray]) -> tuple[np.ndarray, Note]:
-    """The current (T,) [A], > 0 charging, and a note on how that was decided."""
-    current_A = measured["current"]
-    sign, note = decide_sign(
-        stem(file.source),
-        wanted,
-        sign_evidence(measured["time"], current_A, measured["voltage"]),
-        bdf_file=bdf.is_bdf(file.source),
-        bdf_names=bdf.has_columns(file.names),
-        flows=bool(np.nan_to_num(current_A).any()),
-    )
-    return -current_A if sign == "discharge" else current_A, note
 
 
 def _since_start(

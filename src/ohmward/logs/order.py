@@ -9,6 +9,7 @@ from ohmward.logs.note import Note, counted
 from ohmward.logs.selection import explain_recordings
 from ohmward.logs.table import Table
 
+# More rows than this fraction out of order are not a few that were written late.
 _MOST_LATE = 0.05
 
 
@@ -18,7 +19,9 @@ def find_restarts(time_s: np.ndarray) -> np.ndarray:
     time_s: (T,) [s], finite. A row is late when it stands after a row that is at most one median interval younger.
     """
     steps = np.diff(time_s)
-    return np.flatnonzero(-steps > _typical(steps)) + 1 if (steps < 0).any() else np.empty(0, dtype=int)
+    rising = steps[steps > 0]
+    typical = np.median(rising) if rising.size else 0.0
+    return np.flatnonzero(-steps > typical) + 1
 
 
 def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
@@ -36,18 +39,10 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
     if not (time_s[1:] < time_s[:-1]).any():
         return table
     late = time_s < np.maximum.accumulate(time_s)
-    if not sort_time and _newest_first(time_s):
-        raise InputError(
-            f"{table.source}: the time falls from {table.place} to {table.place}: the newest row stands first; "
-            "sort the rows with --sort-time (sort_time=True)"
-        )
-    restarts = find_restarts(time_s)
-    if not sort_time and restarts.size and _starts_again(time_s, restarts):
-        raise InputError(explain_recordings(table, time, restarts))
-    if not sort_time and (restarts.size or late.mean() > _MOST_LATE):
-        raise InputError(_backwards(table, time_s, late))
+    if not sort_time:
+        _require_late_rows_only(table, time, late)
     note = Note(f"{counted(late.sum(), 'row')} out of order: sorted by time", "warning" if sort_time else "info")
-    return table.pick(np.argsort(time_s, kind="stable"))._replace(notes=(*table.notes, note))
+    return table.pick(np.argsort(time_s, kind="stable")).with_notes(note)
 
 
 def merge_equal_times(table: Table, time: str) -> Table:
@@ -60,23 +55,25 @@ def merge_equal_times(table: Table, time: str) -> Table:
     columns = {name: _last_known(values, first) for name, values in table.columns.items()}
     repeated = counted(time_s.size - first.size, "row")
     note = Note(f"{repeated} with the time of the row before: the last value of each column kept")
-    return table._replace(columns=columns, line=table.line[first], notes=(*table.notes, note))
+    return table._replace(columns=columns, line=table.line[first]).with_notes(note)
 
 
-def _typical(steps: np.ndarray) -> float:
-    """Median interval between rows [s]."""
-    rising = steps[steps > 0]
-    return float(np.median(rising)) if rising.size else 0.0
-
-
-def _newest_first(time_s: np.ndarray) -> bool:
-    return bool(np.count_nonzero(time_s[1:] < time_s[:-1]) > np.count_nonzero(time_s[1:] > time_s[:-1]))
-
-
-def _starts_again(time_s: np.ndarray, restarts: np.ndarray) -> bool:
-    """Whether the first fall goes back over most of the time that had passed."""
-    before, after = time_s[restarts[0] - 1], time_s[restarts[0]]
-    return bool(before - after >= 0.5 * (before - time_s[0]))
+def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
+    """Raise InputError where more is out of order than a few rows that were written `late` (T,)."""
+    time_s = table.columns[time]
+    steps = np.diff(time_s)
+    if np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+        raise InputError(
+            f"{table.source}: the time falls from {table.place} to {table.place}: the newest row stands first; "
+            "sort the rows with --sort-time (sort_time=True)"
+        )
+    restarts = find_restarts(time_s)
+    if restarts.size:
+        before, after = time_s[restarts[0] - 1], time_s[restarts[0]]
+        if before - after >= 0.5 * (before - time_s[0]):  # back over most of the time that had passed
+            raise InputError(explain_recordings(table, time, restarts))
+    if restarts.size or late.mean() > _MOST_LATE:
+        raise InputError(_backwards(table, time_s, late))
 
 
 def _last_known(values: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.arrow import import_arrow, numbers_of, to_column
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
@@ -79,7 +80,7 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progr
     pyarrow, parquet = _pyarrow()
     # a dictionary of measured numbers is as large as the numbers, and slow to write and to read
     repeating = [name for name, values in columns.items() if np.asarray(values).dtype.kind != "f"]
-    table = pyarrow.Table.from_arrays([_stored(pyarrow, values) for values in columns.values()], list(columns))
+    table = pyarrow.Table.from_arrays([to_column(pyarrow, values) for values in columns.values()], list(columns))
     with parquet.ParquetWriter(path, table.schema, compression="zstd", use_dictionary=repeating or False) as writer:
         for first in range(0, table.num_rows, _GROUP_ROWS):
             group = table.slice(first, _GROUP_ROWS)
@@ -88,12 +89,11 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progr
                 progress(first + group.num_rows, table.num_rows)
 
 
-def _pyarrow():
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise OhmwardError("Parquet needs pyarrow, which is not installed; pip install 'ohmward[lab]'") from error
+def _pyarrow() -> tuple[ModuleType, ModuleType]:
+    if (pyarrow := import_arrow()) is None:
+        raise OhmwardError("Parquet needs pyarrow, which is not installed; pip install 'ohmward[lab]'")
+    from pyarrow import parquet
+
     return pyarrow, parquet
 
 
@@ -103,32 +103,12 @@ def _values(column: Any) -> np.ndarray:
     if kind.startswith(("timestamp", "date")):
         return _numpy(column).astype("datetime64[ns]")
     if kind.startswith(("int", "uint", "float", "double", "halffloat")):
-        return _numbers(column)
+        return numbers_of(column)
     if kind.startswith("duration"):
         return _numpy(column).astype("timedelta64[ns]")
     if kind.startswith(("decimal", "bool")):
         return _numpy(column.cast("float64"))
     return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
-
-
-def _numbers(column: Any) -> np.ndarray:
-    """As `to_numpy` would, which imports pandas where it is installed: longer than all the rest of a short log."""
-    bare = type(column).from_buffers(column.type, len(column), [None, column.buffers()[1]], offset=column.offset)
-    values = np.from_dlpack(bare)
-    if column.null_count:
-        return np.where(np.from_dlpack(column.is_null().cast("uint8")), np.nan, values.astype(float))
-    return values.astype(np.int64 if values.dtype.kind in "iu" else float, copy=False)
-
-
-def _stored(pyarrow: ModuleType, values: Any) -> Any:
-    """An array as a column, contiguous ones without a copy; `pyarrow.array` would import pandas."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu":
-        return pyarrow.array(values)
-    native = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
-    return pyarrow.Array.from_buffers(
-        pyarrow.from_numpy_dtype(native.dtype), native.size, [None, pyarrow.py_buffer(native)]
-    )
 
 
 def _numpy(column: Any) -> np.ndarray:

@@ -20,13 +20,7 @@ from ohmward.logs.table import Progress, Table, TableFile
 
 
 class Wanted(NamedTuple):
-    """The part of a file to read.
-
-    where: column -> value, to choose one of several recordings; "recording" counts clock restarts.
-    extra: further columns to keep; None keeps every numeric one.
-    sort_time: sort rows that are out of order, whatever the reason.
-    progress: called now and then with what is read and what there is to read.
-    """
+    """The part of a file to read, as in the arguments of `read_log`."""
 
     where: Mapping[str, float | str]
     extra: Collection[str] | None = None
@@ -91,11 +85,11 @@ def read_recording(
     number = labels.pop(RECORDING, None) if RECORDING not in table.columns else None
     table = select_rows(table, labels)
     clock = read_clock(table, columns["time"])
-    table = table._replace(columns={**table.columns, time: clock.time_s}, notes=(*clock.notes, *table.notes))
+    table = table._replace(notes=clock.notes).with_columns({time: clock.time_s}, *table.notes)
     table = drop_untimed(table, time)
     if number is not None:
         numbers = recording_numbers(find_restarts(table.columns[time]), table.line.size)
-        table = select_rows(table._replace(columns={**table.columns, RECORDING: numbers}), {RECORDING: number})
+        table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
     table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
     return RecordedTable(merge_equal_times(drop_text(table), time), clock.start_unix_s, frozenset({*own, RECORDING}))
 
@@ -107,10 +101,3 @@ def _names(file: TableFile, own: Collection[str], wanted: Wanted) -> set[str]:
     if unknown := [name for name in wanted.extra if name not in file.names]:
         raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")
     return {*own, *wanted.extra, *wanted.where} & set(file.names)
-
-
-def stem(source: str) -> str:
-    """The name of a file without .csv, .bdf.csv, .csv.gz and the like."""
-    for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf"):
-        source = source.removesuffix(suffix)
-    return source

@@ -30,7 +30,7 @@ def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
                 f"{table.source}: no row has {name} = {wanted}; the values are {_distinct(table.columns[name])}"
             )
         note = Note(f"rows with {name} = {wanted}: {picked.sum()} of {picked.size}")
-        table = table.pick(picked)._replace(notes=(*table.notes, note))
+        table = table.pick(picked).with_notes(note)
     return table
 
 
@@ -40,7 +40,7 @@ def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
 
 
 def explain_recordings(table: Table, time: str, restarts: np.ndarray) -> str:
-    """What to tell about a clock that starts again at the rows `restarts` (K,), and how to choose one recording.
+    """The message on a clock that starts again at the rows `restarts` (K,): the place, and a way to choose a recording.
 
     time: the column with the time [s].
     """
@@ -82,7 +82,7 @@ def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str,
 
 
 def _rises(codes: Sequence[np.ndarray], first: np.ndarray, last: np.ndarray) -> bool:
-    """Whether runs of rows with the same codes follow each other in time; first, last: (N,) times of each run [s]."""
+    """True where runs of rows with the same codes follow each other in time; first, last: (N,) times of each [s]."""
     order = np.lexsort((np.arange(first.size), *codes))
     same = np.all([np.diff(code[order]) == 0 for code in codes], axis=0)
     pause = first[order][1:] - last[order][:-1]

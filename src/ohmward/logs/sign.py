@@ -12,7 +12,9 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs import bdf
 from ohmward.logs.note import Note, counted
+from ohmward.logs.table import TableFile
 from ohmward.runs import runs
 
 #: What a positive current in a file does; "auto" tells it from the data.
@@ -85,36 +87,35 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     return SignEvidence(verdict, edges, trend)
 
 
-def decide_sign(
-    name: str, wanted: CurrentSign, evidence: SignEvidence, *, bdf_file: bool, bdf_names: bool, flows: bool
-) -> tuple[str, Note]:
-    """Effect of a positive current, "charge" or "discharge": as told, as the file's format defines, or from the data.
-
-    name: of the log, for messages.  wanted: by the caller.
-    bdf_file, bdf_names: the file says that it is BDF, or its columns have the names of BDF.
-    flows: the current is not always zero.
+def charging_current(
+    file: TableFile, wanted: CurrentSign, time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, Note]:
+    """The current (T,) [A] of a file, > 0 charging, and a note: as told, as the format defines it, or from the data.
 
     Raises:
         InputError: `wanted` is none of the three, or nothing tells the sign.
     """
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
+    evidence = sign_evidence(time_s, current_A, voltage_V)
     if wanted != "auto":
-        return wanted, _told_note(wanted, "given", evidence)
-    if bdf_file:
-        return "charge", _told_note("charge", "by definition of BDF", evidence)
-    if evidence.verdict != "undecidable":
-        text = f"positive current {evidence.verdict}s the battery, told from the data: {evidence}"
-        return evidence.verdict, Note(text)
-    if bdf_names:
-        text = "positive current charges the battery (by definition of BDF, whose column names these are)"
-        return "charge", Note(text)
-    if not flows:
-        return "charge", Note("the current is zero throughout: its sign does not matter", "warning")
-    raise InputError(
-        f"{name}: the data do not tell whether a positive current charges or discharges the battery ({evidence}); "
-        "say it with --current-sign charge or --current-sign discharge (current_sign='charge')"
-    )
+        sign, note = wanted, _told_note(wanted, "given", evidence)
+    elif bdf.is_bdf(file.source):
+        sign, note = "charge", _told_note("charge", "by definition of BDF", evidence)
+    elif evidence.verdict != "undecidable":
+        sign = evidence.verdict
+        note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
+    elif bdf.has_columns(file.names):
+        sign = "charge"
+        note = Note("positive current charges the battery (by definition of BDF, whose column names these are)")
+    elif not np.nan_to_num(current_A).any():
+        sign, note = "charge", Note("the current is zero throughout: its sign does not matter", "warning")
+    else:
+        raise InputError(
+            f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
+            f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')"
+        )
+    return -current_A if sign == "discharge" else current_A, note
 
 
 def _told_note(told: str, by: str, evidence: SignEvidence) -> Note:

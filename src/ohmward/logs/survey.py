@@ -1,4 +1,4 @@
-"""What is in a log, in numbers: sampling, ranges, resolution, noise, rests, pulses, charge."""
+"""A log in numbers: sampling, ranges, resolution, noise, rests, pulses, charge."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.logs.sign import resolution, sign_evidence, spread
 from ohmward.runs import runs
 
-# A rest: less than this share of the largest current, for at least this long.
-_REST_SHARE = 0.05
+# A rest: less than this fraction of the largest current, for at least this time.
+_REST_FRACTION = 0.05
 _REST_LEAST_S = 10.0
 _PULSE_MOST_S = 120.0
+# Fewer second differences than these give no robust standard deviation.
+_NOISE_LEAST = 20
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Activity:
-    """Rests, pulses between rests, the current read at rest [A] (None without a rest), charge in and out [Ah]."""
+    """Rests, pulses between rests, the current at rest [A] (None without a rest), charge in and out [Ah]."""
 
     rests: int
     pulses: int
@@ -58,7 +60,7 @@ class Activity:
 
 @dataclass(frozen=True)
 class Sign:
-    """How the voltage answers the current; verdict "charge" agrees with current > 0 charges."""
+    """The response of the voltage to the current; verdict "charge" agrees with current > 0 charges."""
 
     verdict: str
     edges: int
@@ -131,17 +133,17 @@ def _sampling(time_s: np.ndarray) -> Sampling:
 
 
 def _signal(values: np.ndarray, resting: np.ndarray) -> Signal:
-    """Noise is read at rest where there is enough of it, because a working current is not noise."""
+    """The noise is that at rest where there is enough of it, because a working current is not noise."""
     known = values[np.isfinite(values)]
-    quiet = np.where(resting, values, np.nan)
-    enough = np.isfinite(np.diff(quiet, n=2)).sum() >= 20
+    at_rest = np.where(resting, values, np.nan)
+    enough = np.isfinite(np.diff(at_rest, n=2)).sum() >= _NOISE_LEAST
     return Signal(
         minimum=float(known.min()),
         maximum=float(known.max()),
         missing=int(values.size - known.size),
         levels=int(np.unique(known).size),
         resolution=resolution(known),
-        noise_std=float(noise_std(quiet if enough else values)),
+        noise_std=float(noise_std(at_rest if enough else values)),
     )
 
 
@@ -165,16 +167,15 @@ def _activity(log: Log, resting: np.ndarray) -> Activity:
 def _resting(log: Log) -> np.ndarray:
     """(T,) mask of the samples at rest."""
     size = np.abs(log.current_A)
-    limit = _REST_SHARE * np.nanmax(size)
-    quiet = size <= limit
-    for first, stop in runs(quiet):
+    resting = size <= _REST_FRACTION * np.nanmax(size)
+    for first, stop in runs(resting):
         if log.time_s[stop - 1] - log.time_s[first] < _REST_LEAST_S:
-            quiet[first:stop] = False
-    return quiet
+            resting[first:stop] = False
+    return resting
 
 
 def _pulses(time_s: np.ndarray, resting: np.ndarray) -> int:
-    """How many times the current flows for two minutes at most between two rests."""
+    """Number of flows of current of two minutes at most between two rests."""
     inside = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
     return sum(bool(time_s[stop] - time_s[first - 1] <= _PULSE_MOST_S) for first, stop in inside)
 

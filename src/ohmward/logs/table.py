@@ -39,6 +39,14 @@ class Table(NamedTuple):
         columns = {name: values[rows] for name, values in self.columns.items()}
         return self._replace(columns=columns, line=self.line[rows])
 
+    def with_columns(self, columns: Mapping[str, np.ndarray], *notes: Note) -> Table:
+        """The table with columns (T,) added or replaced, and further notes."""
+        return self._replace(columns={**self.columns, **columns}, notes=(*self.notes, *notes))
+
+    def with_notes(self, *notes: Note) -> Table:
+        """The table with further notes."""
+        return self._replace(notes=(*self.notes, *notes))
+
 
 class ColumnLoader(Protocol):
     """Reads the named columns of a file into a Table."""
@@ -61,6 +69,18 @@ class TableFile(NamedTuple):
     names: tuple[str, ...]
     load: ColumnLoader
     time: str | None = None
+
+    def given(self, columns: Mapping[str, str] | None) -> dict[str, str]:
+        """The columns that the caller names, and that of the time where the table knows it and the caller does not."""
+        return ({"time": self.time} if self.time else {}) | dict(columns or {})
+
+    @property
+    def stem(self) -> str:
+        """The name without .csv, .bdf.csv, .csv.gz and the like."""
+        stem = self.source
+        for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf"):
+            stem = stem.removesuffix(suffix)
+        return stem
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,13 +21,17 @@ from ohmward.logs.units import UNITS, Unit
 WIDTHS = (8, 16, 32)
 
 
-class Mechanics(NamedTuple):
+@dataclass(frozen=True)
+class Mechanics:
     """The way from the shaft that is measured to the rim of the wheel.
 
     radius_m: of the wheels, for speeds in m/s.
     gear_ratio: turns of the motor for one of the wheel.
     at_motor_shaft: speeds and counts are of the motor, before the gear.
     counts_per_turn: of an encoder, for one turn of the shaft that it sits on.
+
+    Raises:
+        InputError: one of the numbers is not > 0.
     """
 
     radius_m: float | None = None
@@ -34,8 +39,7 @@ class Mechanics(NamedTuple):
     at_motor_shaft: bool = False
     counts_per_turn: float | None = None
 
-    def require_valid(self) -> None:
-        """Raise InputError where a number is not > 0."""
+    def __post_init__(self) -> None:
         for name in ("radius_m", "gear_ratio", "counts_per_turn"):
             if (value := getattr(self, name)) is not None:
                 require_positive(name, value)
