@@ -98,6 +98,7 @@ def charging_current(
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
     evidence = sign_evidence(time_s, current_A, voltage_V)
+    sign: str
     if wanted != "auto":
         sign, note = wanted, _told_note(wanted, "given", evidence)
     elif bdf.is_bdf(file.source):
