@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.file import dump_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.fleet import Job, in_processes, run_fleet
 from ohmward.logs import Log, write_log
 from ohmward.simulate.voltage import simulate_voltage
@@ -43,7 +43,7 @@ def seconds_for_each(logs: int = LOGS) -> float:
     """Wall time that a log takes when so many run one after the other on all processors [s]."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        paths, job = write_logs(folder, logs), Job(dump_battery(generic_battery("nmc", 2.0)))
+        paths, job = write_logs(folder, logs), Job(BATTERY_FILE.dump(generic_battery("nmc", 2.0)))
         began = time.perf_counter()
         run_fleet(paths, job, folder / "out", partial(in_processes, processes=PROCESSES))
         return (time.perf_counter() - began) / logs

@@ -1,8 +1,8 @@
-"""Checks that parameters make of themselves; each refusal names the parameter, the rule and the value."""
+"""Checks of parameters; each refusal names the parameter, the rule and the value."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,14 +10,14 @@ from ohmward.errors import InputError
 
 
 def require_finite(name: str, values: float | Sequence[float]) -> None:
-    """Every value is a finite number."""
+    """Raise InputError unless every value is a finite number."""
     bad = [v for v in np.atleast_1d(np.asarray(values, dtype=float)) if not np.isfinite(v)]
     if bad:
         raise InputError(f"{name} must be finite, got {bad[0]}")
 
 
 def require_between(name: str, values: float | Sequence[float], low: float, high: float) -> None:
-    """Every value is finite and low <= value <= high."""
+    """Raise InputError unless every value is finite and low <= value <= high."""
     require_finite(name, values)
     for v in np.atleast_1d(np.asarray(values, dtype=float)):
         if not low <= v <= high:
@@ -26,7 +26,7 @@ def require_between(name: str, values: float | Sequence[float], low: float, high
 
 
 def require_positive(name: str, values: float | Sequence[float]) -> None:
-    """Every value is finite and > 0."""
+    """Raise InputError unless every value is finite and > 0."""
     require_finite(name, values)
     for v in np.atleast_1d(np.asarray(values, dtype=float)):
         if not v > 0:
@@ -34,6 +34,13 @@ def require_positive(name: str, values: float | Sequence[float]) -> None:
 
 
 def require_length(name: str, values: Sequence[float], length: int, why: str) -> None:
-    """There are `length` values."""
+    """Raise InputError unless there are `length` values."""
     if len(values) != length:
         raise InputError(f"{name} must have {length} values ({why}), got {len(values)}")
+
+
+def require_one_of(name: str, value: object, known: Iterable[str]) -> None:
+    """Raise InputError unless the value is one of the known names; it lists them."""
+    known = tuple(known)
+    if value not in known:
+        raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")

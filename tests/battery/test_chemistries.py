@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import CHEMISTRIES, generic_battery, start_model, start_noise
-from ohmward.battery.file import dump_battery, parse_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 @pytest.mark.parametrize("name", CHEMISTRIES)
 def test_every_chemistry_makes_a_battery_that_survives_its_file(name):
     battery = generic_battery(name, 12.0, 4)
-    again = parse_battery(dump_battery(battery))
+    again = BATTERY_FILE.parse(BATTERY_FILE.dump(battery))
     assert again.thevenin is not None and again.thevenin.capacity_Ah == 12.0
     assert (
         again.voltage_min_V < again.thevenin.ocv.voltage_V[0] < again.thevenin.ocv.voltage_V[-1] < again.voltage_max_V

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provenance
-from ohmward.battery.file import dump_battery, load_battery, parse_battery, save_battery
+from ohmward.battery.file import BATTERY_FILE, load_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
@@ -76,9 +76,9 @@ def batteries(draw):
 @given(batteries())
 @settings(max_examples=60, deadline=None)
 def test_what_was_rounded_once_stays_as_it_is(battery):
-    text = dump_battery(battery)
-    again = parse_battery(text)
-    assert dump_battery(again) == text
+    text = BATTERY_FILE.dump(battery)
+    again = BATTERY_FILE.parse(text)
+    assert BATTERY_FILE.dump(again) == text
     assert again.name == battery.name
     assert again.thevenin is not None
     assert again.thevenin.tau_s == pytest.approx(battery.thevenin.tau_s, rel=1e-5)
@@ -86,7 +86,7 @@ def test_what_was_rounded_once_stays_as_it_is(battery):
 
 
 def test_it_reads_like_a_document():
-    text = dump_battery(FULL)
+    text = BATTERY_FILE.dump(FULL)
     assert text.startswith("# A battery as ohmward knows it.")
     assert 'format = "ohmward-battery/1"' in text.splitlines()[4:6]
     assert "[thevenin.ocv]" in text and "[[identification.logs]]" in text and "[noise]" in text
@@ -95,14 +95,14 @@ def test_it_reads_like_a_document():
 
 
 def edited(old, new):
-    text = dump_battery(FULL)
+    text = BATTERY_FILE.dump(FULL)
     assert old in text
     return text.replace(old, new, 1)
 
 
 def test_a_hand_edit_is_taken():
     text = edited("idle_current_A = -0.12", "# measured at the bench\nidle_current_A = -1")
-    assert parse_battery(text).idle_current_A == -1.0
+    assert BATTERY_FILE.parse(text).idle_current_A == -1.0
 
 
 def test_a_file_from_a_data_sheet_needs_little():
@@ -119,7 +119,7 @@ def test_a_file_from_a_data_sheet_needs_little():
         [thevenin.ocv]
         voltage_V = [11.8, 12.9]
     """
-    battery = parse_battery(text)
+    battery = BATTERY_FILE.parse(text)
     assert battery.noise == BatteryNoise() and battery.identification is None
 
 
@@ -153,12 +153,12 @@ def test_a_file_from_a_data_sheet_needs_little():
 )
 def test_refusals_name_key_rule_and_value(old, new, message):
     with pytest.raises(InputError, match=message):
-        parse_battery(edited(old, new))
+        BATTERY_FILE.parse(edited(old, new))
 
 
 def test_a_battery_without_a_model_is_refused():
     with pytest.raises(InputError, match="has no model"):
-        parse_battery('format = "ohmward-battery/1"\nname = "x"\ncapacity_Ah = 1.0\n')
+        BATTERY_FILE.parse('format = "ohmward-battery/1"\nname = "x"\ncapacity_Ah = 1.0\n')
     with pytest.raises(InputError, match="has no model"):
         replace(PLAIN, thevenin=None)
 

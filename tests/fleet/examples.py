@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.file import dump_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.fleet import Job, ReadOptions
 from ohmward.logs import Log, write_log
 
@@ -13,7 +13,7 @@ SIGNED = ReadOptions(current_sign="charge")
 
 
 def job() -> Job:
-    return Job(dump_battery(generic_battery("nmc", 2.0)), "coulomb", reading=SIGNED)
+    return Job(BATTERY_FILE.dump(generic_battery("nmc", 2.0)), "coulomb", reading=SIGNED)
 
 
 def write_fleet(folder: Path) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fleet import examples
-from ohmward.battery.file import parse_battery, save_battery
+from ohmward.battery.file import BATTERY_FILE, save_battery
 from ohmward.cli.main import main
 from ohmward.errors import InputError
 from ohmward.fleet import Job, on_dask, run_fleet
@@ -73,7 +73,7 @@ def test_a_log_that_no_worker_survives_is_reported_and_the_others_are_done(tmp_p
 
 def test_from_the_command_line(tmp_path, address, capsys, monkeypatch):
     examples.write_fleet(tmp_path)
-    save_battery(parse_battery(examples.job().battery), tmp_path / "cell.toml")
+    save_battery(BATTERY_FILE.parse(examples.job().battery), tmp_path / "cell.toml")
     monkeypatch.chdir(tmp_path)  # the workers are elsewhere
     command = ["fleet", "robot*.csv", "--battery", "cell.toml", "--filter", "coulomb", "--current-sign", "charge"]
     assert main([*command, "--dask", address, "--estimates", "-o", "out", "--json"]) == 0

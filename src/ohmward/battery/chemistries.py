@@ -15,8 +15,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_positive
-from ohmward.errors import InputError
+from ohmward.checks import require_one_of, require_positive
 
 #: Points of the uniform SoC grid of an OCV curve made here.
 GRID = 201
@@ -93,8 +92,7 @@ CHEMISTRIES: dict[str, Chemistry] = {
 
 def chemistry(name: str) -> Chemistry:
     """The chemistry called `name`; InputError lists what there is."""
-    if name not in CHEMISTRIES:
-        raise InputError(f"chemistry must be one of {', '.join(CHEMISTRIES)}, got {name!r}")
+    require_one_of("chemistry", name, CHEMISTRIES)
     return CHEMISTRIES[name]
 
 

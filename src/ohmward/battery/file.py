@@ -1,4 +1,4 @@
-"""The battery file: everything that an estimator needs to know about one battery, as TOML that people read and edit."""
+"""Battery file: everything that an estimator needs to know about one battery, as TOML that people read and edit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ _HEADER = """\
 # Currents > 0 charge. SoC runs from 0 (empty) to 1 (full). Voltages and resistances are those of the whole pack.
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
-_FILE = TomlFile(Battery, "ohmward-battery/1", _HEADER)
+#: Its `dump` and `parse` give and take the text.
+BATTERY_FILE = TomlFile(Battery, "ohmward-battery/1", _HEADER)
 
 
 def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
@@ -21,7 +22,7 @@ def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
     Raises:
         OhmwardError: the file cannot be written.
     """
-    _FILE.save(battery, path)
+    BATTERY_FILE.save(battery, path)
 
 
 def load_battery(path: str | PathLike[str]) -> Battery:
@@ -30,18 +31,4 @@ def load_battery(path: str | PathLike[str]) -> Battery:
     Raises:
         InputError: the file cannot be read or says something that a battery cannot be; names file, key, rule and fix.
     """
-    return _FILE.load(path)
-
-
-def dump_battery(battery: Battery) -> str:
-    """The text of the battery file."""
-    return _FILE.dump(battery)
-
-
-def parse_battery(text: str) -> Battery:
-    """The battery in the text of a battery file.
-
-    Raises:
-        InputError: not TOML, another format, an unknown or missing key, a value of another kind or outside its range.
-    """
-    return _FILE.parse(text)
+    return BATTERY_FILE.load(path)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.file import parse_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.battery.soc.score import score
@@ -62,7 +62,7 @@ class Job:
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """A row for each log, in the order of the paths; a log that cannot be used has its reason in `error`."""
-        estimator = make_estimator(self.filter, parse_battery(self.battery))
+        estimator = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
         logs: list[Log] = []
         rows: list[dict[str, Any]] = []
         for path in paths:

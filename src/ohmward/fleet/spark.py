@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from ohmward.battery.file import parse_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
@@ -60,7 +60,7 @@ class SocOfRobot:
 
     def estimator(self, snapshot: str | None = None) -> SocEstimator:
         """A new one, or the one that goes on from a snapshot in JSON."""
-        settings = make_estimator(self.filter, parse_battery(self.battery))
+        settings = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
         if snapshot is not None:
             return SocEstimator.restore(settings, json.loads(snapshot))
         return SocEstimator(settings, self.initial_soc, self.initial_soc_std)

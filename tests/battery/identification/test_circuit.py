@@ -161,7 +161,7 @@ def test_intervals_grow_away_from_the_data():
     intervals = {c.name: c for c in confidence_intervals(fit, False, False)}
     near, far = intervals["r0_discharge_ohm at soc 0.9"], intervals["r0_discharge_ohm at soc 0.1"]
     assert far.high - far.low > 3 * (near.high - near.low)
-    said = not_identified(fit, problem.samples, 2.0, False, False)
+    said = not_identified(fit, problem.samples, 2.0, False)
     assert any("resistances at SoC 0 to 0.6" in sentence and "no current flowed there" in sentence for sentence in said)
     assert any("r0_charge_ohm: the logs hold no charge" in sentence for sentence in said)
     assert any("hysteresis" in sentence for sentence in said)

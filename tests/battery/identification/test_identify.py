@@ -16,7 +16,7 @@ from battery.identification.examples import (
     pulse_log,
     steps,
 )
-from ohmward.battery.file import dump_battery, parse_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.identification import MODELS, IdentificationSettings
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import equivalent_thevenin
@@ -122,8 +122,8 @@ def test_a_pack_is_so_many_cells(pulses, found):
 
 
 def test_the_file_of_what_was_identified_is_stable(found):
-    text = dump_battery(found.battery)
-    assert dump_battery(parse_battery(text)) == text
+    text = BATTERY_FILE.dump(found.battery)
+    assert BATTERY_FILE.dump(BATTERY_FILE.parse(text)) == text
 
 
 def test_irregular_sampling(pulses, found):
@@ -146,7 +146,7 @@ def test_rc_model(pulses):
     battery = identify(pulses, capacity_Ah=2.0, model="rc")
     assert battery.rc is not None and battery.thevenin is None
     assert battery.rc.capacity_Ah == 2.0 and battery.rc.r_terminal_ohm < 0.1
-    assert parse_battery(dump_battery(battery)).rc is not None
+    assert BATTERY_FILE.parse(BATTERY_FILE.dump(battery)).rc is not None
 
 
 @pytest.mark.parametrize("capacity_Ah", [1.0, 1.7])

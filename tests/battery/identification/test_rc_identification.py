@@ -11,7 +11,7 @@ from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, sim
 from ohmward.battery.identification.rc_fit import VoltageFit, circuit_of, filtered, fit_voltage
 from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.identification.rc_rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
-from ohmward.battery.identification.rc_samples import samples_of
+from ohmward.battery.identification.rc_samples import outside_long_charges
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
@@ -101,7 +101,7 @@ def test_rule_shares_the_resistance_and_keeps_the_charge():
 def test_rule_finds_resistance_and_time_constant_in_the_first_half_second():
     """A surface capacitor of 3 F: tau = 0.18 s, as fast as [P] looks for it."""
     fast = rc.Circuit(17_000.0, 3.0, 0.03, 0.03, 0.02)
-    response = find_response(samples_of(pulses(fast), CAPACITY_AH), CAPACITY_AH)
+    response = find_response(outside_long_charges(pulses(fast), CAPACITY_AH), CAPACITY_AH)
     tau = find_time_constant(response)
     assert response.window_s == FIRST_S
     assert response.edges == 7
@@ -126,7 +126,7 @@ def test_logger_that_writes_both_currents_at_one_moment_is_understood():
     voltage_V = np.insert(log.voltage_V, at, 0.5 * (log.voltage_V[at - 1] + log.voltage_V[at]))
     voltage_V[at + 1] = voltage_V[at]
     two_rows = Log("two rows", time_s[: at + 15], current_A[: at + 15], voltage_V[: at + 15])
-    response = find_response(samples_of(two_rows, CAPACITY_AH), CAPACITY_AH)
+    response = find_response(outside_long_charges(two_rows, CAPACITY_AH), CAPACITY_AH)
     assert response.r_total_ohm == pytest.approx(rc.instant_resistance(EVEN), rel=0.2)
 
 
@@ -137,7 +137,7 @@ def test_long_charges_are_left_out():
     current_A = np.concatenate([first.samples.current_A, charge_A, second.samples.current_A])
     voltage_V = np.concatenate([first.samples.voltage_V, charge_V, second.samples.voltage_V])
     log = Log("cycles", np.arange(6600.0), current_A, voltage_V)
-    samples = samples_of(log, CAPACITY_AH)
+    samples = outside_long_charges(log, CAPACITY_AH)
     assert set(samples.part) == {0, 1}
     assert 14.4 not in samples.voltage_V
     found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
@@ -146,7 +146,7 @@ def test_long_charges_are_left_out():
 
 
 def test_each_part_starts_from_rest():
-    samples = samples_of(log_of(simulate(EVEN, 100).samples), CAPACITY_AH)
+    samples = outside_long_charges(log_of(simulate(EVEN, 100).samples), CAPACITY_AH)
     parts = samples._replace(part=np.repeat([0, 1], 50), mean_A=np.ones(100))
     alone = samples._replace(mean_A=np.ones(100))
     np.testing.assert_allclose(filtered(parts, 10.0)[50:], filtered(alone, 10.0)[:50], atol=1e-12)
@@ -163,7 +163,7 @@ def test_start_that_is_given_counts_more_than_the_first_voltage():
 def test_braking_is_no_long_charge():
     run = simulate(EVEN, 2000)
     assert run.samples.current_A.max() > 3.0
-    assert len(samples_of(log_of(run.samples), CAPACITY_AH).time_s) == 2000
+    assert len(outside_long_charges(log_of(run.samples), CAPACITY_AH).time_s) == 2000
 
 
 def test_model_error_is_large_where_the_log_has_not_been():
@@ -183,7 +183,7 @@ def test_no_relaxation_in_the_log_is_said_and_modelled_as_resistance():
 
 def test_log_that_shows_no_battery_leaves_the_rule():
     """Voltage that does not depend on current beyond the edges: the fit is refused and said so."""
-    samples = samples_of(log_of(simulate(EVEN, 500).samples), CAPACITY_AH)
+    samples = outside_long_charges(log_of(simulate(EVEN, 500).samples), CAPACITY_AH)
     assert fit_voltage(samples._replace(voltage_V=12.0 - 0.05 * samples.current_A)) is None
 
 

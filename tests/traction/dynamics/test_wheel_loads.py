@@ -8,7 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import ROBOTINO
 from ohmward.traction.dynamics.forces import RobotInput, normal_loads
-from ohmward.traction.robot.file import dump_robot, parse_robot
+from ohmward.traction.robot.file import ROBOT_FILE
 
 LOADS = (30.4, 50.0, 30.4)
 
@@ -23,7 +23,7 @@ def test_weighed_loads_are_the_loads_of_the_models():
 
 def test_weighed_loads_are_kept_in_the_file():
     robot = replace(ROBOTINO, wheel_load_N=LOADS)
-    assert parse_robot(dump_robot(robot)).wheel_load_N == LOADS
+    assert ROBOT_FILE.parse(ROBOT_FILE.dump(robot)).wheel_load_N == LOADS
 
 
 @pytest.mark.parametrize(

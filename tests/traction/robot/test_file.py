@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, Differential, Motor, Omni, Robot, SkidSteer, Wheel, load_robot, save_robot
-from ohmward.traction.robot.file import dump_robot, parse_robot
+from ohmward.traction.robot.file import ROBOT_FILE
 from traction.examples import ROBOTS
 
-TEXT = dump_robot(RLMA).partition("\n\n")[2]  # without the comments at its head
+TEXT = ROBOT_FILE.dump(RLMA).partition("\n\n")[2]  # without the comments at its head
 lengths = st.floats(0.15, 2.0)
 shares = st.floats(0.0, 10.0)
 chassis = st.one_of(
@@ -44,12 +44,12 @@ def test_what_is_saved_is_loaded(robot, tmp_path):
 
 @given(robots)
 def test_a_second_round_changes_nothing(robot):
-    once = dump_robot(parse_robot(dump_robot(robot)))
-    assert dump_robot(parse_robot(once)) == once
+    once = ROBOT_FILE.dump(ROBOT_FILE.parse(ROBOT_FILE.dump(robot)))
+    assert ROBOT_FILE.dump(ROBOT_FILE.parse(once)) == once
 
 
 def test_a_file_by_hand_needs_only_what_has_no_default():
-    robot = parse_robot("""
+    robot = ROBOT_FILE.parse("""
         format = "ohmward-robot/1"
         name = "mine"
         mass_kg = 20
@@ -110,9 +110,9 @@ def test_a_table_that_is_none_is_refused():
     scalars = 'format = "ohmward-robot/1"\nname = "x"\nmass_kg = 1.0\nyaw_inertia_kg_m2 = 0.1\n'
     text = f"{scalars}chassis = 3\nwheel = 4\nmotor = 5"
     with pytest.raises(InputError, match=r"chassis.kind must be one of .* got 3"):
-        parse_robot(text)
+        ROBOT_FILE.parse(text)
     with pytest.raises(InputError, match=r"wheel must be a table \[wheel\], got 4"):
-        parse_robot(text.replace("chassis = 3", 'chassis = {kind = "omni", arm_m = 0.2}'))
+        ROBOT_FILE.parse(text.replace("chassis = 3", 'chassis = {kind = "omni", arm_m = 0.2}'))
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path):

@@ -5,10 +5,10 @@ from ohmward.battery.identification.identify import (
     MODELS,
     IdentificationSettings,
     Identified,
-    LogDetails,
     identify,
     identify_in_detail,
 )
+from ohmward.battery.identification.log_details import LogDetails
 
 __all__ = [
     "DEFAULT_MODEL",

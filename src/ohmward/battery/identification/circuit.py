@@ -1,4 +1,4 @@
-"""The identified circuit: from the unknowns of the fit to the parameters of the Thevenin model."""
+"""Thevenin model of a solution: from the unknowns of the fit to resistances, OCV curve and start of each record."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone,
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
+#: Points of the OCV grid over which the gap is averaged: 5 % of SoC.
 _SHAPE_SMOOTHING = 11
+#: No resistance is a smaller share of its mean along SoC, however narrow the gap.
 _SMALLEST_SHAPE = 0.3
 
 
@@ -63,12 +65,12 @@ def start_of(solution: CircuitSolution, part: int) -> tuple[tuple[float, ...], f
 def slow_shape(ocv: OcvCurve, samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) expected course of the slowest resistance along SoC, about 1 with data: that of the low-rate gap.
 
-    The gap of the low-rate branches is slow overpotential as well as hysteresis, so it tells where the battery is slow.
+    The gap of the low-rate branches is slow overpotential as well as hysteresis, so it shows where the battery is slow.
     Its ends hold more than that and are replaced. Flat without a gap.
     """
     gap_V = smooth(np.asarray(ocv.hysteresis_at(OCV_GRID)) * np.ones(OCV_GRID.size), _SHAPE_SMOOTHING)
     shape = np.interp(RESISTANCE_GRID, OCV_GRID, gap_V)
     shape[0], shape[-1] = shape[1], shape[-2]
-    where = covered(samples, capacity_Ah)
-    level = float(shape[where].mean()) if where.any() else float(shape.mean())
+    there = covered(samples, capacity_Ah)
+    level = float(shape[there].mean()) if there.any() else float(shape.mean())
     return np.maximum(shape / level, _SMALLEST_SHAPE) if level > 0 else np.ones(RESISTANCE_GRID.size)

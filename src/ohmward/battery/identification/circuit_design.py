@@ -1,4 +1,4 @@
-"""The voltage of the circuit as a sum of columns: linear in everything but time constants and rates.
+"""Design matrix of the circuit's voltage: linear in everything but time constants and rates.
 
 With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
 
@@ -27,7 +27,7 @@ OCV_KNOTS = np.concatenate(
 
 
 class Rates(NamedTuple):
-    """What the voltage is not linear in.
+    """Parameters that the voltage is not linear in.
 
     tau_s: (n,) time constants; hysteresis_rate: gamma; activation_K: of the resistances.
     """
@@ -38,12 +38,11 @@ class Rates(NamedTuple):
 
 
 class ParameterLayout(NamedTuple):
-    """Where each group of unknowns stands in the vector x (K,).
+    """Layout of the vector x (K,) of the linear unknowns.
 
-    pairs: number n of RC pairs; records: number of records; hysteresis: whether the OCV curve has any.
+    pairs: number n of RC pairs; records: number of records; hysteresis: True where the OCV curve has any.
     Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV
-    correction
-    on OCV_KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
+    correction on OCV_KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
     """
 
     pairs: int

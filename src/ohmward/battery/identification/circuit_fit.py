@@ -1,4 +1,4 @@
-"""Stage 6: the circuit whose voltage fits whole records best, by separable least squares (variable projection).
+"""Circuit whose voltage fits whole records best, by separable least squares (variable projection).
 
 For given time constants the rest is linear and is solved at once (`circuit_solve`); the search outside runs over the
 logarithms of time constants and rates only.
@@ -14,11 +14,19 @@ import numpy as np
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
 
+#: Bounds of gamma.
 HYSTERESIS_RATES = (5.0, 200.0)
-_ACTIVATION_UNIT_K = 1000.0
+#: The search counts the activation in this unit, so that all its parameters are of order 1 [K].
+ACTIVATION_UNIT_K = 1000.0
+#: Gamma of a circuit without hysteresis; nothing depends on it.
+_UNUSED_RATE = 20.0
+#: Steps of each search; each has as many evaluations more as there are parameters.
 _EVALUATIONS = 6
+#: Step of the numerical derivative in the logarithms.
 _STEP = 0.02
+#: Each time constant is at least twice the one before.
 _APART = np.log(2.0)
+#: Time constants to start from [s], by the number of pairs.
 _STARTS: dict[int, tuple[tuple[float, ...], ...]] = {
     0: ((),),
     1: ((15.0,), (60.0,), (300.0,), (1500.0,)),
@@ -50,12 +58,13 @@ class CircuitFit(NamedTuple):
 def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float], None] | None = None) -> CircuitFit:
     """The circuit with `pairs` RC pairs that fits the records best.
 
+    Several starts are compared, two of them searched from, and the better one searched on.
     progress: called with the share done, from 0 to 1.
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
     starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in _starts(problem, pairs)]
-    tried = []
+    tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
         tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
         report(0.3 * (k + 1) / len(starts))
@@ -66,11 +75,12 @@ def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float],
     best = min(searches, key=lambda s: s.solution.score)
     solution, theta, jacobian = _search(problem, pairs, best.theta, (low, high))
     report(1.0)
-    return CircuitFit(solution, theta, _search_cov(jacobian), tuple((s.rates, s.score) for s in tried))
+    search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
+    return CircuitFit(solution, theta, search_cov, tuple((s.rates, s.score) for s in tried))
 
 
 class Search(NamedTuple):
-    """Where a search ended: its solution, search parameters (n,) and the Jacobian (M, n) of the weighted residuals."""
+    """End of a search: its solution, search parameters (n,) and the Jacobian (M, n) of the weighted residuals."""
 
     solution: CircuitSolution
     theta: np.ndarray
@@ -101,7 +111,7 @@ def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[
 
 
 def _starts(problem: CircuitProblem, pairs: int) -> list[Rates]:
-    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (20.0,)
+    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
     return [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
 
 
@@ -115,8 +125,8 @@ def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
 def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
-    gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else 20.0
-    return Rates(tau, gamma, _ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0)
+    gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
+    return Rates(tau, gamma, ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0)
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +137,7 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
     if pairs:
         low.append(np.log(max(0.5 * fastest_s, 0.05)))
         high.append(np.log(min(20000.0, max(longest_s, 4 * fastest_s))))
-    low += [np.log(2.0)] * (pairs - 1)
+    low += [_APART] * (pairs - 1)
     high += [np.log(1000.0)] * (pairs - 1)
     if any(problem.ocv.hysteresis_V):
         low.append(np.log(HYSTERESIS_RATES[0]))
@@ -136,8 +146,3 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
         low.append(0.0)
         high.append(10.0)
     return np.array(low), np.array(high)
-
-
-def _search_cov(jacobian: np.ndarray) -> np.ndarray:
-    """(n, n) covariance of the search parameters; the pseudo-inverse where a parameter has no effect."""
-    return np.linalg.pinv(jacobian.T @ jacobian)

@@ -1,4 +1,4 @@
-"""What is known of the circuit before the fit. It regularises where data are thin, and so gives honest covariances.
+"""Prior of the circuit. It regularises where data are thin, and so gives honest covariances.
 
 Volts are relative to a lithium-ion cell of 3.7 V, so that a pack or a lead-acid battery needs no other numbers.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, ParameterLayout
 from ohmward.battery.models.ocv import OcvCurve
 
+#: A lithium-ion cell [V].
 CELL_V = 3.7
 
 
@@ -21,12 +22,12 @@ class CircuitPrior(NamedTuple):
     walk_share: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC.
     level_share: of the level itself.
     direction_share: between r0 in charge and in discharge.
-    ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; it holds on over `ocv_length` of SoC.
+    ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC.
     ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
     hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
     slow_tau_s, slow_tau_log_std: slowest of several time constants, log-normal.
     hysteresis_rate, hysteresis_rate_log_std: gamma, log-normal.
-    charging_factor: how much larger the model's error is in a charge and the rest after it.
+    charging_factor: error of the model in a charge and the rest after it, over that elsewhere.
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
     model_V: error of the model at any SoC, however well it fits.
     """
@@ -61,7 +62,7 @@ SLOW = {"lfp": SlowestPair(2200.0, 0.4), "lead-acid": SlowestPair(3000.0, 0.6)}
 
 
 def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
-    """What is known before the fit: the OCV curve as well as it was measured, and what the chemistry is like."""
+    """Prior for a chemistry and for the way in which the OCV curve was measured."""
     prior = CircuitPrior() if ocv_from_low_rate else CircuitPrior(ocv_V=0.010, ocv_soc=0.02)
     if chemistry == "lead-acid":
         # Charging is another reaction than discharging and makes gas near full; no two discharges are quite alike.
@@ -88,10 +89,11 @@ def nuisance_prior(
 ) -> GaussianPrior:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
-    at_rest: for each record, whether it starts with a rest.
+    at_rest: for each record, True where it starts with a rest.
     volts: voltage of the battery over that of a lithium-ion cell.
     """
-    precision, information = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
+    precision = np.zeros((layout.size, layout.size))
+    information = np.zeros(layout.size)
     if layout.hysteresis:
         mean, std = prior.hysteresis
         precision[layout.scale, layout.scale] += 1 / std**2
@@ -112,7 +114,8 @@ def resistance_prior(
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
     """
-    precision, information = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
+    precision = np.zeros((layout.size, layout.size))
+    information = np.zeros(layout.size)
     for j in range(layout.blocks):
         add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
         if j != 1:

@@ -1,4 +1,4 @@
-"""The circuit for given time constants: resistances, hysteresis and OCV correction by linear least squares at once.
+"""Linear least squares for given time constants: resistances, hysteresis and OCV correction at once.
 
 The priors of `circuit_prior` regularise and give the posterior covariance; resistances are >= 0 (active set); samples
 that do not fit count less (pseudo-Huber, by reweighting).
@@ -25,26 +25,34 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 
+#: Error of the model and the sensor in a sample of a lithium-ion cell [V].
 VOLTAGE_STD_V = 0.003
+#: Samples closer than this share one error of the model [s].
 CORRELATION_S = 60.0
+#: Residuals beyond so many standard deviations count less.
 _ROBUST_AT = 2.0
+#: The robust weights have settled after so many rounds.
 _REWEIGHTINGS = 3
+#: Keeps the levels of resistances that no data show from being singular.
 _RIDGE = 1e-9
+#: Least level of a resistance, as a share of the sum of all: a prior of no width would hold it at 0.
 _SMALLEST_SHARE = 0.02
+#: Relative error of the model's overpotential.
 _OVERPOTENTIAL_SHARE = 0.03
+#: Error of the SoC axis, and the half step for the slope of the curve there.
 _SOC_STD = 0.003
 _DSOC = 0.005
+#: Currents below this share of the largest keep the direction of the one before.
 _REST_SHARE = 0.03
 
 
 class CircuitProblem(NamedTuple):
-    """All that the fit is given.
+    """Data and prior of a fit.
 
-    samples: the thinned records; ocv: the curve to correct; capacity_Ah; prior: what is known before.
+    samples: the thinned records; ocv: the curve to correct; capacity_Ah; prior: of circuit and curve.
     slow_shape: (21,) expected course of the slowest resistance along SoC, about 1.
     reference_degC: temperature at which the resistances hold.
-    fit_activation: whether the records differ enough in temperature.
-    volts: voltage of the battery over that of a lithium-ion cell.
+    fit_activation: True where the records differ enough in temperature.
     """
 
     samples: tuple[FitSamples, ...]
@@ -63,7 +71,7 @@ class CircuitProblem(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CircuitSolution:
-    """The linear unknowns for given rates.
+    """Solution for the linear unknowns at given rates.
 
     x: (K,); precision, prior_precision: (K, K) with and without the data;
     residual_V: for each record (N,), nan without a voltage.
@@ -92,12 +100,37 @@ class CircuitSolution:
 
     @property
     def score(self) -> float:
-        """What the starts compete by, smaller is better: minus twice the log evidence.
-
-        Beside the cost it charges for flexibility, by how much the data had to narrow the unknowns.
-        """
+        """Minus twice the log evidence, smaller is better: the cost, and by how much the data narrowed the unknowns."""
         narrowed = np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior_precision)[1]
         return float(self.cost + narrowed)
+
+
+class LinearSystem(NamedTuple):
+    """Voltage less OCV curve of every record as y = A x.
+
+    columns: A (N, K) of each record; targets: y (N,); weights: (N,) one over the standard deviation of each sample.
+    """
+
+    columns: list[np.ndarray]
+    targets: list[np.ndarray]
+    weights: list[np.ndarray]
+
+    def weighed_by(self, robust: Sequence[np.ndarray]) -> LinearSystem:
+        """The system with the variance of each sample divided by its robust weight."""
+        return self._replace(weights=[w * np.sqrt(r) for w, r in zip(self.weights, robust, strict=True)])
+
+    def normal_equations(self, prior: GaussianPrior) -> tuple[np.ndarray, np.ndarray]:
+        """H (K, K) and g (K,) of the least-squares problem H x = g with a prior."""
+        H, g = prior.precision.copy(), prior.information.copy()
+        for A, y, w in zip(self.columns, self.targets, self.weights, strict=True):
+            weighted = A * w[:, None]
+            H += weighted.T @ weighted
+            g += weighted.T @ (y * w)
+        return H, g
+
+    def residuals(self, x: np.ndarray) -> list[np.ndarray]:
+        """Y - A x of each record, (N,) [V]."""
+        return [y - A @ x for A, y in zip(self.columns, self.targets, strict=True)]
 
 
 def solve(
@@ -108,30 +141,31 @@ def solve(
     robust: weights of the samples from an earlier solution; None finds them by reweighting (pseudo-Huber).
     """
     layout = ParameterLayout(len(rates.tau_s), len(problem.samples), any(problem.ocv.hysteresis_V))
+    plain = _linear_system(problem, layout, rates)
+    system = plain if robust is None else plain.weighed_by(robust)
+    prior = _prior(problem, layout, system)
+    for _ in range(reweightings if robust is None else 1):
+        H, g = system.normal_equations(prior)
+        x = _nonnegative(H, g, layout.scale.stop)
+        residuals = system.residuals(x)
+        found = [_pseudo_huber(r, VOLTAGE_STD_V * problem.volts) for r in residuals] if robust is None else robust
+        system = plain.weighed_by(found)
+    measured = [np.isfinite(s.voltage_V) for s in problem.samples]
+    residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=True))
+    deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
+    of_prior = [_prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
+    weighted = np.concatenate([*deviations, *of_prior])
+    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found))
+
+
+def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rates) -> LinearSystem:
+    """The system of all records, weights from the standard deviations alone."""
     columns = [
         design(s, k, layout, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
         for k, s in enumerate(problem.samples)
     ]
     targets = [_target(problem, s) for s in problem.samples]
-    plain = [_weights(problem, s) for s in problem.samples]
-    weights = [w * np.sqrt(r) for w, r in zip(plain, robust, strict=True)] if robust else plain
-    prior = _prior(problem, layout, columns, targets, weights)
-    for _ in range(1 if robust else reweightings):
-        H, g = _normal_equations(columns, targets, weights, prior)
-        x = _bounded(H, g, _bounded_count(layout))
-        residuals = [y - A @ x for A, y in zip(columns, targets, strict=True)]
-        if not robust:
-            found = [_robust(r, VOLTAGE_STD_V * problem.volts) for r in residuals]
-            weights = [w * np.sqrt(r) for w, r in zip(plain, found, strict=True)]
-    kept = tuple(robust) if robust else tuple(found)
-    residual_V = tuple(
-        np.where(np.isfinite(s.voltage_V), r, np.nan) for s, r in zip(problem.samples, residuals, strict=True)
-    )
-    deviations = [w * r for w, r in zip(weights, residuals, strict=True)]
-    weighted = np.concatenate(
-        [*deviations, _prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
-    )
-    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, kept)
+    return LinearSystem(columns, targets, [_weights(problem, s) for s in problem.samples])
 
 
 def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
@@ -167,26 +201,19 @@ def last_direction(current_A: np.ndarray) -> np.ndarray:
     return np.where(last >= 0, np.sign(current_A[np.maximum(last, 0)]), 0.0)
 
 
-def _robust(residual_V: np.ndarray, std_V: float) -> np.ndarray:
+def _pseudo_huber(residual_V: np.ndarray, std_V: float) -> np.ndarray:
     """(N,) weights of the pseudo-Huber loss: 1 for small residuals, like 1/|r| beyond two standard deviations."""
     return 1 / np.sqrt(1 + (residual_V / (_ROBUST_AT * std_V)) ** 2)
 
 
-def _prior(
-    problem: CircuitProblem,
-    layout: ParameterLayout,
-    columns: list[np.ndarray],
-    targets: list[np.ndarray],
-    weights: list[np.ndarray],
-) -> GaussianPrior:
+def _prior(problem: CircuitProblem, layout: ParameterLayout, system: LinearSystem) -> GaussianPrior:
     """The prior about the levels that the resistances would have if each took its expected course along SoC."""
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
         shapes[-1] = problem.slow_shape
     at_rest = [s.starts_at_rest for s in problem.samples]
     nuisance = nuisance_prior(problem.prior, layout, problem.ocv, at_rest, problem.volts)
-    H, g = _normal_equations(columns, targets, weights, nuisance)
-    levels = _levels(layout, shapes, H, g)
+    levels = _levels(layout, shapes, *system.normal_equations(nuisance))
     return nuisance.times(resistance_prior(problem.prior, layout, levels, shapes))
 
 
@@ -198,28 +225,12 @@ def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.nd
     S[layout.resistances.stop :, layout.blocks :] = np.eye(layout.size - layout.resistances.stop)
     ridge = np.zeros(S.shape[1])
     ridge[: layout.blocks] = _RIDGE * np.trace(S.T @ H @ S) / S.shape[1]
-    levels = _bounded(S.T @ H @ S + np.diag(ridge), S.T @ g, layout.blocks)[: layout.blocks]
+    levels = _nonnegative(S.T @ H @ S + np.diag(ridge), S.T @ g, layout.blocks)[: layout.blocks]
     levels[:2] = max(levels[0], levels[1])
     return np.maximum(levels, _SMALLEST_SHARE * max(levels[1:].sum(), 1e-6))
 
 
-def _normal_equations(
-    columns: list[np.ndarray], targets: list[np.ndarray], weights: list[np.ndarray], prior: GaussianPrior
-) -> tuple[np.ndarray, np.ndarray]:
-    H, g = prior.precision.copy(), prior.information.copy()
-    for A, y, w in zip(columns, targets, weights, strict=True):
-        weighted = A * w[:, None]
-        H += weighted.T @ weighted
-        g += weighted.T @ (y * w)
-    return H, g
-
-
-def _bounded_count(layout: ParameterLayout) -> int:
-    """How many unknowns, from the first, must not be negative: the resistances and the scale of the hysteresis."""
-    return layout.scale.stop
-
-
-def _bounded(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
+def _nonnegative(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
     """Minimum of x' H x / 2 - g' x with the first `bounded` unknowns >= 0; the others are eliminated first."""
     from scipy.optimize import nnls
 
@@ -239,9 +250,8 @@ def _prior_residual(prior: GaussianPrior, x: np.ndarray) -> np.ndarray:
 def _rates_residual(prior: CircuitPrior, rates: Rates, hysteresis: bool) -> np.ndarray:
     """Deviations of the slowest of several time constants and of the hysteresis rate from their priors.
 
-    Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. What a log
-    shows of diffusion is easily fitted by a faster pair together with a slow hysteresis, which then fails on longer
-    loads and at the SoC where there were no data.
+    Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. A faster pair
+    with a slow hysteresis often fits a log as well, and then fails on longer loads and where there were no data.
     """
     slow = rates.tau_s[-1:] if len(rates.tau_s) > 1 else ()
     deviations = [np.log(tau / prior.slow_tau_s) / prior.slow_tau_log_std for tau in slow]

@@ -1,4 +1,4 @@
-"""Stage 9: confidence intervals of the parameters, and in words what the data do not tell."""
+"""Confidence intervals of the parameters, and sentences on those that the data do not show."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ import numpy as np
 
 from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
-from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
+from ohmward.battery.identification.circuit_fit import ACTIVATION_UNIT_K, HYSTERESIS_RATES, CircuitFit
 from ohmward.battery.identification.circuit_solve import CircuitSolution
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
 
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
-_COVERED_A_SHARE = 0.02
+#: Smaller currents, as a share of 1 C, show no resistance.
+_COVERED_RATE = 0.02
+#: Time for which a current must have flowed near a state of charge [s].
+_COVERED_S = 10.0
+#: Standard deviation of a logarithm beyond which a parameter is not identified: a factor of 2.
 _VAGUE_LOG = 0.7
 
 
@@ -28,13 +32,13 @@ def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) ->
 
 
 def not_identified(
-    fit: CircuitFit, samples: Sequence[FitSamples], capacity_Ah: float, hysteresis: bool, shaped: bool
+    fit: CircuitFit, samples: Sequence[FitSamples], capacity_Ah: float, hysteresis: bool
 ) -> tuple[str, ...]:
-    """Sentences on what the data do not tell, and what was put in its place.
+    """Sentences on the parameters that the data do not show, and on what was put in their place.
 
-    hysteresis: whether the OCV curve has two branches; shaped: whether the slow resistance follows their distance.
+    hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
-    said = [*_uncovered(fit.solution, samples, capacity_Ah, shaped), *_directions(samples, capacity_Ah)]
+    said = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
     if not hysteresis:
         said.append("hysteresis: needs a low-rate discharge and a low-rate charge; taken as none")
     rate, tau = fit.solution.rates.hysteresis_rate, fit.solution.rates.tau_s
@@ -53,13 +57,13 @@ def not_identified(
 
 
 def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
-    """(21,) bool: whether a current flowed within 2.5 % of that SoC for at least 10 s in all."""
+    """(21,) bool: True where a current flowed within 2.5 % of that SoC for at least 10 s in all."""
     half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
     time_s = np.zeros(RESISTANCE_GRID.size)
     for s in samples:
-        flows = np.abs(s.mean_current_A) > _COVERED_A_SHARE * capacity_Ah
+        flows = np.abs(s.mean_current_A) > _COVERED_RATE * capacity_Ah
         time_s += (np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half) @ np.where(flows, s.dt_s, 0.0)
-    return time_s >= 10.0
+    return time_s >= _COVERED_S
 
 
 def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> ConfidenceInterval:
@@ -76,7 +80,7 @@ def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> li
     if hysteresis:
         found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
     if activation:
-        half = BAND_95 * 1000.0 * float(std[-1])
+        half = BAND_95 * ACTIVATION_UNIT_K * float(std[-1])
         found.append(
             ConfidenceInterval("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
         )
@@ -98,8 +102,8 @@ def _uncovered(s: CircuitSolution, samples: Sequence[FitSamples], capacity_Ah: f
     if not missing.any():
         return []
     source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
-    where = ", ".join(_range(a, b) for a, b in runs(missing))
-    return [f"resistances at SoC {where}: no current flowed there; taken from {source}, +-{_share(s, missing):.0%}"]
+    ranges = ", ".join(_range(a, b) for a, b in runs(missing))
+    return [f"resistances at SoC {ranges}: no current flowed there; taken from {source}, +-{_share(s, missing):.0%}"]
 
 
 def _range(first: int, stop: int) -> str:
@@ -120,8 +124,8 @@ def _share(s: CircuitSolution, where: np.ndarray) -> float:
 def _directions(samples: Sequence[FitSamples], capacity_Ah: float) -> list[str]:
     current_A = np.concatenate([s.current_A for s in samples])
     words = {
-        "charge": current_A > _COVERED_A_SHARE * capacity_Ah,
-        "discharge": current_A < -_COVERED_A_SHARE * capacity_Ah,
+        "charge": current_A > _COVERED_RATE * capacity_Ah,
+        "discharge": current_A < -_COVERED_RATE * capacity_Ah,
     }
     return [
         f"r0_{word}_ohm: the logs hold no {word}; taken from the other direction"

@@ -1,4 +1,4 @@
-"""The Thevenin model along a whole record at once, at a known state of charge: a voltage without a filter."""
+"""Open-loop simulation of the Thevenin model along a whole record, at a known state of charge."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.logs.log import SECONDS_PER_HOUR
 
 
 def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """v_k = decay_k v_(k-1) + drive_k with v_0 = drive_0, for each column of drive (N,) or (N, K)."""
+    """Recursion v_k = decay_k v_(k-1) + drive_k with v_0 = drive_0, for each column of drive (N,) or (N, K)."""
     from scipy.linalg import solve_banded
 
     band = np.ones((2, decay.size))
@@ -21,8 +22,8 @@ def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
 
 
 def hysteresis_decay(samples: FitSamples, capacity_Ah: float, rate: float) -> np.ndarray:
-    """(N,) share of the hysteresis state that an interval leaves: e^(-|gamma i dt / Q|)."""
-    moved_Ah = np.abs(samples.mean_current_A * samples.dt_s) / 3600.0
+    """(N,) decay factor of the hysteresis state over each interval, e^(-|gamma i dt / Q|)."""
+    moved_Ah = np.abs(samples.mean_current_A * samples.dt_s) / SECONDS_PER_HOUR
     return np.exp(-rate * moved_Ah / capacity_Ah)
 
 

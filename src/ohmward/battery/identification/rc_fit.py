@@ -1,4 +1,4 @@
-"""The RC model from a whole log, by least squares that are linear but for one number.
+"""RC model from a whole log, by least squares that are linear but for one number.
 
 With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of the model is, exactly,
 
@@ -12,7 +12,7 @@ Each part between two long charges has a V_start of its own. For a given w this 
 best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
 relaxation, and C is that of the straight line through the part of the curve that the log passes.
 
-It also says what no test can tell: five elements stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
+No test tells the five elements apart: they stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
 that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
 """
 
@@ -23,17 +23,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.identification.open_loop import scan
 from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
 from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 
+#: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
 _LONGEST_WEIGHT_S = 60.0
+#: Slower processes belong to the open-circuit voltage of a model with one time constant.
 _LONGEST_TAU_S = 900.0
+#: Points of the grid of time constants before the search.
 _RATES = 40
 
 
 class VoltageFit(NamedTuple):
-    """The four numbers that the voltage of an RC model shows, see the top of the file.
+    """The four numbers that the voltage of an RC model depends on, see the top of the file.
 
     start_V: (parts,) open-circuit voltage at the first sample of each part of the log.
     capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
@@ -77,13 +81,14 @@ def _fit_at(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> Volta
     (r0, r1, per_C), _ = _solve(samples, ocv_V, tau_s)
     if not (per_C > 0 and r0 > 0):
         return None
-    over_V, charge_V = r0 * samples.current_A + r1 * filtered(samples, tau_s), per_C * charge_in_part(samples)
+    over_V = r0 * samples.current_A + r1 * filtered(samples, tau_s)
+    charge_V = per_C * charge_in_part(samples)
     open_V = samples.voltage_V - over_V if ocv_V is None else ocv_V
     start_V = _means(samples, open_V - charge_V)
-    fitted_V = (start_V[samples.part] + charge_V if ocv_V is None else ocv_V) + over_V
-    return VoltageFit(
-        start_V, 1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples), samples.voltage_V - fitted_V
-    )
+    if ocv_V is None:
+        open_V = start_V[samples.part] + charge_V
+    residual_V = samples.voltage_V - (open_V + over_V)
+    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples), residual_V)
 
 
 def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
@@ -111,12 +116,9 @@ def filtered(samples: RcSamples, tau_s: float) -> np.ndarray:
 
     Each part starts from rest.
     """
-    from scipy.linalg import solve_banded
-
     first = np.diff(samples.part, prepend=-1) > 0
     decay = np.where(first, 0.0, np.exp(-samples.dt_s / tau_s))
-    bands = np.array([np.ones_like(decay), np.append(-decay[1:], 0.0)])
-    return solve_banded((1, 0), bands, np.where(first, 0.0, (1 - decay) * samples.mean_A))
+    return scan(decay, np.where(first, 0.0, (1 - decay) * samples.mean_A))
 
 
 def _weights(samples: RcSamples) -> np.ndarray:
@@ -125,7 +127,7 @@ def _weights(samples: RcSamples) -> np.ndarray:
 
 
 def _centred(samples: RcSamples, values: np.ndarray) -> np.ndarray:
-    """Weighted values (T,) or (T, n) without the mean of their part: what is left once each V_start is the best."""
+    """Weighted values (T,) or (T, n) less the mean of their part, which the best V_start takes."""
     columns = values.reshape(len(values), -1)
     left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
     return np.column_stack(left).reshape(values.shape)
@@ -138,14 +140,14 @@ def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
 
 
 def _shortest_s(samples: RcSamples) -> float:
-    """Half the typical step [s]: faster than that nothing can be told from R_0."""
+    """Half the typical step [s]: anything faster looks like R_0."""
     return 0.5 * float(np.median(samples.dt_s[1:]))
 
 
 def circuit_of(fit: VoltageFit) -> rc.Circuit:
-    """Elements that show these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
+    """Circuit with these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
 
-    Without a relaxation (R_1 = 0) the rule's shares, with a surface so fast that both resistances are seen as R_0.
+    Without a relaxation (R_1 = 0) it has the shares of the rule, and a surface so fast that all resistance is R_0.
     With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
     """
     C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s

@@ -1,4 +1,4 @@
-"""The RC model from a log: the rule of [P] 2.2 first, then least squares on the whole log."""
+"""Identification of the RC model from a log: the rule of [P] 2.2 first, then least squares on the whole log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ohmward.battery.identification.rc_rule import (
     find_response,
     find_time_constant,
 )
-from ohmward.battery.identification.rc_samples import RcSamples, samples_of
+from ohmward.battery.identification.rc_samples import RcSamples, outside_long_charges
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
@@ -24,22 +24,29 @@ from ohmward.battery.models.rc import RcModel
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
+#: A log that moves SoC by less does not show the slope of its open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
+#: No sensor is better, whatever a short log shows.
 _LEAST_VOLTAGE_STD_V = 0.001
+#: Two estimates of the resistances may agree by chance.
 _LEAST_RESISTANCE_STD = 0.05
-_MODEL_SOC_LENGTH = 0.3  # a straight line errs in long bows
+#: A straight line errs in long bows.
+_MODEL_SOC_LENGTH = 0.3
+#: Points of SoC on which the model error stands.
 _SOC_POINTS = 11
+#: Median of the absolute value of a standard normal number.
+_MEDIAN_OF_NORMAL = 0.6745
 
 
 class RcIdentification(NamedTuple):
-    """The model, how it was found, and what the log could not tell.
+    """The RC model, the way to it, and the parameters that the log does not show.
 
     model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
     noise: what a filter on this model should assume: voltage noise, and model error along SoC.
     rule: by [P]'s rule alone.
-    response: at the edges.
+    response: of the voltage to the edges of the current.
     fit: least squares on the whole log; None where it was not possible.
-    notes: how it was done.
+    notes: what was done.
     not_identified: what could not be identified, and why.
     """
 
@@ -65,7 +72,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
         InputError: no edge of current in the log, no current at all, a curve that does not rise, or neither curve nor
             start_soc.
     """
-    samples = samples_of(log, capacity_Ah)
+    samples = outside_long_charges(log, capacity_Ah)
     response = find_response(samples, capacity_Ah)
     tau = find_time_constant(response)
     fit: VoltageFit | None
@@ -87,7 +94,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
 def _fit_with_line(
     samples: RcSamples, capacity_Ah: float, start_soc: float | None
 ) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
-    """Least squares without a curve, the straight line between SoC 0 and 1 that it stands for, and SoC of each part."""
+    """Least squares without a curve, the straight OCV line that it means, and the SoC at the start of each part."""
     if start_soc is None:
         raise InputError("identify_rc needs ocv, or start_soc to lay a straight line through the log; both are None")
     soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
@@ -111,38 +118,39 @@ def _start_soc(samples: RcSamples, response: EdgeResponse, ocv: OcvCurve, start_
 
 
 def _soc_along(samples: RcSamples, start: np.ndarray, capacity_Ah: float) -> np.ndarray:
-    """SoC along the log (T,) from that of each part."""
+    """SoC along the log (T,) from that at the start of each part."""
     return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
 
 
 def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray) -> BatteryNoise:
-    """Noise from what the fit leaves, from sample to sample and along SoC, and from how the two resistances differ."""
-    white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (0.6745 * math.sqrt(2))
-    doubt = max(_resistance_doubt(response, fit), _LEAST_RESISTANCE_STD)
+    """Noise to assume: residual from sample to sample and along SoC, and the difference of the two resistances."""
+    white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (_MEDIAN_OF_NORMAL * math.sqrt(2))
+    resistance_std = max(_resistance_std(response, fit), _LEAST_RESISTANCE_STD)
     return BatteryNoise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
         model_std_V=_model_std_V(fit.residual_V, soc),
         model_soc_length=_MODEL_SOC_LENGTH,
-        overpotential_share=doubt,
-        resistance_std=doubt,
+        overpotential_share=resistance_std,
+        resistance_std=resistance_std,
     )
 
 
 def _model_std_V(error_V: np.ndarray, soc: np.ndarray) -> tuple[float, ...]:
     """Error of the model on a grid of SoC: root mean square, at least its median over the grid.
 
-    A fit has zeros, and another log has them elsewhere; hence the median. Where the log has not been: the largest.
+    The residual of a fit has zeros, and another log has them elsewhere; hence the median. The largest where there are
+    no data.
     """
     nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
     counts = np.bincount(nearest, minlength=_SOC_POINTS)
     rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
-    known = counts > 0
-    along = np.where(known, np.maximum(rms_V, np.median(rms_V[known])), rms_V.max())
+    visited = counts > 0
+    along = np.where(visited, np.maximum(rms_V, np.median(rms_V[visited])), rms_V.max())
     return tuple(along.tolist())
 
 
-def _resistance_doubt(response: EdgeResponse, fit: VoltageFit) -> float:
-    """Standard deviation of the resistances as a share: edges and least squares know them independently."""
+def _resistance_std(response: EdgeResponse, fit: VoltageFit) -> float:
+    """Relative standard deviation of the resistances, from the difference between edges and least squares."""
     at_edges = response.r_total_ohm
     fitted = fit.r0_ohm + fit.r1_ohm * (1 - math.exp(-response.delay_s / fit.tau_s))
     return abs(at_edges - fitted) / (at_edges + fitted)

@@ -1,4 +1,4 @@
-"""The RC model from the edges of the current, by the rule of [P] 2.2.
+"""RC model from the edges of the current, by the rule of [P] 2.2.
 
 R_total is the sudden change of voltage over the change of current; R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2;
 the time constant tau of an exponential through the first 500 ms after the edges gives C_s = tau / (2 R_s).
@@ -14,26 +14,26 @@ from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 from ohmward.errors import InputError
 
+#: R_b and R_s as shares of R_total ([P] 2.2).
 BRANCH_SHARE = 0.75
-"""R_b and R_s as shares of R_total ([P] 2.2)."""
-
+#: R_t as a share of R_total by the same rule.
 TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
-"""R_t as a share of R_total by the same rule."""
-
+#: Time after an edge in which [P] looks for the time constant [s].
 FIRST_S = 0.5
-"""Time after an edge in which [P] looks for the time constant [s]."""
 
+#: Fewest samples of a window from which a time constant can be told.
 _FEWEST_POINTS = 5
+#: Smallest change of current that counts as an edge: C/20.
 _EDGE_RATE = 1 / 20
 
 
 class EdgeResponse(NamedTuple):
-    """What a change of current by one ampere does to the voltage, the mean of all edges.
+    """Response of the voltage to a change of current by one ampere, from all edges.
 
-    edges: how many.
-    r_total_ohm: at once, or as soon as the sampling shows.
-    delay_s: how soon that is (median).
-    window_s: time after the edge that was looked at: 0.5, or what holds ten samples where the log is slower.
+    edges: their number.
+    r_total_ohm: resistance seen at once, or as soon as the sampling shows (median).
+    delay_s: time from the edge until then (median).
+    window_s: length of the window after the edge: 0.5, or ten samples where the log is slower.
     time_s, rise_ohm: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges.
     """
 
@@ -46,10 +46,10 @@ class EdgeResponse(NamedTuple):
 
 
 class TimeConstant(NamedTuple):
-    """Of the exponential r (1 - e^(-t / tau)) through the rises after the edges.
+    """Time constant of the exponential r (1 - e^(-t / tau)) through the rises after the edges.
 
-    tau_s: tau; the window where the rises show none.
-    found: whether they do.
+    tau_s: tau; the length of the window where the rises show none.
+    found: True where they show one.
     """
 
     tau_s: float
@@ -57,7 +57,10 @@ class TimeConstant(NamedTuple):
 
 
 def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circuit:
-    """[P] 2.2: R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2, C_s = tau / (2 R_s), at most half of the total."""
+    """Circuit by the rule of [P] 2.2: R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2, C_s = tau / (2 R_s).
+
+    total_F: C_b + C_s, of which C_s is at most half.
+    """
     branch = BRANCH_SHARE * r_total_ohm
     c_surface_F = min(tau_s / (2 * branch), 0.5 * total_F)
     return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, TERMINAL_SHARE * r_total_ohm)
@@ -117,7 +120,7 @@ def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float
 
 
 def _window_s(samples: RcSamples) -> float:
-    """The first 500 ms, or what holds ten samples where the log is slower."""
+    """Length of the window: 500 ms, or ten samples where the log is slower."""
     typical_s = _typical_step_s(samples)
     return FIRST_S if typical_s * _FEWEST_POINTS <= FIRST_S else 2 * _FEWEST_POINTS * typical_s
 
@@ -141,6 +144,6 @@ def find_time_constant(response: EdgeResponse) -> TimeConstant:
 
 
 def _cost_of(column: np.ndarray, y: np.ndarray) -> float:
-    """Sum of squares that is left when the column is scaled to fit y, not downwards."""
+    """Residual sum of squares of the best multiple >= 0 of the column."""
     scale = max(float(column @ y) / max(float(column @ column), 1e-300), 0.0)
     return float(np.sum((y - scale * column) ** 2))

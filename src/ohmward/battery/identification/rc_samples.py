@@ -1,4 +1,4 @@
-"""A log as the identification of the RC model reads it: charge counted, long charges and missing voltages left out.
+"""Samples of a log for the identification of the RC model: charge counted, long charges and missing voltages left out.
 
 A linear model does not follow a battery through a full charge: the voltage limit, gassing, a charge that is not all
 stored, an open-circuit voltage above that of discharge. Short charges, a robot's braking, stay. What lies between two
@@ -11,10 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.identification.charge import count_charge, find_gaps, known_current_A
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
+#: Currents below this rate neither charge nor discharge.
 _REST_RATE = 1 / 200
+#: A charge of more than this share of the capacity is long: no braking of a robot lasts so.
 _LONG_CHARGE = 0.05
 
 
@@ -24,7 +27,7 @@ class RcSamples(NamedTuple):
     time_s, dt_s: time and step [s].
     current_A, mean_A: current at the sample and its mean over the step.
     charge_As: since the start.
-    gap: whether the step is a gap in the recording, or the first of a part.
+    gap: True where the step is a gap in the recording, or the first of a part.
     part: number of the part, 0 for the first.
     """
 
@@ -38,26 +41,24 @@ class RcSamples(NamedTuple):
     part: np.ndarray
 
 
-def samples_of(log: Log, capacity_Ah: float) -> RcSamples:
-    """The samples of the log that have a voltage and stand outside long charges; the charge of the others is kept."""
-    # Here, because the identification of all models imports that of this one.
-    from ohmward.battery.identification.charge import count_charge, find_gaps, known_current_A
-
+def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:
+    """The samples with a voltage that stand outside long charges; the charge of the others counts all the same."""
     moved_Ah, current_A = count_charge(log).moved_Ah, known_current_A(log)
     charging, part = _long_charges(current_A, moved_Ah, capacity_Ah)
-    kept = np.isfinite(log.voltage_V) & ~charging
-    if not kept.any():
+    used = np.isfinite(log.voltage_V) & ~charging
+    if not used.any():
         raise InputError(f"log {log.name!r} holds nothing but a long charge; an RC model needs a discharge or pulses")
-    part = part[kept] - part[kept][0]
-    time_s, charge_As = log.time_s[kept], SECONDS_PER_HOUR * np.cumsum(moved_Ah)[kept]
+    part = part[used] - part[used][0]
+    time_s = log.time_s[used]
+    charge_As = SECONDS_PER_HOUR * np.cumsum(moved_Ah)[used]
     dt_s = np.diff(time_s, prepend=time_s[:1])
     mean_A = np.diff(charge_As, prepend=charge_As[:1]) / np.where(dt_s > 0, dt_s, 1.0)
     gap = find_gaps(time_s) | (np.diff(part, prepend=-1) > 0)
-    return RcSamples(time_s, dt_s, current_A[kept], charge_As, mean_A, log.voltage_V[kept], gap, part)
+    return RcSamples(time_s, dt_s, current_A[used], charge_As, mean_A, log.voltage_V[used], gap, part)
 
 
 def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whether a sample is inside a charge of more than 5 % of capacity, and how many such charges came before it.
+    """True inside a charge of more than 5 % of the capacity, and the number of such charges before a sample.
 
     A charge lasts until the next discharge: after it the voltage falls for hours, and no linear model says how.
     """

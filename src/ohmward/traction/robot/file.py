@@ -1,4 +1,4 @@
-"""The robot file: one robot as TOML that people read and edit. Units are part of the names; every key is known."""
+"""Robot file: one robot as TOML that people read and edit. Units are part of the names; every key is known."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _HEADER = """\
 #   omni (arm_m, bearings_deg).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
-_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS)
+#: Its `dump` and `parse` give and take the text.
+ROBOT_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS)
 
 
 def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
@@ -32,7 +33,7 @@ def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
     Raises:
         OhmwardError: the file cannot be written.
     """
-    _FILE.save(robot, path)
+    ROBOT_FILE.save(robot, path)
 
 
 def load_robot(path: str | PathLike[str]) -> Robot:
@@ -47,18 +48,4 @@ def load_robot(path: str | PathLike[str]) -> Robot:
         return robot
     if not Path(path).suffix and not Path(path).exists():
         raise InputError(f"robot must be a robot file or one of {', '.join(PACKAGED)}, got {str(path)!r}")
-    return _FILE.load(path)
-
-
-def dump_robot(robot: Robot) -> str:
-    """The text of the robot file; numbers are rounded to 9 digits."""
-    return _FILE.dump(robot)
-
-
-def parse_robot(text: str) -> Robot:
-    """The robot in the text of a robot file.
-
-    Raises:
-        InputError: not TOML, another format, an unknown or missing key, a value of another kind or outside its range.
-    """
-    return _FILE.parse(text)
+    return ROBOT_FILE.load(path)
