@@ -7,7 +7,7 @@ from ohmward.errors import InputError
 from ohmward.traction.score import DriveTruth, score_drive
 from ohmward.traction.terrain.as_estimates import as_estimates
 from ohmward.traction.terrain.demand import inertial_forces
-from ohmward.traction.terrain.slip_on_floors import RATE_S, followed
+from ohmward.traction.terrain.slip_on_floors import RATE_S, low_pass
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 LATE = slice(100, None)
@@ -85,12 +85,12 @@ def test_the_slip_on_doubtful_floors_is_that_of_floors_drawn_by_their_probabilit
 def test_the_acceleration_of_the_rims_is_their_slope_a_moment_ago(dt_s):
     t, slow, rates = np.arange(0.0, 4.0, dt_s), np.zeros((2, 1)), []
     for speed in t**2:
-        slow, rate = followed(slow, np.array([speed]), dt_s)
+        slow, rate = low_pass(slow, np.array([speed]), dt_s)
         rates.append(rate[0])
     late_s = t[-1] - rates[-1] / 2
     assert np.diff(rates)[-1] == pytest.approx(2 * dt_s)
     assert 2 * RATE_S - dt_s < late_s < 2 * RATE_S + dt_s
-    slow, rate = followed(slow, np.array([speed]), 0.0)
+    slow, rate = low_pass(slow, np.array([speed]), 0.0)
     assert rate[0] == pytest.approx((slow[0] - slow[1])[0] / RATE_S)
 
 

@@ -1,4 +1,4 @@
-"""A sample made safe for the filter of the wheels: what cannot be true is taken as missing, and said so.
+"""Sanitise a sample for the filter of the wheels: a value that is not credible counts as missing.
 
 An encoder that repeats one number to the last bit, and not that of a wheel that stands, while another one moves, has
 stopped: it counts as missing until it moves again. One that stops at zero cannot be told from a wheel that stands.
@@ -7,26 +7,28 @@ stopped: it counts as missing until it moves again. One that stops at zero canno
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import every, is_step, some, within
+from ohmward.filters.flags import flags_of
+from ohmward.filters.sanitize import every, sanitize_step, some, within
 from ohmward.trace import logical_not, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorFlag
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
-#: Numbers beyond these are of no wheel [rad/s] and of no motor [A].
+#: A larger number is of no wheel [rad/s] and of no motor [A].
 MOST_RAD_S, MOST_A = 500.0, 200.0
 #: A longer step is a gap [s].
 GAP_S = 0.5
 #: An encoder has stopped when it has repeated itself for so long [s] while another one moved.
-PATIENCE_S = 2.0
+STOPPED_AFTER_S = 2.0
 
 
 class EncoderWatch(NamedTuple):
-    """Last speeds (driven,) of the encoders [rad/s], and how long (driven,) each has repeated itself [s]."""
+    """Last speeds (driven,) of the encoders [rad/s], and time (driven,) for which each has repeated itself [s]."""
 
     last_rad_s: np.ndarray
     repeated_s: np.ndarray
@@ -37,45 +39,43 @@ class CleanFloorSample(NamedTuple):
 
     sample: WheelSample
     watch: EncoderWatch
-    flags: Any
+    flags: Scalar
 
 
-def watch_from(driven: int) -> EncoderWatch:
-    """Before the first sample."""
+def new_watch(driven: int) -> EncoderWatch:
+    """Watch before the first sample."""
     return EncoderWatch(np.zeros(driven), np.zeros(driven))
 
 
 def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
-    """The sample made safe."""
-    time_good = is_step(sample.dt_s, LONGEST_STEP_S)
-    dt_s = where(time_good, sample.dt_s, 0.0)
-    turning = [within(w, MOST_RAD_S) for w in sample.wheel_speed_rad_s]
-    pushing = [within(i, MOST_A) for i in sample.current_A]
-    watch = watched(sample.wheel_speed_rad_s, turning, before, dt_s)
-    stopped = [s > PATIENCE_S for s in watch.repeated_s]
-    used = [good & logical_not(dead) for good, dead in zip(turning, stopped, strict=True)]
-    flags = (
-        where(time_good, 0.0, float(FloorFlag.BAD_TIME))
-        + where(dt_s > GAP_S, float(FloorFlag.GAP), 0.0)
-        + where(every(pushing), 0.0, float(FloorFlag.NO_CURRENT))
-        + where(every(turning), 0.0, float(FloorFlag.NO_ENCODER))
-        + where(some(stopped), float(FloorFlag.ENCODER_STOPPED), 0.0)
-    )
-    safe = WheelSample(dt_s, _or_nan(used, sample.wheel_speed_rad_s), _or_nan(pushing, sample.current_A))
-    return CleanFloorSample(safe, watch, flags)
+    """The sample with nan in place of what no sensor can have shown."""
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, GAP_S)
+    speed_credible = [within(speed, MOST_RAD_S) for speed in sample.wheel_speed_rad_s]
+    current_credible = [within(current, MOST_A) for current in sample.current_A]
+    watch = watched(sample.wheel_speed_rad_s, speed_credible, before, time.dt_s)
+    stopped = [repeated_s > STOPPED_AFTER_S for repeated_s in watch.repeated_s]
+    used = [good & logical_not(dead) for good, dead in zip(speed_credible, stopped, strict=True)]
+    flags = flags_of({
+        FloorFlag.BAD_TIME: logical_not(time.credible),
+        FloorFlag.GAP: time.gap,
+        FloorFlag.NO_CURRENT: logical_not(every(current_credible)),
+        FloorFlag.NO_ENCODER: logical_not(every(speed_credible)),
+        FloorFlag.ENCODER_STOPPED: some(stopped),
+    })  # fmt: skip
+    speed_rad_s = where(np.array(used), sample.wheel_speed_rad_s, math.nan)
+    current_A = where(np.array(current_credible), sample.current_A, math.nan)
+    return CleanFloorSample(WheelSample(time.dt_s, speed_rad_s, current_A), watch, flags)
 
 
-def watched(speed_rad_s: np.ndarray, good: list, before: EncoderWatch, dt_s: Any) -> EncoderWatch:
-    """The watch after the speeds (driven,), of which some are `good`."""
-    moved = [ok & (w != last) for ok, w, last in zip(good, speed_rad_s, before.last_rad_s, strict=True)]
-    repeats = [ok & logical_not(m) & (last != 0.0) for ok, m, last in zip(good, moved, before.last_rad_s, strict=True)]
+def watched(speed_rad_s: np.ndarray, credible: list[Scalar], before: EncoderWatch, dt_s: Scalar) -> EncoderWatch:
+    """The watch after the speeds (driven,) of a sample."""
+    wheels = list(zip(credible, speed_rad_s, before.last_rad_s, strict=True))
+    moved = [good & (speed != last) for good, speed, last in wheels]
+    repeats = [good & logical_not(speed != last) & (last != 0.0) for good, speed, last in wheels]
+    stood = [last == 0.0 for last in before.last_rad_s]
     passed_s = where(some(moved), dt_s, 0.0)
     repeated_s = [
-        where(again, t + passed_s, where(m | (last == 0.0), 0.0, t))
-        for again, m, t, last in zip(repeats, moved, before.repeated_s, before.last_rad_s, strict=True)
+        where(again, t + passed_s, where(some([moves, stands]), 0.0, t))
+        for again, moves, stands, t in zip(repeats, moved, stood, before.repeated_s, strict=True)
     ]
-    return EncoderWatch(where(np.array(good), speed_rad_s, before.last_rad_s), np.array(repeated_s))
-
-
-def _or_nan(good: list, values: np.ndarray) -> np.ndarray:
-    return where(np.array(good), values, math.nan)
+    return EncoderWatch(where(np.array(credible), speed_rad_s, before.last_rad_s), np.array(repeated_s))

@@ -1,4 +1,4 @@
-"""When a wheel comes to another floor: Page's CUSUM test on the forces of the wheels, one for each wheel and both ways.
+"""Crossings of a wheel to another floor: Page's CUSUM test on the forces of the wheels, for each wheel and both ways.
 
     g+ = max(0, g+ + (dt/tau) e' (f - mu - e/2) / sigma^2),          g- likewise with mu - f
     sigma^2 = ripple^2 + (growth |mu|)^2,   tau = ripple_m / speed
@@ -19,13 +19,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.filters.sanitize import some
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_speed
 from ohmward.traction.terrain.floor import Floor
@@ -36,18 +37,20 @@ ALIKE = 0.02
 COUNTS = 0.7
 #: A motion that differs from that at the start of the test by more than this share of it starts it anew.
 _OTHER_MOTION = 0.3
-#: mu is the mean over at most so long [s], and its first value counts for so long.
+#: mu is the mean over at most so long a time [s], and its first value counts for so long.
 _MEMORY_S, _FIRST_S = 3.0, 0.3
 #: Ripple lasts no shorter than this [s]: the filter of the forces.
 _SHORTEST_S = 0.1
+#: Least change of a drag that counts, share of the load.
+_LEAST_STEP = 1e-3
 _NEWTON_STEPS = 4
 _TINY = 1e-9
-#: Where 1 - e^-x - x/2 is largest, a little before it, and how large.
+#: x a little before the maximum of 1 - e^-x - x/2 at ln 2, and that maximum.
 _LAST, _MOST_NEEDED = math.log(2) - 1e-3, 0.5 - math.log(2) / 2
 
 
 class Crossing(NamedTuple):
-    """A wheel has come to another floor, or several have: when it was known, and the drag before and after."""
+    """A wheel, or several, on another floor: time at which it was known, and the drag before and after."""
 
     time_s: float
     drag_before: float
@@ -55,47 +58,60 @@ class Crossing(NamedTuple):
 
 
 class CrossingSample(NamedTuple):
-    """What the test sees at one time.
+    """Sample of the test.
 
-    force_share: (driven,) forces over the mean load.
-    change: (driven, wheels) of these when the floor under each wheel changes by as much as counts.
+    force_share: f (driven,) forces over the mean load.
+    change: e (driven, wheels) change of f when the floor under each wheel changes by as much as counts.
     motion: (freedoms,) of the rims.
-    moving: whether the wheels turn.
+    moving: the condition that the wheels turn.
     dt_s: since the sample before.
     """
 
     force_share: np.ndarray
     change: np.ndarray
     motion: np.ndarray
-    moving: Any
-    dt_s: Any
+    moving: Scalar
+    dt_s: Scalar
 
 
 class CrossingState(NamedTuple):
-    """The test so far.
+    """State of the test.
 
     sums: (2, wheels) g+, g-.
-    mean: (driven,) mu.
+    mean: mu (driven,).
     tested_s: since the test began, < 0 while it waits.
     motion: (freedoms - 1,) then, without the rotation.
     """
 
     sums: np.ndarray
     mean: np.ndarray
-    tested_s: Any
+    tested_s: Scalar
     motion: np.ndarray
 
 
 class CrossingResult(NamedTuple):
-    """What the test says of a sample.
+    """Result of the test for a sample.
 
-    alarm: whether a wheel has come to another floor.
+    alarm: the condition that a wheel has come to another floor.
     delay_s: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the
         test waits, and for a wheel whose floor hardly shows in the forces.
     """
 
-    alarm: Any
+    alarm: Scalar
     delay_s: np.ndarray
+
+
+class Evidence(NamedTuple):
+    """Evidence of a sample.
+
+    increment: (2, wheels) of g+ and g-.
+    k2: k^2 (wheels,), square of the signal over the ripple.
+    tau_s: correlation time of the ripple.
+    """
+
+    increment: np.ndarray
+    k2: np.ndarray
+    tau_s: Scalar
 
 
 @dataclass(frozen=True)
@@ -108,7 +124,7 @@ class CrossingTest:
         ripple_growth: of the ripple with the forces, >= 0.
         ripple_m: way that a ripple lasts, about the passage of a roller, > 0.
         false_alarms_per_hour: of driving, all wheels and both ways together, > 0, if the ripple were as assumed.
-        settling_s: so long after a start nothing is tested, >= 0: the robot accelerates.
+        settling_s: time after a start in which nothing is tested, >= 0: the robot accelerates.
     """
 
     rolling_step: float = 0.07
@@ -125,8 +141,57 @@ class CrossingTest:
         for name in ("ripple_growth", "settling_s"):
             require_between(name, getattr(self, name), 0.0, math.inf)
 
-    def threshold(self, k2: np.ndarray, tau_s: Any) -> np.ndarray:
-        """Each h (n,) of n changes with these k^2 (n,), tested both ways: h = ln(T k^2/(2 tau) + 1 + h), by Newton."""
+    def init(self, robot: Robot) -> CrossingState:
+        """State before the first sample."""
+        wheels = len(robot.places)
+        return CrossingState(np.zeros((2, wheels)), np.zeros(robot.driven), 0.0, np.zeros(robot.freedoms - 1))
+
+    def sample(
+        self, robot: Robot, motion: np.ndarray, force_N: np.ndarray, moving: Scalar, dt_s: Scalar
+    ) -> CrossingSample:
+        """Sample of the test from forces (driven,) while the rims move so, (freedoms,)."""
+        load_N = mean_load(robot)
+        change = drag_columns(robot, motion) @ np.array([self.rolling_step, self.roller_step]) / load_N
+        return CrossingSample(force_N / load_N, change, motion, moving, dt_s)
+
+    def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
+        """State and result after a sample."""
+        # a sample after a gap too is worth no more than the memory of the filter of the forces
+        sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_S))
+        force, motion = sample.force_share, sample.motion[:-1]
+        restart = logical_not(sample.moving) | is_other_motion(motion, state.motion)
+        tested_s = state.tested_s + sample.dt_s
+        settling = restart | (tested_s < 0)
+
+        evidence = self.evidence(state, sample)
+        sums = maximum(0.0, state.sums + evidence.increment)
+        threshold = self.threshold(evidence.k2, evidence.tau_s)
+        delay_s = self.delay_s(evidence.k2, evidence.tau_s, memory(state.tested_s))
+        exceeds = [g > h for row in sums for g, h in zip(row, threshold, strict=True)]
+        alarm = logical_not(settling) & some(exceeds)
+
+        first_share = minimum(0.5 * sample.dt_s / _FIRST_S, 1.0)
+        share = where(settling, first_share, minimum(sample.dt_s / memory(tested_s), 1.0))
+        after = CrossingState(
+            sums=where(settling | alarm, 0.0, sums),
+            mean=where(restart | alarm, force, state.mean + share * (force - state.mean)),
+            tested_s=where(restart, -self.settling_s, where(alarm, 0.0, tested_s)),
+            motion=where(settling | alarm, motion, state.motion),
+        )
+        return after, CrossingResult(alarm, where(settling, math.inf, delay_s))
+
+    def evidence(self, state: CrossingState, sample: CrossingSample) -> Evidence:
+        """Increments (dt/tau) (+-e' (f - mu) - e'e / 2) / sigma^2 of the sums."""
+        e = sample.change
+        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_S)
+        variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
+        k2 = (e * e).sum(axis=0) / variance
+        seen = (sample.force_share - state.mean) @ e / variance
+        increment = sample.dt_s / tau_s * (np.stack([seen, -seen]) - k2 / 2)
+        return Evidence(increment, k2, tau_s)
+
+    def threshold(self, k2: np.ndarray, tau_s: Scalar) -> np.ndarray:
+        """Threshold h (n,) of each of n changes, tested both ways: h = ln(T k^2/(2 tau) + 1 + h), by Newton."""
         between_s = 3600 / self.false_alarms_per_hour * 2 * len(k2)
         wanted = k2 * (between_s / (2 * tau_s))
         h = log(wanted + 2.0)
@@ -135,77 +200,46 @@ class CrossingTest:
             h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + _TINY))
         return h
 
-    def delay_s(self, k2: np.ndarray, tau_s: Any, memory_s: Any) -> np.ndarray:
+    def delay_s(self, k2: np.ndarray, tau_s: Scalar, memory_s: Scalar) -> np.ndarray:
         """Mean time (n,) [s] from a change that counts to its alarm; inf for one that mu follows first.
 
-        Siegmund's (2 tau / k^2)(e^-h + h - 1) for a mu that is known; one that is the mean over `memory_s` follows the
-        change, and what is left of the sum grows by (k^2 / tau)(e^(-t / memory) - 1/2).
+        Siegmund's (2 tau / k^2)(e^-h + h - 1) holds for a mu that is known. One that is the mean over T = `memory_s`
+        follows the change: the sum grows by (k^2 / tau)(e^(-t/T) - 1/2), so the alarm comes at x = t/T with
+
+            1 - e^-x - x/2 = (tau / (T k^2)) (e^-h + h - 1)
         """
         h = self.threshold(k2, tau_s)
         needed = tau_s / memory_s / maximum(k2, _TINY) * (exp(-h) + h - 1.0)
-        x = minimum(2.0 * needed, _LAST)
-        for _ in range(_NEWTON_STEPS):  # of 1 - e^-x - x/2 = needed, from below
-            x = minimum(x + (needed - 1.0 + exp(-x) + x / 2) / (exp(-x) - 0.5), _LAST)
-        return where(np.array([n < _MOST_NEEDED for n in needed]), memory_s * x, math.inf)
-
-    def init(self, robot: Robot) -> CrossingState:
-        """Before the first sample."""
-        wheels = len(robot.places)
-        return CrossingState(np.zeros((2, wheels)), np.zeros(robot.driven), 0.0, np.zeros(robot.freedoms - 1))
-
-    def sample(self, robot: Robot, motion: np.ndarray, force_N: np.ndarray, moving: Any, dt_s: Any) -> CrossingSample:
-        """What the test sees of forces (driven,) while the rims move so, (freedoms,)."""
-        load_N = mean_load(robot)
-        change = drag_columns(robot, motion) @ np.array([self.rolling_step, self.roller_step]) / load_N
-        return CrossingSample(force_N / load_N, change, motion, moving, dt_s)
-
-    def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
-        """The state after a sample, and what the test says."""
-        # after a gap too a sample tells of no more than the memory of the filter of the forces
-        sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_S))
-        force, motion, dt_s = sample.force_share, sample.motion[:-1], sample.dt_s
-        turned = motion - state.motion
-        other = turned @ turned > _OTHER_MOTION**2 * (state.motion @ state.motion)
-        anew = logical_not(sample.moving) | other
-        tested_s = state.tested_s + dt_s
-        settling = anew | (tested_s < 0)
-        sums, threshold, delay_s = self._raised(state, sample)
-        alarm = logical_not(settling) & some([g > h for row in sums for g, h in zip(row, threshold, strict=True)])
-        share = where(
-            settling,
-            minimum(0.5 * dt_s / _FIRST_S, 1.0),
-            minimum(dt_s / memory(tested_s), 1.0),
-        )
-        after = CrossingState(
-            where(settling | alarm, 0.0, sums),
-            where(anew | alarm, force, state.mean + share * (force - state.mean)),
-            where(anew, -self.settling_s, where(alarm, 0.0, tested_s)),
-            where(settling | alarm, motion, state.motion),
-        )
-        return after, CrossingResult(alarm, where(settling, math.inf, delay_s))
-
-    def _raised(self, state: CrossingState, sample: CrossingSample) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The sums (2, wheels) after a sample, the threshold (wheels,) of each, and their mean delay (wheels,)."""
-        e = sample.change
-        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_S)
-        variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
-        k2, seen = (e * e).sum(axis=0) / variance, (sample.force_share - state.mean) @ e / variance
-        gain = sample.dt_s / tau_s * (np.stack([seen, -seen]) - k2 / 2)
-        delay_s = self.delay_s(k2, tau_s, memory(state.tested_s))
-        return maximum(0.0, state.sums + gain), self.threshold(k2, tau_s), delay_s
+        possible = np.array([n < _MOST_NEEDED for n in needed])
+        return where(possible, memory_s * time_of_alarm(needed), math.inf)
 
 
-def memory(tested_s: Any) -> Any:
+def time_of_alarm(needed: np.ndarray) -> np.ndarray:
+    """Smaller root x (n,) of 1 - e^-x - x/2 = needed, by Newton from below; at most `_LAST`."""
+    x = minimum(2.0 * needed, _LAST)
+    for _ in range(_NEWTON_STEPS):
+        x = minimum(x + (needed - 1.0 + exp(-x) + x / 2) / (exp(-x) - 0.5), _LAST)
+    return x
+
+
+def is_other_motion(motion: np.ndarray, tested: np.ndarray) -> Scalar:
+    """True where a motion differs too much from the one at the start of the test."""
+    change = motion - tested
+    return change @ change > _OTHER_MOTION**2 * (tested @ tested)
+
+
+def memory(tested_s: Scalar) -> Scalar:
     """Time [s] over which mu is the mean."""
     return minimum(maximum(tested_s, 0.0), _MEMORY_S) + _FIRST_S
 
 
 def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:
-    """The test for a robot that knows these floors: what counts is the difference of the two that are nearest."""
+    """The test for a robot that knows these floors: a change counts from the difference of the nearest two on."""
     pairs = pairwise(sorted(floors, key=lambda f: f.drag))
-    apart = [(b.drag - a.drag, a, b) for a, b in pairs if b.drag - a.drag > ALIKE]
-    if not apart:
+    different = [(a, b) for a, b in pairs if b.drag - a.drag > ALIKE]
+    if not different:
         return CrossingTest(false_alarms_per_hour=false_alarms_per_hour)
-    _, a, b = min(apart, key=lambda pair: pair[0])
-    rolling, roller = (max(COUNTS * abs(y - x), 1e-3) for x, y in ((a.rolling, b.rolling), (a.roller, b.roller)))
+    a, b = min(different, key=lambda pair: pair[1].drag - pair[0].drag)
+    rolling = max(COUNTS * abs(b.rolling - a.rolling), _LEAST_STEP)
+    roller = max(COUNTS * abs(b.roller - a.roller), _LEAST_STEP)
     return CrossingTest(rolling, roller, false_alarms_per_hour=false_alarms_per_hour)

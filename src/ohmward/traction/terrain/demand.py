@@ -1,9 +1,9 @@
-"""What floors ask of the driven wheels: the forces that keep a body moving against the drag under all its wheels.
+"""Demand of floors on the driven wheels: the forces that keep a body moving against the drag under all its wheels.
 
     G_d' F = M dv/dt + sum over wheels of N_j [ rolling_j d(v_j) + roller_j d(v_j along the axle) ]
 
-G_d are the rows of the driven wheels, v_j is how wheel j moves over the ground, d the direction of a motion. With as
-many driven wheels as the body has motions, F is unique; with more, it is the smallest.
+G_d are the rows of the driven wheels, v_j is the motion of wheel j over the ground, d the direction of a motion. With
+as many driven wheels as the body has motions, F is unique; with more, it is the smallest.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def inertial_forces(robot: Robot, acceleration: np.ndarray) -> np.ndarray:
 
 
 def undetermined_force_std(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """What the dry friction of a motor that stands may hold, either way, as the sigma of a force (..., driven) [N].
+    """Standard deviation (..., driven) [N] of the force that the dry friction of a standing motor may hold, either way.
 
     Friction has the size tau_c and the direction of the rotation; at rest it is anything between, whatever the current
     says.

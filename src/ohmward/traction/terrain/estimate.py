@@ -1,4 +1,4 @@
-"""What is known of the slip on floors after a sample: plain numbers."""
+"""Estimate of the slip on floors after a sample: plain numbers."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ohmward.filters.flags import SampleFlag
 
 
 class FloorEstimate(NamedTuple):
-    """What is known after a sample.
+    """Estimate after a sample.
 
-    rim: (freedoms,) motion that the wheels make, as if none slipped.
+    rim: (freedoms,) motion of the rims, as if no wheel slipped.
     motion, motion_std: (freedoms,) of the body.
     speed_m_s, speed_std_m_s: over ground.
     travel_slip, travel_slip_std: share of the rims' travel speed that is lost; nan while the wheels hardly turn.
@@ -45,12 +45,12 @@ class FloorEstimate(NamedTuple):
 
 
 class FloorFlag(SampleFlag):
-    """What happened at a sample. None of it stops the estimator."""
+    """Events at a sample. None of them stops the estimator."""
 
-    BAD_TIME = 1  # dt_s no number, negative or hours: taken as 0
+    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
     GAP = 2  # half a second without a sample: floors may have changed
     NO_CURRENT = 4  # of at least one motor: its force wanders on
     NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
     ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
-    MOTION_UNKNOWN = 32  # the wheels hardly turn, or nobody knows how: no slip ratio, no floor recognised
+    MOTION_UNKNOWN = 32  # the wheels hardly turn, or their motion is uncertain: no slip ratio, no floor recognised
     RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample

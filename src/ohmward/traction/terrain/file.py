@@ -1,4 +1,4 @@
-"""The floors file: what one robot has learnt of floors, as TOML that people read and edit."""
+"""Floors file: the floors that one robot has learnt, as TOML that people read and edit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A floor as a robot has learnt it: how wheels creep under force on it, and what it takes to roll over it.
+"""A floor as a robot has learnt it: creep of wheels under force, and drag.
 
 F / N = mu (1 - e^(-C lambda / mu))        traction of a wheel at slip lambda = s / U, Burckhardt's law without its fall
 lambda = -(mu / C) ln(1 - F / (mu N))      its inverse: the slip that a force needs; the wheel spins where F >= mu N
@@ -21,13 +21,13 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.friction.burckhardt import Burckhardt
 
-#: Rubber on floors from carpet to concrete: what is believed of a floor before anything is known of it. Medians, and
-#: sigmas of the logarithm.
+#: Prior of a floor, rubber from carpet to concrete: medians, and sigmas of the logarithm.
 FRICTION, FRICTION_STD = 0.8, 0.5
 STIFFNESS, STIFFNESS_STD = 8.0, 0.8
 ROLLING, ROLLING_STD = 0.03, 1.0
-#: Floors resemble each other for one robot: the share of these sigmas from floor to floor; the rest is common to all.
+#: Share of these sigmas from floor to floor of one robot; the rest is common to all its floors.
 BETWEEN_SHARE = 0.8
+#: Nodes of the quadrature over friction, and over stiffness.
 _NODES = 11
 
 
@@ -40,11 +40,11 @@ class Floor:
         friction, friction_std: mu, traction over load of a wheel that spins, > 0.
         stiffness, stiffness_std: C, traction over load and slip where the slip is small, > 0.
         correlation: between the errors of the two, in (-1, 1).
-        slip_std: what the law leaves unexplained of a wheel's slip from drive to drive, >= 0.
+        slip_std: standard deviation of a wheel's slip from drive to drive that the law leaves unexplained, >= 0.
         rolling, roller: share of the load, >= 0.
         drag_std: of both, relative, >= 0.
-        force_std: what these leave unexplained of a wheel's force, share of the load, > 0.
-        drives: how many recordings it was learnt from; 0 for a floor that was never met.
+        force_std: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0.
+        drives: number of recordings that it was learnt from; 0 for a floor that was never met.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Floor:
 
     @property
     def drag(self) -> float:
-        """Share of its weight that a robot needs to keep moving, about: half of its rollers turn."""
+        """Force that keeps a robot moving over its weight, about: half of its rollers turn."""
         return self.rolling + self.roller / 2
 
     @property
@@ -105,12 +105,12 @@ def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
 
 
 def slip_belief(floor: Floor, force_share: np.ndarray, force_std: np.ndarray) -> SlipBelief:
-    """What is known of the slip of wheels on this floor.
+    """Belief in the slip of wheels on this floor.
 
     force_share, force_std: (..., n) traction over load, and its standard deviation.
 
-    The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law bends where they are
-    uncertain. `slip_curves` has the same as a step takes it.
+    The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law is nonlinear where they
+    are uncertain. `slip_curves` has the same for a traced step.
     """
     at_node, weights = slips_of_floors(floor, force_share)
     mean = np.tensordot(weights, at_node, 1)
@@ -136,10 +136,10 @@ def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, 
 
 
 def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
-    """A floor that the robot has never met: what it has learnt elsewhere counts, as much as floors resemble each other.
+    """A floor that the robot has never met, from those that it has, as much as floors resemble each other.
 
-    Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and what is
-    believed of any floor. Without a known floor it is that.
+    Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and the
+    prior. Without a known floor it is the prior.
     """
     friction = _pooled([(f.friction, f.friction_std) for f in known], FRICTION, FRICTION_STD)
     stiffness = _pooled([(f.stiffness, f.stiffness_std) for f in known], STIFFNESS, STIFFNESS_STD)

@@ -1,13 +1,13 @@
 """Slip of a robot on floors that it has learnt, or never met, from encoders and motor currents alone.
 
-The filter (`wheel_filter`) gives the motion of the rims and the force of each wheel; the forces say what floor is under
-which wheel (`recognition`); the floor says how much a wheel creeps under its force (`floor`). The slip of a floor is
-believed as far as the floor is: over several floors as a mixture, and wide on one that was never met.
+The filter (`wheel_filter`) gives the motion of the rims and the force of each wheel; the forces tell the floor under
+each wheel (`recognition`); the floor tells the creep of a wheel under its force (`floor`). Over several floors the slip
+is their terrain mixture, and wide on a floor that was never met.
 
     lambda_i = sum over floors p_i lambda_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
-All of it is one recursive step that looks at nothing to come: a robot runs it live (`live`), a log is a scan of it. The
-acceleration of the body, which the forces carry besides the drag, is that of the rims, filtered.
+All of it is one recursive step: a robot runs it live (`live`), a log is a scan of it. The acceleration of the body,
+which is in the forces besides the drag, is that of the rims, filtered.
 """
 
 from __future__ import annotations
@@ -17,16 +17,19 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.flags import flags_of
+from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel, exp, maximum, sqrt, where
+from ohmward.trace import Kernel, exp, logical_not, maximum, sqrt, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.clean_sample import EncoderWatch, sanitize, watch_from
+from ohmward.traction.terrain.clean_sample import EncoderWatch, new_watch, sanitize
 from ohmward.traction.terrain.crossing import Crossing, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
     drag_share,
@@ -42,19 +45,19 @@ from ohmward.traction.terrain.recognition import Recognition
 from ohmward.traction.terrain.slip_curves import SlipCurves
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
 
-#: Slower than this [m/s] no slip ratio is given, and no floor is recognised; nor where the motion of the rims is known
-#: to no better than this share of it.
+#: Speed [m/s] below which no slip ratio is given and no floor is recognised, and the standard deviation of the rims'
+#: motion, as a share of it, above which neither is.
 SLOWEST_M_S, UNSURE_SHARE = 0.02, 0.5
-#: Time constant [s] of each of two filters that the rims' acceleration is taken from.
+#: Time constant [s] of each of the two low-pass filters that give the rims' acceleration.
 RATE_S = 0.075
 _TINY = 1e-6
 
 
 class FloorState(NamedTuple):
-    """All that is carried from sample to sample: plain numbers.
+    """State from sample to sample: plain numbers.
 
     wheels: of the filter.
-    slow_rim: (2, freedoms) motion of the rims, `RATE_S` late and twice as late.
+    slow_rim: (2, freedoms) motion of the rims after one and two first-order low-pass filters.
     combinations: (C,) probability of each combination of floors.
     crossing: of the test.
     encoders: as watched.
@@ -104,34 +107,40 @@ class SlipOnFloors:
         return WheelSample(0.0, nothing, nothing)
 
     def init(self, first: WheelSample) -> FloorState:
-        """State before the first sample, which it looks at: rims that turn as the encoders say."""
+        """State before the first sample, of which it takes the speeds: rims that turn as the encoders say."""
         robot = self.wheels.robot
-        watch = watch_from(robot.driven)
-        state = self.wheels.init(sanitize(first, watch).sample)
-        rim = state.belief.mean[: robot.freedoms]
-        return FloorState(state, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch)
+        watch = new_watch(robot.driven)
+        wheels = self.wheels.init(sanitize(first, watch).sample)
+        rim = wheels.belief.mean[: robot.freedoms]
+        return FloorState(wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch)
 
     def step(self, state: FloorState, sample: WheelSample) -> tuple[FloorState, FloorEstimate]:
-        """The state after a sample, and what is known then."""
+        """State and estimate after a sample."""
         robot = self.wheels.robot
-        safe, watch, flags = sanitize(sample, state.encoders)
-        wheels, belief = self.wheels.step(state.wheels, safe)
+        clean, watch, flags = sanitize(sample, state.encoders)
+        wheels, belief = self.wheels.step(state.wheels, clean)
         belief = with_friction(robot, belief)
-        slow_rim, rate = followed(state.slow_rim, belief.rim, safe.dt_s)
+        slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
         moving = knows_motion(belief)
-        likelihood = self.recognition.log_likelihood(belief.rim, rate, belief.force_N, belief.force_std_N)
-        combinations = self.recognition.step(state.combinations, where(moving, likelihood, 0.0), safe.dt_s)
-        force_N = belief.force_N - inertial_forces(robot, rate)
-        seen = self.crossing.sample(robot, belief.rim, force_N, moving, safe.dt_s)
-        crossing, found = self.crossing.step(state.crossing, seen)
+        combinations = self.recognise(state.combinations, belief, rate, moving, clean.dt_s)
+        drag_N = belief.force_N - inertial_forces(robot, rate)
+        tested = self.crossing.sample(robot, belief.rim, drag_N, moving, clean.dt_s)
+        crossing, result = self.crossing.step(state.crossing, tested)
         estimate = self.conclude(belief, self.recognition.by_wheel(combinations), moving)._replace(
-            crossing=where(found.alarm, 1.0, 0.0),
+            crossing=where(result.alarm, 1.0, 0.0),
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
-            drag_after=drag_share(robot, belief.rim, force_N),
-            crossing_delay_s=found.delay_s,
-            flags=flags + where(moving, 0.0, float(FloorFlag.MOTION_UNKNOWN)),
+            drag_after=drag_share(robot, belief.rim, drag_N),
+            crossing_delay_s=result.delay_s,
+            flags=flags + flags_of({FloorFlag.MOTION_UNKNOWN: logical_not(moving)}),
         )
         return FloorState(wheels, slow_rim, combinations, crossing, watch), estimate
+
+    def recognise(
+        self, combinations: np.ndarray, belief: WheelBelief, rate: np.ndarray, moving: Scalar, dt_s: Scalar
+    ) -> np.ndarray:
+        """Probability (C,) of the combinations of floors after a sample; forces of wheels that stand tell nothing."""
+        likelihood = self.recognition.log_likelihood(belief.rim, rate, belief.force_N, belief.force_std_N)
+        return self.recognition.step(combinations, where(moving, likelihood, 0.0), dt_s)
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -154,29 +163,38 @@ class SlipOnFloors:
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
-    def conclude(self, belief: WheelBelief, probability: np.ndarray, moving: Any) -> FloorEstimate:
-        """Slip and speed from forces and floors (wheels, floors)."""
+    def conclude(self, belief: WheelBelief, probability: np.ndarray, moving: Scalar) -> FloorEstimate:
+        """Slip and speed from forces and floors, with u = |w| the travel speed of the rims and B = G_d^+.
+
+        v = w - u B lambda,    var v_i = u^2 B_i C B_i' + var w_i
+        |v| / u has the variance a C a' + |B lambda|^2 var u / u^2,   a = v' B / |v|, C the covariance of lambda
+
+        belief: of the wheels.
+        probability: (wheels, floors).
+        moving: the condition that the motion of the rims is known.
+        """
         robot = self.wheels.robot
         load_N = static_loads(robot)[: robot.driven]
-        slip, cov = self.mixture(belief.force_N / load_N, belief.force_std_N / load_N, probability)
-        travel, back = travel_speed(belief.rim), np.linalg.pinv(robot.rolling[: robot.driven])
-        lost = back @ slip
-        motion = belief.rim - travel * lost
-        speed = travel_speed(motion)
-        along = motion[:-1] / maximum(speed, _TINY) @ back[:-1]
-        turned = (lost[:-1] @ lost[:-1]) * travel_variance(belief) / maximum(travel * travel, _TINY)
-        share_std = sqrt(maximum(along @ cov @ along + turned, 0.0))
-        spread = [sqrt(travel**2 * (row @ cov @ row) + std**2) for row, std in zip(back, belief.rim_std, strict=True)]
+        slip, C = self.mixture(belief.force_N / load_N, belief.force_std_N / load_N, probability)
+        B = np.linalg.pinv(robot.rolling[: robot.driven])
+        u, var_u = travel_speed(belief.rim), travel_variance(belief)
+        loss = B @ slip
+        v = belief.rim - u * loss
+        speed = travel_speed(v)
+        a = v[:-1] / maximum(speed, _TINY) @ B[:-1]
+        turned = (loss[:-1] @ loss[:-1]) * var_u / maximum(u * u, _TINY)
+        ratio_std = std(a @ C @ a + turned)
+        rows = zip(B, belief.rim_std, strict=True)
         return FloorEstimate(
             rim=belief.rim,
-            motion=motion,
-            motion_std=np.array(spread),
+            motion=v,
+            motion_std=np.array([sqrt(u**2 * (row @ C @ row) + rim_std**2) for row, rim_std in rows]),
             speed_m_s=speed,
-            speed_std_m_s=sqrt(travel**2 * share_std**2 + travel_variance(belief)),
-            travel_slip=where(moving, 1.0 - speed / maximum(travel, SLOWEST_M_S), math.nan),
-            travel_slip_std=where(moving, share_std, math.nan),
+            speed_std_m_s=sqrt(u**2 * ratio_std**2 + var_u),
+            travel_slip=where(moving, 1.0 - speed / maximum(u, SLOWEST_M_S), math.nan),
+            travel_slip_std=where(moving, ratio_std, math.nan),
             slip_ratio=where(moving, slip, math.nan),
-            slip_ratio_std=where(moving, sqrt(np.diag(cov)), math.nan),
+            slip_ratio_std=where(moving, sqrt(np.diag(C)), math.nan),
             force_N=belief.force_N,
             floor_probability=probability,
             crossing=0.0,
@@ -189,17 +207,23 @@ class SlipOnFloors:
     def mixture(
         self, share: np.ndarray, share_std: np.ndarray, probability: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (driven,) and covariance (driven, driven) of the slip over the floors."""
-        p = probability[: len(share)].T
-        beliefs = [curves.belief(share, share_std) for curves in self.curves]
-        mean = sum(q * b.mean for q, b in zip(p, beliefs, strict=True))
-        together = sum(np.outer(q, q) * b.cov for q, b in zip(p, beliefs, strict=True))
-        own = sum(q * (np.diag(b.cov) + (b.mean - mean) ** 2) for q, b in zip(p, beliefs, strict=True))
-        return mean, np.where(np.eye(len(share), dtype=bool), np.diag(own), together)
+        """Mean (driven,) and covariance (driven, driven) of the slip over the floors.
+
+        m_i = sum_f p_fi m_fi,   C_ii = sum_f p_fi (C_fii + (m_fi - m_i)^2),   C_ij = sum_f p_fi p_fj C_fij
+
+        share, share_std: (driven,) force over load, and its standard deviation.
+        probability: p (wheels, floors).
+        """
+        slips = [curves.belief(share, share_std) for curves in self.curves]
+        floors = list(zip(probability[: len(share)].T, slips, strict=True))
+        mean = sum(p * slip.mean for p, slip in floors)
+        variance = sum(p * (np.diag(slip.cov) + (slip.mean - mean) ** 2) for p, slip in floors)
+        common = sum(np.outer(p, p) * slip.cov for p, slip in floors)
+        return mean, np.where(np.eye(len(share), dtype=bool), np.diag(variance), common)
 
     @cached_property
     def curves(self) -> tuple[SlipCurves, ...]:
-        """Of each floor, the one that was never met last."""
+        """Slip curves of each floor, last of the one that was never met."""
         return tuple(SlipCurves(floor) for floor in self.recognition.all_floors)
 
 
@@ -209,29 +233,29 @@ def slip_on_floors(robot: Robot, floors: Sequence[Floor] = (), method: str = "uk
 
 
 def with_friction(robot: Robot, belief: WheelBelief) -> WheelBelief:
-    """The belief with what the friction of standing motors leaves open."""
-    turning = robot.rolling[: robot.driven] @ belief.rim / robot.wheel.radius_m
-    open_N = undetermined_force_std(robot, turning)
-    return belief._replace(force_std_N=sqrt(belief.force_std_N**2 + open_N**2))
+    """The belief with the forces that the friction of standing motors may hold."""
+    wheel_speed_rad_s = robot.rolling[: robot.driven] @ belief.rim / robot.wheel.radius_m
+    friction_N = undetermined_force_std(robot, wheel_speed_rad_s)
+    return belief._replace(force_std_N=sqrt(belief.force_std_N**2 + friction_N**2))
 
 
-def followed(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The rims' motion (2, freedoms) after two filters of the first order, one behind the other, and its rate."""
+def low_pass(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
+    """The rims' motion (2, freedoms) after one and two first-order low-pass filters, and its rate (freedoms,)."""
     share = 1.0 - exp(-dt_s / RATE_S)
-    first = slow_rim[0] + share * (rim - slow_rim[0])
-    behind = first - slow_rim[1]
+    once = slow_rim[0] + share * (rim - slow_rim[0])
+    behind = once - slow_rim[1]
     rate = behind * where(dt_s > _TINY, share / maximum(dt_s, _TINY), 1.0 / RATE_S)
-    return np.array([first, slow_rim[1] + share * behind]), rate
+    return np.array([once, slow_rim[1] + share * behind]), rate
 
 
-def knows_motion(belief: WheelBelief) -> Any:
-    """Whether the rims turn, and it is known how."""
+def knows_motion(belief: WheelBelief) -> Scalar:
+    """True where the rims turn and their motion is known."""
     travel = travel_speed(belief.rim)
     return (travel >= SLOWEST_M_S) & (travel_variance(belief) <= (UNSURE_SHARE * travel) ** 2)
 
 
-def travel_variance(belief: WheelBelief) -> Any:
-    """Variance [m^2/s^2] of the rims' travel speed, whatever its direction."""
+def travel_variance(belief: WheelBelief) -> Scalar:
+    """Variance [m^2/s^2] of the rims' travel speed in any direction."""
     return belief.rim_std[:-1] @ belief.rim_std[:-1]
 
 
