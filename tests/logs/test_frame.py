@@ -59,6 +59,16 @@ def test_an_index_of_dates_of_any_resolution_and_zone_is_the_time(frame, resolut
     assert start_unix_s == pytest.approx(START, abs=0.5 if resolution == "s" else 1e-6)
 
 
+@pytest.mark.parametrize("made", [pd.DatetimeIndex, pd.Series, list])
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_dates_given_to_a_log_are_not_taken_for_seconds(made, zone):
+    dates = made(pd.date_range("2026-01-31 12:00", periods=3, freq="1s").tz_localize("UTC").tz_convert(zone))
+    log = Log("x", dates, np.ones(3), np.full(3, 12.0))
+    np.testing.assert_allclose(log.time_s, [0.0, 1.0, 2.0])
+    assert log.start_unix_s == datetime(2026, 1, 31, 12, tzinfo=UTC).timestamp()
+    assert DriveLog("x", dates, np.zeros((3, 2)), np.zeros((3, 2))).duration_s == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_an_index_of_durations_keeps_its_zero(frame, unit):
     time_s, start_unix_s = times_of(pd.to_timedelta(np.arange(3.0, 603.0), unit="s").as_unit(unit), frame)

@@ -69,10 +69,7 @@ def read_drive_log(
     path, where = split_selection(text)
     log = read_drive(
         path,
-        [place.name for place in robot.places],
-        robot.driven,
-        radius_m=robot.wheel.radius_m,
-        gear_ratio=robot.motor.gear_ratio,
+        robot,
         at_motor_shaft=args.motor_shaft,
         counts_per_turn=args.counts_per_turn,
         columns=dict(args.column),

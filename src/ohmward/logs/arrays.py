@@ -28,10 +28,10 @@ def plain_array(values: Any) -> np.ndarray:
 
 def _from_extension(values: Any) -> Any:
     """A column of a type of pandas' own (with a time zone, with NA) as one of NumPy where there is a like one."""
-    kind, missing = values.dtype.kind, bool(values.isna().any())
+    kind = values.dtype.kind
     if kind in "mM":
         return values.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
-    if kind in "iu" and not missing:
+    if kind in "iu" and not values.isna().any():
         return values.to_numpy(np.int64)
     return values.to_numpy(float, na_value=np.nan) if kind in "biuf" else values.to_numpy(object)
 

@@ -76,7 +76,8 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     The temperature is always interpolated linearly over rows that lack it. The current is, where the file samples it
     on other rows than the voltage; single missing values of current and voltage stay NaN.
     """
-    time, current = chosen["time"].name, chosen["current"].name
+    time = chosen["time"].name
+    current = chosen["current"].name
     has_current = np.isfinite(table.columns[current])
     has_voltage = np.isfinite(table.columns[chosen["voltage"].name])
     measured = has_current | has_voltage
@@ -94,7 +95,8 @@ def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
     """Interpolate a column linearly in time at `rows` (mask), the ends held."""
     if not rows.any():
         return table
-    time_s, values = table.columns[time], table.columns[name].copy()
+    time_s = table.columns[time]
+    values = table.columns[name].copy()
     known = np.isfinite(values)
     values[rows] = np.interp(time_s[rows], time_s[known], values[known])
     text = f"{name!r} is interpolated at {counted(rows.sum(), 'sample')} from {counted(known.sum(), 'value')}"

@@ -68,7 +68,8 @@ def _from_numbers(column: Column, values: np.ndarray) -> Clock:
     unit = column.unit or next((UNITS[u] for u in ("s", "ms", "us", "ns") if _is_unix(first * UNITS[u].scale)), None)
     notes: tuple[Note, ...] = ()
     if unit is None:
-        unit, notes = UNITS["s"], (Note(f"column {column.name!r} names no unit: taken as seconds"),)
+        unit = UNITS["s"]
+        notes = (Note(f"column {column.name!r} names no unit: taken as seconds"),)
     if not _is_unix(first * unit.scale):
         return Clock(_scaled(values, unit.scale), None, notes)
     if column.unit is None:

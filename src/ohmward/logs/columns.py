@@ -48,7 +48,8 @@ def find_columns(
     Raises:
         InputError: a quantity is missing, two columns fit equally well, or an override names what does not exist.
     """
-    columns, units = columns or {}, units or {}
+    columns = columns or {}
+    units = units or {}
     known = [channel.name for channel in BATTERY]
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
@@ -102,7 +103,8 @@ def given_unit(quantity: str, spelling: str) -> Unit:
     Raises:
         InputError: there is none, or it is of another dimension.
     """
-    unit, channel = unit_of(spelling), channel_of(quantity)
+    unit = unit_of(spelling)
+    channel = channel_of(quantity)
     if unit is None or unit.dimension not in channel.dimensions:
         raise InputError(f"unit {spelling!r} of the {quantity} is not known; use for example {channel.example}")
     return unit

@@ -31,8 +31,9 @@ def read_numbers(
         return None
     from pyarrow import csv
 
-    keys, first = {name: str(layout.names.index(name)) for name in names}, 0
+    keys = {name: str(layout.names.index(name)) for name in names}
     columns = {name: np.empty(rows) for name in names}
+    first = 0
     try:
         with path.open("rb") as stream:
             for batch in csv.open_csv(stream, *_options(csv, arrow, layout, list(keys.values()))):
@@ -84,14 +85,16 @@ def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[s
 
 def _plain_rows(path: Path, layout: CsvLayout) -> int:
     """Lines below the header; 0 where a quote may hide some, or a power failure left zeros."""
-    lines, end = 0, b"\n"
+    lines = 0
+    end = b"\n"
     with path.open("rb") as stream:
         for _ in range(layout.skip_lines):
             stream.readline()
         while block := stream.read(_BLOCK):
             if b'"' in block or b"\0" in block:
                 return 0
-            lines, end = lines + block.count(b"\n"), block[-1:]
+            lines += block.count(b"\n")
+            end = block[-1:]
     return lines + (end != b"\n")
 
 
@@ -102,7 +105,8 @@ def _cells(arrow: ModuleType, values: np.ndarray):
     if values.dtype.kind != "f":
         return compute.cast(arrow.array(values), arrow.string())
     values = values.astype(float, copy=False)
-    size, missing = np.abs(values), np.isnan(values)
+    size = np.abs(values)
+    missing = np.isnan(values)
     text = compute.cast(arrow.array(values, mask=missing), arrow.string())
     # the shortest digits are the same; Python writes whole numbers with a point, and takes exponents elsewhere
     whole = (values == np.rint(values)) & (size < 1e10)

@@ -70,7 +70,8 @@ def _blocks(
     path: Path, layout: CsvLayout, notes: list[Note], progress: Progress | None
 ) -> Iterator[tuple[list[list[str]], np.ndarray]]:
     """Rows of equal length and their line numbers; says in `notes` when the last line is cut off."""
-    width, size = len(layout.names), path.stat().st_size
+    width = len(layout.names)
+    size = path.stat().st_size
     with open_text(path) as stream:
         for _ in range(layout.skip_lines):
             stream.readline()
@@ -87,13 +88,17 @@ def _blocks(
                 progress(bytes_read(stream), size)
 
 
-def _repair(path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]):
+def _repair(
+    path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]
+) -> tuple[list[list[str]], np.ndarray]:
     """The rows without empty lines, comments, surplus empty cells and a last line that was cut off."""
     kept = [i for i, row in enumerate(rows) if any(row) and not row[0].startswith("#")]
-    rows, line = [_trimmed(rows[i], width) for i in kept], line[kept]
+    rows = [_trimmed(rows[i], width) for i in kept]
+    line = line[kept]
     if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
         notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
-        rows, line = rows[:-1], line[:-1]
+        rows = rows[:-1]
+        line = line[:-1]
     for row, at in zip(rows, line, strict=True):
         if len(row) != width:
             raise InputError(

@@ -72,14 +72,15 @@ def find_layout(path: Path) -> CsvLayout:
     comments = [line for line in lines[:at] if line.strip()]
     rows = [line for line in lines[at:] if line.strip()]
     delimiter = _delimiter(rows)
-    header, skip = rows[0], at + 1
+    header = rows[0]
     cells = _cells(header, delimiter)
-    if any(cells) and all(map(_is_value, cells)):
-        header, skip = _header_in_comments(path, comments, rows[0], delimiter), at
+    without_header = any(cells) and all(map(_is_value, cells))
+    if without_header:
+        header = _header_in_comments(path, comments, rows[0], delimiter)
     names = tuple(name.strip() for name in _cells(header, delimiter))
     _check_names(path, names)
-    data = rows[1:] if skip > at else rows
-    return CsvLayout(names, delimiter, _has_decimal_comma(data, delimiter), skip)
+    data = rows if without_header else rows[1:]
+    return CsvLayout(names, delimiter, _has_decimal_comma(data, delimiter), at + (not without_header))
 
 
 def _encoding(head: bytes) -> str:

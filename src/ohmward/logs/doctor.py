@@ -1,4 +1,4 @@
-"""Look at a log before trusting it: what is in it, what is suspicious, and what to do about it."""
+"""Examine a log before trusting it: its numbers, everything suspicious in it, and advice."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Findings:
 
 
 def examine(log: Log) -> Findings:
-    """Survey a log and list what is suspicious in it, errors first."""
+    """Survey a log and list everything suspicious in it, errors first."""
     found = survey(log)
     findings = [finding for check in _CHECKS for finding in check(found)]
     order = ("error", "warning", "info")

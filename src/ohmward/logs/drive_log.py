@@ -1,4 +1,4 @@
-"""The log of a drive: wheels, motors and what else the robot measured, in SI units, and its reader."""
+"""The log of a drive: wheels, motors and the body's sensors in SI units, and its reader."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def read_drive(
 ) -> DriveLog:
     """The drive in a CSV or Parquet file, or in a DataFrame of pandas.
 
-    source: the path of the file, whose content, not its name, says whether it is Parquet; or the DataFrame.
+    source: the path of the file, of either format whatever its name; or the DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.
     driven: number of driven wheels; only with names.
     radius_m: of the wheels; needed for speeds in m/s at the rim; that of the robot unless given.

@@ -47,7 +47,8 @@ def open_frame(frame: Any) -> TableFile:
 
 def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray], str | None]:
     """The index by its name, none where it only counts the rows; and its name where it is the time."""
-    values, name = plain_array(frame.index), frame.index.name
+    values = plain_array(frame.index)
+    name = frame.index.name
     is_time = values.dtype.kind in "mM" or (values.dtype.kind == "f" and name is None)
     if name is None and not is_time:
         return {}, None

@@ -112,14 +112,14 @@ def read_log(
 ) -> Log:
     """The log in a CSV, Parquet or BDF file, or in a DataFrame of pandas.
 
-    source: the path of the file, whose content, not its name, says whether it is Parquet; or the DataFrame.
-    current_sign: what a positive current in the file does: "charge", "discharge", or "auto" to tell from the voltage.
+    source: the path of the file, of either format whatever its name; or the DataFrame.
+    current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to tell from the voltage.
     columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
     units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.
     where: column -> value, to choose one of several recordings: {"script": 1}; "recording" counts clock restarts.
     extra: further columns to keep; None keeps every numeric one.
     sort_time: sort rows that are out of order, whatever the reason.
-    progress: called now and then with what is read and what there is to read.
+    progress: called now and then with the amounts read and to read.
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.

@@ -53,7 +53,9 @@ def open_parquet(path: Path) -> TableFile:
 
 def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str, np.ndarray]:
     """The columns (T,) of a file, block by block into arrays of their whole length; none where there are no rows."""
-    rows, columns, first = file.metadata.num_rows, dict[str, np.ndarray](), 0
+    rows = file.metadata.num_rows
+    columns: dict[str, np.ndarray] = {}
+    first = 0
     for batch in file.iter_batches(_BLOCK_ROWS, columns=names):
         last = first + batch.num_rows
         for name in names:

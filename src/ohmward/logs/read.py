@@ -42,7 +42,7 @@ class RecordedTable(NamedTuple):
 
 
 def open_table(source: Any) -> TableFile:
-    """The columns of a CSV or Parquet file or of a DataFrame, before anyone decides what they mean.
+    """The columns of a CSV or Parquet file or of a DataFrame, whatever they mean.
 
     Raises:
         InputError: neither a path nor a DataFrame; no such file, a folder, no permission, neither CSV nor Parquet.

@@ -44,7 +44,8 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray) -> str:
 
     time: the column with the time [s].
     """
-    at, time_s = int(restarts[0]), table.columns[time]
+    at = int(restarts[0])
+    time_s = table.columns[time]
     what = (
         f"{table.source} holds several recordings: the time falls from {time_s[at - 1]:g} s to {time_s[at]:g} s "
         f"at {table.place} {table.line[at]}"
@@ -72,7 +73,8 @@ def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str,
     labels = {name: rows for name, rows in changes.items() if 0 < rows.size <= 2 * (restarts.size + 1)}
     starts = np.unique(np.concatenate([[0], restarts, *labels.values()])).astype(int)
     time_s = table.columns[time]
-    first, last = time_s[starts], time_s[np.append(starts[1:], time_s.size) - 1]
+    first = time_s[starts]
+    last = time_s[np.append(starts[1:], time_s.size) - 1]
     codes = {name: np.unique(table.columns[name][starts], return_inverse=True)[1] for name in labels}
     for count in range(1, _MOST_SEPARATORS + 1):
         for names in combinations(codes, count):

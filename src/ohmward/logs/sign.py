@@ -23,11 +23,14 @@ CurrentSign = Literal["auto", "charge", "discharge"]
 # Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
 CLEAR_T = 10.0
 CLEAR_T_OF_MANY = 5.0
-CLEAR_AGREEMENT = 0.8
 _MANY = 8
+# Of the edges weighted by size at least nine tenths agree: sum(dI dV) is 0.8 of sum(|dI dV|).
+CLEAR_AGREEMENT = 0.8
+# An edge, as a fraction of the largest change and of the largest current, and above rounding.
 _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
 _LEAST_EDGE_A = 1e-9
+# A steady current stays within this fraction of its usual value, long enough for diffusion to raise the voltage.
 _STEADY = 0.1
 _TREND_PARTS = 5
 _TREND_LEAST_S = 300.0
@@ -37,7 +40,7 @@ class EdgeTest(NamedTuple):
     """Regression of dV on dI over the edges of the current.
 
     resistance_ohm: slope [ohm], > 0 when positive current charges; NaN without edges.
-    edges: how many there are.
+    edges: their number.
     t_value: slope over its standard error, from the noise of the voltage between edges.
     agreement: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same.
     """
@@ -100,9 +103,11 @@ def charging_current(
     evidence = sign_evidence(time_s, current_A, voltage_V)
     sign: str
     if wanted != "auto":
-        sign, note = wanted, _told_note(wanted, "given", evidence)
+        sign = wanted
+        note = _told_note(sign, "given", evidence)
     elif bdf.is_bdf(file.source):
-        sign, note = "charge", _told_note("charge", "by definition of BDF", evidence)
+        sign = "charge"
+        note = _told_note(sign, "by definition of BDF", evidence)
     elif evidence.verdict != "undecidable":
         sign = evidence.verdict
         note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
@@ -110,7 +115,8 @@ def charging_current(
         sign = "charge"
         note = Note("positive current charges the battery (by definition of BDF, whose column names these are)")
     elif not np.nan_to_num(current_A).any():
-        sign, note = "charge", Note("the current is zero throughout: its sign does not matter", "warning")
+        sign = "charge"
+        note = Note("the current is zero throughout: its sign does not matter", "warning")
     else:
         raise InputError(
             f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
@@ -142,10 +148,12 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     edge = (size >= least) & (size > 6.0 * spread(dI))
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)
-    products, squares = dI[edge] * dV[edge], float(dI[edge] @ dI[edge])
+    products = dI[edge] * dV[edge]
+    squares = float(dI[edge] @ dI[edge])
     drift = float(np.percentile(np.abs(dV[~edge]), 95)) / 2 if (~edge).any() else 0.0
     error = max(spread(dV), drift, resolution(voltage_V) / np.sqrt(6.0)) / np.sqrt(squares)
-    slope, total = float(products.sum()) / squares, float(np.abs(products).sum())
+    slope = float(products.sum()) / squares
+    total = float(np.abs(products).sum())
     if total == 0.0 or error == 0.0:
         return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
     return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)

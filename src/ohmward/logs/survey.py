@@ -121,7 +121,8 @@ def _sampling(time_s: np.ndarray) -> Sampling:
     dt = np.diff(time_s)
     if not dt.size:
         return Sampling(0.0, 0.0, 0.0, 0.0, 0, 0.0)
-    median, gaps = float(np.median(dt)), find_gaps(time_s)
+    median = float(np.median(dt))
+    gaps = find_gaps(time_s)
     return Sampling(
         median_s=median,
         shortest_s=float(dt.min()),

@@ -1,4 +1,4 @@
-"""A file or DataFrame as columns, before anyone decides what they mean."""
+"""A file or DataFrame as columns, whatever they mean."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.note import Note
 
-#: Called now and then with what is done and what there is to do: rows, or bytes of a text file.
+#: Called now and then with the amounts done and to do: rows, or bytes of a text file.
 Progress = Callable[[int, int], None]
 
 #: Cells without a number, in small letters.

@@ -100,15 +100,16 @@ class TimeSeries:
         return f"{type(self).__name__} {self.name!r}"
 
     def _require_time(self) -> None:
-        time_s, what = self.time_s, f"{self._title}: time_s"
+        time_s = self.time_s
+        title = f"{self._title}: time_s"
         if time_s.ndim != 1 or not time_s.size:
-            raise InputError(f"{what} must be one-dimensional with at least one sample, not {time_s.shape}")
+            raise InputError(f"{title} must be one-dimensional with at least one sample, not {time_s.shape}")
         if not np.isfinite(time_s).all():
-            raise InputError(f"{what} must be finite; drop the samples without a time")
+            raise InputError(f"{title} must be finite; drop the samples without a time")
         if (falls := np.flatnonzero(np.diff(time_s) <= 0)).size:
             i = int(falls[0])
             raise InputError(
-                f"{what} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
+                f"{title} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
                 f"{i} ({time_s[i]:g} s); sort the samples and merge equal times"
             )
 

@@ -121,7 +121,8 @@ def counter_bits(counts: np.ndarray) -> int | None:
     """
     if counts.size < 2:
         return None
-    low, high, jump = counts.min(), counts.max(), np.abs(np.diff(counts)).max()
+    low, high = counts.min(), counts.max()
+    jump = np.abs(np.diff(counts)).max()
     for bits in WIDTHS:
         span = 2.0**bits
         if (low >= 0 and high < span) or (-span / 2 <= low and high < span / 2):
