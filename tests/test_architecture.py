@@ -14,13 +14,14 @@ import ohmward
 SOURCE = Path(ohmward.__file__).parent
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "runs", "toml_file"}
+GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file"}
 BELOW: dict[str, set[str]] = {
     "errors": set(),
     "checks": {"errors"},
     "atomic": {"errors"},
+    "optional": {"errors"},
     "runs": set(),
-    "toml_file": {"errors", "atomic"},
+    "toml_file": {"errors", "atomic", "optional"},
     "trace": GROUND,
     "filters": {"trace"} | GROUND,
     "logs": GROUND,

@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
 from ohmward.atomic import write_text
 from ohmward.errors import InputError
+from ohmward.optional import require
 
 T = TypeVar("T")
 _NUMBERS_PER_LINE = 10
@@ -138,7 +139,7 @@ def _classes(hint: Any) -> list[Any]:
 
 def _converted(hint: Any, value: Any, place: str) -> Any:
     """The value as the type of its field; msgspec's message with the place first, "tau_s[0]: expected ..."."""
-    import msgspec
+    msgspec = require("msgspec", "reading TOML")
 
     try:
         return msgspec.convert(value, hint)
@@ -176,7 +177,7 @@ def _are_tables(value: Any) -> bool:
 
 def _literal(value: Any) -> str:
     """A value; of a list ten numbers a line, anything else one a line."""
-    import tomli_w
+    tomli_w = require("tomli_w", "writing TOML")
 
     if not isinstance(value, list):
         return tomli_w.dumps({"v": value})[4:].strip()

@@ -9,7 +9,7 @@ import pytest
 from cli import test_calibrate, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
-from ohmward.cli.main import main
+from ohmward.cli.main import COMMANDS, main
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -34,6 +34,11 @@ def test_the_script_of_the_tutorial_runs(here, capsys):
     (script,) = blocks("tutorial.md", "python")
     exec(script, {})
     assert re.fullmatch(r"4\d\.\d% ± \d\.\d%\n", capsys.readouterr().out)
+
+
+def test_every_command_is_in_the_table():
+    table = (DOCS / "command-line.md").read_text(encoding="utf-8").split("\n\n")[1]
+    assert sorted(re.findall(r"^\| `ohmward (\w+)", table, flags=re.MULTILINE)) == sorted(COMMANDS)
 
 
 def section(command: str) -> str:

@@ -138,7 +138,7 @@ def test_what_cannot_be_is_refused(folder, refused, words, message):
 def test_mujoco_that_is_missing_is_said(folder, refused, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     (folder / "mj.toml").write_text(SLIP.replace("duration_s", 'plant = "mujoco"\nduration_s'))
-    assert "pip install 'ohmward[sim]'" in refused("simulate", "mj.toml")
+    assert "needs mujoco, which is not installed: pip install mujoco" in refused("simulate", "mj.toml")
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from ohmward.trace.structure import size
 from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.control import Measurement, SlipCommand
 
-pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+pytest.importorskip("cffi", reason="pip install cffi for the twin")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 BATTERY: Battery = generic_battery("lfp", 12.0, 4)
 FIRST = SocSample(0.0, -1.0, 13.2, 25.0)
@@ -212,7 +212,7 @@ def test_the_compiler_is_that_of_the_environment_with_its_words(monkeypatch):
 
 def test_without_cffi_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cffi", None)
-    with pytest.raises(OhmwardError, match="pip install cffi"):
+    with pytest.raises(OhmwardError, match="needs cffi, which is not installed: pip install cffi"):
         made(battery_export(BATTERY, "coulomb", "soc"), tmp_path)
 
 

@@ -13,7 +13,7 @@ from ohmward.export import Twin, battery_export, controller_export, library, obs
 from ohmward.export.traction import CONTROLLERS
 from ohmward.traction import RLMA, hard_terrain
 
-pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+pytest.importorskip("cffi", reason="pip install cffi for the twin")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 TRIALS, WILD_STEPS, GOOD_STEPS = 20, 100, 1000
 BATTERY = np.array([1.0, -1.0, 13.2, 25.0])

@@ -18,7 +18,7 @@ from ohmward.traction import RLMA, hard_terrain
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE))
-pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+pytest.importorskip("cffi", reason="pip install cffi for the twin")
 measure, cycles, emulator = (importlib.import_module(name) for name in ("measure", "cycles", "emulator"))
 
 MISSING = [tool for tool in (*emulator.TOOLS, "gcc") if not shutil.which(tool)]

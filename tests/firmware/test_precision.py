@@ -10,7 +10,7 @@ import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE))
-pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+pytest.importorskip("cffi", reason="pip install cffi for the twin")
 measure, precision = (importlib.import_module(name) for name in ("measure", "precision"))
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 

@@ -9,7 +9,7 @@ import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE))
-pytest.importorskip("cffi", reason="pip install 'ohmward[twin]' for the twin")
+pytest.importorskip("cffi", reason="pip install cffi for the twin")
 measure, emulator = (importlib.import_module(name) for name in ("measure", "emulator"))
 
 MISSING = [tool for tool in (*emulator.TOOLS, "gcc") if not shutil.which(tool)]

@@ -14,7 +14,7 @@ from ohmward.cli.main import main
 from ohmward.errors import InputError
 from ohmward.fleet import Job, on_dask, run_fleet
 
-distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'ohmward[dask]'")
+distributed = pytest.importorskip("distributed", reason="needs Dask: pip install distributed")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ohmward.battery.soc.registry import make_estimator
 from ohmward.errors import InputError
 from ohmward.fleet.spark import ESTIMATED, soc_stream
 
-pytest.importorskip("pyspark", reason="needs Spark: pip install 'ohmward[spark]'")
+pytest.importorskip("pyspark", reason="needs Spark: pip install pyspark")
 if shutil.which("java") is None:
     pytest.skip("Spark needs Java 17 or later; install a Java runtime", allow_module_level=True)
 

@@ -234,7 +234,7 @@ def test_parquet_without_pyarrow_names_the_fix(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     path = tmp_path / "log.parquet"
     path.write_bytes(b"PAR1")
-    with pytest.raises(OhmwardError, match=r"pip install 'ohmward\[lab\]'"):
+    with pytest.raises(OhmwardError, match="needs pyarrow, which is not installed: pip install pyarrow"):
         read_log(path)
 
 

@@ -16,7 +16,7 @@ from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import Robot, Wheel
 
-pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
 TIMES_S = np.linspace(0.0, 1.0, 101)
 

@@ -55,7 +55,7 @@ STEEP_LATER = Ground(lambda *_: 0.5, lambda t, _: 0.0 if t < 0.05 else 1.0)
     ],
 )
 def test_ground_of_ones_own_is_checked_as_it_is_used(ground, message):
-    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
     plant = RlmaPlant(ground=ground)
     with pytest.raises(InputError, match=message):
         plant.step(0.0, 0.1)

@@ -333,7 +333,10 @@ def without(monkeypatch, reason):
     kernel_module._say_once.cache_clear()
 
 
-@pytest.mark.parametrize("reason", ["llvmlite is not installed; pip install", "cannot compile for this processor"])
+@pytest.mark.parametrize(
+    "reason",
+    ["machine code needs llvmlite, which is not installed: pip install llvmlite", "cannot compile for this processor"],
+)
 def test_without_machine_code_long_logs_run_in_python_which_is_said_once(monkeypatch, reason):
     without(monkeypatch, reason)
     kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")

@@ -15,6 +15,7 @@ from ohmward.atomic import write_text
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.errors import InputError
+from ohmward.optional import require
 from ohmward.toml_file import parse_file
 
 FORMAT = "ohmward-consumption/1"
@@ -45,7 +46,7 @@ def load_consumption(path: str | PathLike[str]) -> Consumption:
 
 def dump_consumption(c: Consumption) -> str:
     """The text of the table; every digit is kept, so reading it back goes on to the bit."""
-    import tomli_w
+    tomli_w = require("tomli_w", "writing TOML")
 
     clock = {} if c.last_drive_unix_s is None else {"last_drive_unix_s": float(c.last_drive_unix_s)}
     data = {

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.optional import require
 
 #: As in the Makefile of the library: fused products have other last bits.
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off")
@@ -256,11 +257,7 @@ def _example(header: Path) -> list[float]:
 
 def _loaded(header: Path) -> tuple[Any, Any]:
     """Types of a library and its compiled functions; nothing stays on the disk."""
-    try:
-        from cffi import FFI
-    except ImportError as error:
-        raise OhmwardError("the twin needs cffi, which is not installed; pip install cffi") from error
-    ffi = FFI()
+    ffi = require("cffi", "the twin").FFI()
     cc, include, name = compiler(), f"-I{header.parent}", header.stem
     prototype = _PROTOTYPE.replace("@NAME@", name)
     types = _run_compiler([*cc, "-std=c99", "-E", "-P", include, "-include", header.name, "-xc", os.devnull])

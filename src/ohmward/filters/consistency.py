@@ -13,6 +13,7 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import solve_spd
 from ohmward.filters.shapes import require_shape
+from ohmward.optional import require
 
 #: Standard deviations to either side of the mean within which 95 % of a normal distribution lie.
 BAND_95 = 1.959964
@@ -95,7 +96,7 @@ def mean_bounds(dof: int, count: int, probability: float = 0.95) -> tuple[float,
 
     Their sum is chi-square with count * dof degrees of freedom, exactly.
     """
-    from scipy.stats import chi2
+    chi2 = require("scipy.stats", "a chi-square test").chi2
 
     _require_probability(probability)
     tail = (1 - probability) / 2
@@ -105,7 +106,7 @@ def mean_bounds(dof: int, count: int, probability: float = 0.95) -> tuple[float,
 
 def gate_threshold(m: int, probability: float = 0.999) -> float:
     """NIS below which a true measurement of m elements lies with this probability."""
-    from scipy.stats import chi2
+    chi2 = require("scipy.stats", "a chi-square test").chi2
 
     _require_probability(probability)
     return float(chi2.ppf(probability, m))
@@ -121,7 +122,7 @@ def whiteness(innovations: np.ndarray, max_lag: int = 20, probability: float = 0
     Raises:
         InputError: `max_lag` is not in [1, T - 1].
     """
-    from scipy.stats import chi2, norm
+    stats = require("scipy.stats", "a chi-square test")
 
     _require_probability(probability)
     T = len(innovations)
@@ -131,8 +132,8 @@ def whiteness(innovations: np.ndarray, max_lag: int = 20, probability: float = 0
     sums = np.array([(innovations[lag:] * innovations[:-lag]).sum(axis=0) for lag in lags])
     rho = sums / (innovations**2).sum(axis=0)
     ljung_box = T * (T + 2) * (rho**2 / (T - lags)[:, None]).sum(axis=0)
-    bound = float(norm.ppf(0.5 + probability / 2)) / np.sqrt(T)
-    return Whiteness(rho, bound, chi2.sf(ljung_box, max_lag))
+    bound = float(stats.norm.ppf(0.5 + probability / 2)) / np.sqrt(T)
+    return Whiteness(rho, bound, stats.chi2.sf(ljung_box, max_lag))
 
 
 def _require_probability(probability: float) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 import ohmward
-from ohmward.errors import OhmwardError
 from ohmward.filters.flags import count_flags
+from ohmward.optional import require
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -61,10 +61,7 @@ class Run(Generic[E]):
         Raises:
             OhmwardError: pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise OhmwardError("to_pandas needs pandas, which is not installed; pip install pandas") from error
+        pandas = require("pandas", "to_pandas")
         data = {**dict(columns(self.estimates)), "flags": self.flags}
         return pandas.DataFrame(data, index=pandas.Index(self.time_s, name="time_s"))
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.job import Job, failed
+from ohmward.optional import require
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -94,8 +95,4 @@ def _check_versions(client: Client) -> None:
 
 
 def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise OhmwardError("--dask needs Dask, which is not installed; pip install 'ohmward[dask]'") from error
-    return distributed
+    return require("distributed", "--dask")

@@ -11,6 +11,7 @@ from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
+from ohmward.optional import require
 
 if TYPE_CHECKING:
     from pandas import DataFrame as PandasFrame
@@ -71,7 +72,7 @@ class SocOfRobot:
 
     def handleInputRows(self, key: Any, rows: Iterator[PandasFrame], timer_values: Any) -> Iterator[PandasFrame]:
         """The estimates of one robot in one micro-batch."""
-        import pandas
+        pandas = require("pandas", "the stream")
 
         frame = pandas.concat(list(rows)).sort_values("time_s", kind="stable")
         estimator = self.estimator(self._state.get()[0] if self._state.exists() else None)
@@ -84,7 +85,7 @@ class SocOfRobot:
 
 def estimates(robot: str, frame: PandasFrame, estimator: SocEstimator) -> PandasFrame:
     """The rows of `SCHEMA` for rows of `MEASURED`; the estimator goes on."""
-    import pandas
+    pandas = require("pandas", "the stream")
 
     samples = frame[list(MEASURED)].astype(float).fillna(math.nan).itertuples(index=False, name=None)
     found = [estimator.update(*sample) for sample in samples]
@@ -94,10 +95,7 @@ def estimates(robot: str, frame: PandasFrame, estimator: SocEstimator) -> Pandas
 
 
 def _functions(samples: DataFrame) -> Any:
-    try:
-        from pyspark.sql import functions
-    except ImportError as error:
-        raise OhmwardError("the stream needs Spark, which is not installed; pip install 'ohmward[spark]'") from error
+    functions = require("pyspark.sql.functions", "the stream")
     if not hasattr(samples.groupBy(), "transformWithStateInPandas"):
-        raise OhmwardError("the stream needs pyspark 4.0 or later; pip install 'ohmward[spark]'")
+        raise OhmwardError("the stream needs pyspark 4.0 or later: pip install 'pyspark>=4.0'")
     return functions

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.errors import InputError, OhmwardError
+from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.optional import require
 
 
 def is_frame(source: Any) -> bool:
@@ -62,10 +63,7 @@ def to_frame(columns: Mapping[str, np.ndarray], name: str) -> Any:
     Raises:
         OhmwardError: pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError as error:
-        raise OhmwardError("a DataFrame needs pandas, which is not installed; pip install pandas") from error
+    pandas = require("pandas", "a DataFrame")
     frame = pandas.DataFrame(dict(columns)).set_index("time_s")
     frame.attrs["name"] = name
     return frame

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.errors import InputError, OhmwardError
-from ohmward.logs.arrow import import_arrow, numbers_of, to_column
+from ohmward.errors import InputError
+from ohmward.logs.arrow import numbers_of, to_column
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.optional import require
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
 _BLOCK_ROWS = 1 << 18
@@ -92,11 +93,7 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progr
 
 
 def _pyarrow() -> tuple[ModuleType, ModuleType]:
-    if (pyarrow := import_arrow()) is None:
-        raise OhmwardError("Parquet needs pyarrow, which is not installed; pip install 'ohmward[lab]'")
-    from pyarrow import parquet
-
-    return pyarrow, parquet
+    return require("pyarrow", "Parquet"), require("pyarrow.parquet", "Parquet")
 
 
 def _values(column: Any) -> np.ndarray:

@@ -81,7 +81,7 @@ def test_reverse_is_the_mirror_of_forward():
 @pytest.mark.slow
 def test_our_plant_agrees_with_mujoco():
     """Both with the creep law, and without rolling resistance, which brakes wheels in MuJoCo and the body in ours."""
-    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
     smooth = tuple(replace(patch, rolling=0.0) for patch in EXACT.ground)
     ours, theirs = (closed_loop.run(replace(EXACT, plant=plant, ground=smooth)) for plant in ("own", "mujoco"))
     assert ours.history.truth.speed_m_s == pytest.approx(theirs.history.truth.speed_m_s, abs=2e-3)
@@ -205,7 +205,7 @@ def test_the_logged_charge_is_the_charge_that_flowed(drive):
 
 
 def test_mujoco_refuses_what_it_cannot_be():
-    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+    pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
     scenario = Scenario(1.0, (Command(speed_m_s=0.1),), plant="mujoco", ground=(FLOOR,))
     with pytest.raises(InputError, match="four wheels on two axles, not omni-wheels"):
         closed_loop.run(replace(scenario, robot="robotino"))

@@ -11,7 +11,7 @@ from markdown_pages import ROOT
 from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
 from ohmward.traction.control import SlipCommand, SlipController
 
-pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 sys.path.insert(0, str(ROOT / "benchmarks"))
 loops = import_module("slip_loops")
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
 from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
 from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform

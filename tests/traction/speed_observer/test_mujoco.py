@@ -10,7 +10,7 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
-pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install 'ohmward[sim]'")
+pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
 from .mujoco_runs import (
     DT_S,

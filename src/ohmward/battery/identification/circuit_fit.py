@@ -13,6 +13,7 @@ import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
+from ohmward.optional import require
 
 #: Bounds of gamma.
 HYSTERESIS_RATES = (5.0, 200.0)
@@ -89,7 +90,7 @@ class Search(NamedTuple):
 
 def _search(problem: CircuitProblem, pairs: int, start: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> Search:
     """Least squares over the search parameters, with the weights that outlying samples have at the start."""
-    from scipy.optimize import least_squares
+    least_squares = require("scipy.optimize", "identification").least_squares
 
     first = solve(problem, _to_rates(start, problem, pairs))
     if not start.size:

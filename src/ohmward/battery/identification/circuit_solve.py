@@ -24,6 +24,7 @@ from ohmward.battery.identification.circuit_prior import (
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.optional import require
 
 #: Error of the model and the sensor in a sample of a lithium-ion cell [V].
 VOLTAGE_STD_V = 0.003
@@ -232,7 +233,7 @@ def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.nd
 
 def _nonnegative(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
     """Minimum of x' H x / 2 - g' x with the first `bounded` unknowns >= 0; the others are eliminated first."""
-    from scipy.optimize import nnls
+    nnls = require("scipy.optimize", "identification").nnls
 
     b, f = slice(0, bounded), slice(bounded, None)
     back = np.linalg.solve(H[f, f], np.column_stack([H[f, b], g[f]]))

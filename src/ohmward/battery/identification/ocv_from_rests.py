@@ -12,6 +12,7 @@ from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import find_rests, is_rest
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
+from ohmward.optional import require
 
 SHORTEST_REST_S = 600.0
 _POINTS = 101
@@ -66,7 +67,7 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
     Raises:
         InputError: fewer than 2 rests, or all at nearly the same SoC.
     """
-    from scipy.interpolate import PchipInterpolator
+    PchipInterpolator = require("scipy.interpolate", "identification").PchipInterpolator
 
     soc, voltage_V = _merged(points)
     if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:

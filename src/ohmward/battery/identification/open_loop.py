@@ -9,11 +9,12 @@ import numpy as np
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.logs.log import SECONDS_PER_HOUR
+from ohmward.optional import require
 
 
 def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
     """Recursion v_k = decay_k v_(k-1) + drive_k with v_0 = drive_0, for each column of drive (N,) or (N, K)."""
-    from scipy.linalg import solve_banded
+    solve_banded = require("scipy.linalg", "identification").solve_banded
 
     band = np.ones((2, decay.size))
     band[1, :-1] = -decay[1:]

@@ -27,6 +27,7 @@ from ohmward.battery.identification.open_loop import scan
 from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
 from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
+from ohmward.optional import require
 
 #: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
 _LONGEST_WEIGHT_S = 60.0
@@ -64,7 +65,7 @@ def fit_voltage(samples: RcSamples, ocv_V: np.ndarray | None = None) -> VoltageF
 
     ocv_V: (T,) open-circuit voltage along the log where it is known [V].
     """
-    from scipy.optimize import minimize_scalar
+    minimize_scalar = require("scipy.optimize", "identification").minimize_scalar
 
     longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), _LONGEST_TAU_S)
     grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
@@ -93,7 +94,7 @@ def _fit_at(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> Volta
 
 def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
     """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
-    from scipy.optimize import nnls
+    nnls = require("scipy.optimize", "identification").nnls
 
     currents = _centred(samples, np.column_stack([samples.current_A, filtered(samples, tau_s)]))
     charge = _centred(samples, charge_in_part(samples))
@@ -165,7 +166,7 @@ def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal
 
     The bulk has the larger share: s in (0, s_1], where a reaches 1 and the left side 0.
     """
-    from scipy.optimize import brentq
+    brentq = require("scipy.optimize", "identification").brentq
 
     def shares(s: float) -> tuple[float, float]:
         D = tau / (s * (1 - s) * C)

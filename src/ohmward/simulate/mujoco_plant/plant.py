@@ -14,6 +14,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.optional import require
 from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
 from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
@@ -193,8 +194,4 @@ def _model(p: RlmaParameters, mujoco: Any) -> Any:
 
 
 def _mujoco() -> Any:
-    try:
-        import mujoco
-    except ImportError as error:
-        raise InputError("this plant needs MuJoCo, which is not installed; pip install 'ohmward[sim]'") from error
-    return mujoco
+    return require("mujoco", "this plant")

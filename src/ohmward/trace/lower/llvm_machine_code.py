@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.errors import OhmwardError
+from ohmward.optional import MissingPackageError, require
 
 #: Level of optimisation: LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
@@ -45,9 +46,9 @@ def llvm() -> Any:
         NoMachineCodeError: llvmlite is not installed, or does not know the processor.
     """
     try:
-        import llvmlite.binding as binding
-    except ImportError as error:
-        raise NoMachineCodeError("llvmlite is not installed; pip install llvmlite") from error
+        binding = require("llvmlite.binding", "machine code")
+    except MissingPackageError as error:
+        raise NoMachineCodeError(str(error)) from error
     try:
         binding.initialize_native_target()
         binding.initialize_native_asmprinter()

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.optional import require
 from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.families import RESISTANCE, Family, Free
 from ohmward.traction.friction.law import Contact, TractionLaw
@@ -83,7 +84,7 @@ def fit_law(data: ForceSlip, family: Family) -> LawFit:
     Raises:
         InputError: fewer measurements than parameters, or one that is not finite.
     """
-    from scipy.optimize import least_squares
+    least_squares = require("scipy.optimize", "a fit of slip laws").least_squares
 
     free = (*family.free, RESISTANCE)
     _check(data, family, len(free))
@@ -142,7 +143,7 @@ def lack_of_fit(fit: LawFit, data: ForceSlip, groups: np.ndarray) -> float:
     Raises:
         InputError: not more groups than parameters, or no group with two measurements.
     """
-    from scipy.stats import f
+    f = require("scipy.stats", "a fit of slip laws").f
 
     labels, n, p = np.unique(groups), len(data.force_N), len(fit.intervals)
     if not p < len(labels) < n:
@@ -172,7 +173,7 @@ class _Scale:
 
 
 def _intervals(scale: Sequence[_Scale], best) -> tuple[Interval, ...]:
-    from scipy.stats import t
+    t = require("scipy.stats", "a fit of slip laws").t
 
     n, p = best.jac.shape
     half = t.ppf(0.975, n - p) * np.sqrt(2 * best.cost / (n - p) * _inverse_diagonal(best.jac))

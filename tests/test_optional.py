@@ -1,0 +1,31 @@
+"""A package that is missing is one line that names what to install."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import ohmward
+from ohmward.errors import OhmwardError
+from ohmward.optional import MissingPackageError, require
+
+SOURCE = Path(ohmward.__file__).parent
+
+
+def test_a_package_that_is_there_is_imported():
+    assert require("json.decoder", "this test").JSONDecoder
+
+
+@pytest.mark.parametrize(("module", "package"), [("scipy.optimize", "scipy"), ("tomli_w", "tomli-w")])
+def test_a_package_that_is_missing_is_named_as_on_the_index(module, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, module.partition(".")[0], None)
+    line = f"this test needs {package}, which is not installed: pip install {package}"
+    with pytest.raises(MissingPackageError, match=re.escape(line)):
+        require(module, "this test")
+    assert issubclass(MissingPackageError, OhmwardError)
+
+
+def test_no_message_names_an_extra_of_a_package_that_is_not_on_the_index():
+    texts = {path: path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py")}
+    assert [str(path) for path, text in texts.items() if "ohmward[" in text] == []
