@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -195,5 +196,6 @@ def test_a_measurement_that_is_not_used_changes_no_bit(m):
     np.testing.assert_array_equal(left.belief.mean, belief.mean)
     np.testing.assert_array_equal(left.belief.cov, belief.cov)
     assert left.innovation.value[0] != 0.0 and not left.gain.any()
-    used = kalman.correct(belief, np.full(m, 1e3), H, R, used=np.bool_(True))
+    yes: Any = np.bool_(True)
+    used = kalman.correct(belief, np.full(m, 1e3), H, R, used=yes)
     assert largest_difference(used.belief, kalman.correct(belief, np.full(m, 1e3), H, R).belief) < 1e-12

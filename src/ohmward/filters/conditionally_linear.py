@@ -14,7 +14,6 @@ and all points with g_0 have of the covariance.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.linear_algebra import cholesky, solve_upper
 from ohmward.filters.shapes import require_shape
 from ohmward.filters.unscented import DEFAULT, Scaling, pair_weights
+from ohmward.trace.expression import Scalar
 
 
 def correct(
@@ -32,7 +32,7 @@ def correct(
     H: np.ndarray,
     R: np.ndarray,
     k: int = 1,
-    used: Any = True,
+    used: Scalar = True,
     scaling: Scaling = DEFAULT,
 ) -> Correction:
     """Belief after y = g(x_1 ... x_k) + H x + v, v ~ N(0, R), with the innovation and the gain.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ohmward.errors import InputError
@@ -12,6 +10,7 @@ from ohmward.filters.belief import Belief, Correction, Function, Innovation
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize
+from ohmward.trace.expression import Scalar
 
 
 def predict(belief: Belief, f: Function, Q: np.ndarray) -> Belief:
@@ -57,7 +56,7 @@ def update(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, iterations
     return posterior, innovation
 
 
-def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, used: Any = True) -> Correction:
+def correct(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, used: Scalar = True) -> Correction:
     """`update` without iterations, with the gain too; nothing changes where the condition `used` is false."""
     y_hat, H = linearize(h, belief.mean)
     require_shape("h(x)", y_hat, np.shape(y))

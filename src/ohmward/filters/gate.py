@@ -20,7 +20,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.filters.belief import Belief, Correction, Innovation, nis
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import isfinite, maximum, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace.expression import Condition, Scalar
 
 
 class GateCounts(NamedTuple):
@@ -53,7 +53,7 @@ def gate(
     return choose(accepted, posterior, prior), count(counts, innovation, accepted)
 
 
-def passes(innovation: Innovation, threshold: float = math.inf) -> Any:
+def passes(innovation: Innovation, threshold: float = math.inf) -> Condition:
     """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
     within = nis(innovation) <= threshold
     return within if threshold < math.inf else within & _is_there(innovation)  # only inf <= inf needs the second look
@@ -76,7 +76,7 @@ def correct_gated(
     return choose(accepted, correction.belief, belief), accepted
 
 
-def count(counts: GateCounts, innovation: Innovation, accepted: Any) -> GateCounts:
+def count(counts: GateCounts, innovation: Innovation, accepted: Scalar) -> GateCounts:
     """The counts with one more measurement."""
     finite = where(_is_there(innovation), 1.0, 0.0)
     used = where(accepted, 1.0, 0.0)
@@ -124,13 +124,13 @@ def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
     return Belief(prior.mean + K @ innovation.value, mirror_lower(cov))
 
 
-def choose(condition: Any, a: Any, b: Any) -> Any:
+def choose(condition: Scalar, a: Any, b: Any) -> Any:
     """`a` where the scalar condition holds, else `b`, element by element through NamedTuples, arrays and numbers."""
     if isinstance(a, tuple):
         return type(a)(*(choose(condition, x, y) for x, y in zip(a, b, strict=True)))
     return where(condition, a, b)
 
 
-def _is_there(innovation: Innovation) -> Any:
+def _is_there(innovation: Innovation) -> Condition:
     """True where every element is finite: a sum is not as soon as one of its terms is not."""
     return isfinite(sum(innovation.value))

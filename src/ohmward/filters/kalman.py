@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ohmward.filters.belief import Belief, Correction, Innovation
 from ohmward.filters.linear_algebra import TINY, mirror_lower, solve_spd
 from ohmward.filters.shapes import require_shape
 from ohmward.trace import maximum, where
+from ohmward.trace.expression import Scalar
 
 
 def predict(belief: Belief, F: np.ndarray, Q: np.ndarray, offset: np.ndarray | float = 0.0) -> Belief:
@@ -50,7 +49,7 @@ def update(
 
 
 def correct(
-    belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None, used: Any = True
+    belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None, used: Scalar = True
 ) -> Correction:
     """`update`, with the gain too; a condition `used` that is false leaves the belief as it is, with a gain of zero.
 
@@ -68,7 +67,7 @@ def correct(
     return Correction(posterior, Innovation(nu, S), K)
 
 
-def correct_state(belief: Belief, i: int, y: Any, variance: Any, used: Any = True) -> Belief:
+def correct_state(belief: Belief, i: int, y: Scalar, variance: Scalar, used: Scalar = True) -> Belief:
     """Belief after the measurement y = x_i + v, v ~ N(0, variance), of a state itself; unchanged where not `used`.
 
     `correct` with H a row of the identity, in a quarter of the operations: the covariance is P - P_i P_i' / S, with
@@ -89,7 +88,7 @@ def correct_state(belief: Belief, i: int, y: Any, variance: Any, used: Any = Tru
     return Belief(belief.mean + K * (y - belief.mean[i]), mirror_lower(cov))
 
 
-def gain(C: np.ndarray, S: np.ndarray, used: Any = True) -> np.ndarray:
+def gain(C: np.ndarray, S: np.ndarray, used: Scalar = True) -> np.ndarray:
     """K = C S^-1 (n, m) from the covariance C (n, m) of state and output and S (m, m) of the innovation; 0 if not used.
 
     C must be finite where the measurement is not used.

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace import maximum, sqrt, where
+from ohmward.trace.expression import Scalar
 
 PIVOT_FLOOR = 1e-14
 """Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""
@@ -53,7 +54,7 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0
     return L, ok
 
 
-def _less_products(x: Any, a: np.ndarray, b: np.ndarray) -> Any:
+def _less_products(x: Scalar, a: np.ndarray, b: np.ndarray) -> Scalar:
     """The difference x - a_1 b_1 - a_2 b_2 - ..., the newest last: then nothing else waits for it."""
     for first, second in zip(a, b, strict=True):
         x = x - first * second

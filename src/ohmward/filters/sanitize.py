@@ -14,7 +14,7 @@ from operator import and_, or_
 from typing import Any, NamedTuple
 
 from ohmward.trace import exp, where
-from ohmward.trace.expression import Scalar
+from ohmward.trace.expression import Condition, Scalar
 
 
 class CleanStep(NamedTuple):
@@ -26,8 +26,8 @@ class CleanStep(NamedTuple):
     """
 
     dt_s: Scalar
-    credible: Any
-    gap: Any
+    credible: Condition
+    gap: Condition
 
 
 def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
@@ -41,22 +41,22 @@ def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
     return CleanStep(clean_s, credible, clean_s > gap_s)
 
 
-def is_step(dt_s: Scalar, longest_s: float) -> Any:
+def is_step(dt_s: Scalar, longest_s: float) -> Condition:
     """True where so much time [s] can lie between two samples; false where it is no number."""
     return between(dt_s, 0.0, longest_s)
 
 
-def within(value: Scalar, limit: float) -> Any:
+def within(value: Scalar, limit: float) -> Condition:
     """True where a value is a number of at most this size; limit: finite, or an infinite value passes."""
     return abs(value) <= limit
 
 
-def between(value: Scalar, low: float, high: float) -> Any:
+def between(value: Scalar, low: float, high: float) -> Condition:
     """True where a value is a number in [low, high]."""
     return (value >= low) & (value <= high)
 
 
-def hold(value: Scalar, credible: Scalar, last: Scalar, dt_s: Scalar = 0.0, fade_s: float | None = None) -> Any:
+def hold(value: Scalar, credible: Scalar, last: Scalar, dt_s: Scalar = 0.0, fade_s: float | None = None) -> Scalar:
     """The value where it is credible, else the last credible one.
 
     dt_s: step since then [s].
@@ -65,11 +65,11 @@ def hold(value: Scalar, credible: Scalar, last: Scalar, dt_s: Scalar = 0.0, fade
     return where(credible, value, last if fade_s is None else last * exp(-dt_s / fade_s))
 
 
-def every(conditions: Iterable[Any]) -> Any:
+def every(conditions: Iterable[Any]) -> Condition:
     """True where all conditions hold; there must be one."""
     return reduce(and_, conditions)
 
 
-def some(conditions: Iterable[Any]) -> Any:
+def some(conditions: Iterable[Any]) -> Condition:
     """True where one condition holds at least; there must be one."""
     return reduce(or_, conditions)

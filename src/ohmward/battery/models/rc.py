@@ -30,6 +30,7 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
+from ohmward.trace.expression import Scalar
 
 STATE_NAMES = ("bulk_V", "surface_V")
 STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
@@ -108,7 +109,7 @@ def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
     return 3600.0 * capacity_Ah / span
 
 
-def next_state(x: np.ndarray, current_A: Any, p: Circuit | RcModel, dt_s: Any) -> np.ndarray:
+def next_state(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel, dt_s: Scalar) -> np.ndarray:
     """State after `dt_s` of constant current, exact for the coupled pair.
 
     With the bulk's share of a common elastance, s = (1/C_b) / (1/C_b + 1/C_s), the charge raises the weighted mean
@@ -128,7 +129,7 @@ def next_state(x: np.ndarray, current_A: Any, p: Circuit | RcModel, dt_s: Any) -
     return np.array([bulk_next, bulk_next + (d + change)])
 
 
-def voltage(x: np.ndarray, current_A: Any, p: Circuit | RcModel) -> np.ndarray:
+def voltage(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel) -> np.ndarray:
     """Terminal voltage [V] in state x = [V_cb, V_cs] at the current of this instant, as (1,)."""
     bulk, surface = x
     bulk_share, _ = divider(p)
@@ -161,7 +162,7 @@ def lasting_resistance(p: Circuit | RcModel) -> Any:
 
 
 def next_state_with_voltage(
-    x: np.ndarray, before_A: Any, mean_A: Any, now_A: Any, p: Circuit | RcModel, dt_s: Any
+    x: np.ndarray, before_A: Scalar, mean_A: Scalar, now_A: Scalar, p: Circuit | RcModel, dt_s: Scalar
 ) -> np.ndarray:
     """State with V as third element after a step, exact; V jumps with the current, which [T] and [P] leave out.
 
@@ -190,7 +191,7 @@ def relaxation_rate(p: Circuit | RcModel) -> Any:
     return (1 / p.c_bulk_F + 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
 
 
-def transition(p: Circuit | RcModel, dt_s: Any) -> tuple[np.ndarray, np.ndarray]:
+def transition(p: Circuit | RcModel, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
     """F (2, 2) and B (2,) of the exact step x+ = F x + B i, for linear filters."""
     columns = [next_state(e, 0.0, p, dt_s) for e in np.eye(2)]
     return np.column_stack(columns), next_state(np.zeros(2), 1.0, p, dt_s)

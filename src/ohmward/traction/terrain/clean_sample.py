@@ -7,6 +7,7 @@ stopped: it counts as missing until it moves again. One that stops at zero canno
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     return CleanFloorSample(WheelSample(time.dt_s, speed_rad_s, current_A), watch, flags)
 
 
-def watched(speed_rad_s: np.ndarray, credible: list[Scalar], before: EncoderWatch, dt_s: Scalar) -> EncoderWatch:
+def watched(speed_rad_s: np.ndarray, credible: Sequence[Scalar], before: EncoderWatch, dt_s: Scalar) -> EncoderWatch:
     """The watch after the speeds (driven,) of a sample."""
     wheels = list(zip(credible, speed_rad_s, before.last_rad_s, strict=True))
     moved = [good & (speed != last) for good, speed, last in wheels]
