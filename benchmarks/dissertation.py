@@ -38,7 +38,7 @@ FLOOR = 1e-6
 
 
 class Drive(NamedTuple):
-    """What the motors do over time.
+    """Currents of the motors over time.
 
     title: in words.
     speed: wanted speed [m/s] over time (T,), which is where the current comes from.
@@ -124,7 +124,7 @@ def currents(drive: Drive, time_s: np.ndarray) -> np.ndarray:
 
 
 class Found(NamedTuple):
-    """What a filter makes of a drive: mean (T, 4) and variance (T, 4) of the state."""
+    """Estimates of a drive by a filter: mean (T, 4) and variance (T, 4) of the state."""
 
     mean: np.ndarray
     variance: np.ndarray

@@ -1,4 +1,4 @@
-"""Robots, days, ground and batteries that exist only here, to ask whether the predicted range and its bands hold.
+"""Robots, days, ground and batteries that exist only here, to test the predicted range and its bands.
 
 Nothing here is shared with the estimator: power comes from torque and current of the motors at every instant, the
 ground is rough along the way, days differ, sensors err, and the battery is stepped through time until it is empty.
@@ -29,7 +29,7 @@ class World(NamedTuple):
 
     idle_W, efficiency, regeneration: of the electronics; battery to motor; motor to battery.
     rolling: (3,) resistance over load of each terrain; drag_s_per_m: its growth with speed.
-    day_std: how much days differ, as a share.
+    day_std: relative standard deviation from day to day.
     speed_gain, power_gain: of the sensors.
     """
 
@@ -162,9 +162,9 @@ def _roughness(rng: np.random.Generator, v: np.ndarray) -> np.ndarray:
     from scipy.signal import lfilter
 
     place_m = np.cumsum(v) * DT_S
-    keep = np.exp(-1.0 / ROUGH_M)
-    push = ROUGH_STD * np.sqrt(1 - keep**2) * rng.standard_normal(int(place_m[-1]) + 200)
-    return np.interp(place_m, np.arange(push.size - 100), lfilter([1.0], [1.0, -keep], push)[100:])
+    decay = np.exp(-1.0 / ROUGH_M)
+    noise = ROUGH_STD * np.sqrt(1 - decay**2) * rng.standard_normal(int(place_m[-1]) + 200)
+    return np.interp(place_m, np.arange(noise.size - 100), lfilter([1.0], [1.0, -decay], noise)[100:])
 
 
 def _power_W(w: World, v: np.ndarray, grade: np.ndarray, resistance: np.ndarray, mass_kg: float) -> np.ndarray:

@@ -57,7 +57,7 @@ def data_file(path: str) -> Path:
 
 
 def verdict(met: bool | None) -> str:
-    """Whether a bar was met, as the tables say it; empty without a bar."""
+    """Cell of the tables for a bar that was met or missed; empty without a bar."""
     return {True: "met", False: "**missed**", None: ""}[met]
 
 

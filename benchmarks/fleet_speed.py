@@ -1,4 +1,4 @@
-"""How long 10,000 logs of 36,000 samples take from Parquet to a row each: `python benchmarks/fleet_speed.py`."""
+"""Time of 10,000 logs of 36,000 samples from Parquet to a row each: `python benchmarks/fleet_speed.py`."""
 
 from __future__ import annotations
 

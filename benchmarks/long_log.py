@@ -65,7 +65,7 @@ class Cost(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What is asked of `ohmward soc`: the suffix of the log and the options, `OUT` being a folder."""
+    """Arguments of `ohmward soc`: the suffix of the log and the options, `OUT` being a folder."""
 
     how: str
     suffix: str
@@ -143,7 +143,7 @@ def _first_sign_s(words: list[str]) -> float:
 
 
 def cost_of(command: list[str]) -> Cost:
-    """What a command takes.
+    """Time and memory of a command.
 
     Raises:
         subprocess.CalledProcessError: it failed.

@@ -1,4 +1,4 @@
-"""What this processor can do, and our public filters on it; part of `make bench`."""
+"""Speed of this processor, and of our public filters on it; part of `make bench`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LOGS, LANE_STEPS, UPDATES = 1024, 200, 2000
 
 
 class Machine(NamedTuple):
-    """What it can do.
+    """Speed of the processor.
 
     peak: fused multiply-adds of one core, counted as two [1/s], by precision.
     latencies: of every operation [s], f64.
@@ -84,7 +84,7 @@ def machine_section(machine: Machine) -> Section:
 
 
 def public_filters() -> dict[str, Any]:
-    """What users get: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
+    """Public filters: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
     ocv, noise = cell_model().ocv, start_noise(CAPACITY_AH)
     total_F = rc.capacitance_for(CAPACITY_AH, ocv)
     circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
@@ -142,7 +142,7 @@ def public_section(machine: Machine, repeats: int, steps: int) -> Section:
 
 
 def ways(estimator: Any, drive: Drive) -> dict[str, Callable[[], object]]:
-    """How a log, or many, can run."""
+    """A way to run a log, or many."""
     state = estimator.init(first_of(drive))
     python = Kernel(estimator.step, state, EXAMPLE, lowering="python")
     machine = Kernel(estimator.step, state, EXAMPLE, lowering="machine")

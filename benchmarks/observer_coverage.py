@@ -1,4 +1,4 @@
-"""How often the truth lies in the speed observer's own 95 % bands, in closed loop: every packaged scenario, and harder.
+"""Coverage of the speed observer's own 95 % bands, in closed loop: every packaged scenario, and harder.
 
 The harder ones have fewer sensors or noisier currents than the packaged ones. The observer drives the robot, so what it
 is wrong about comes back to it. Means over the seeds; widths and errors beside the shares, because a band that is wide

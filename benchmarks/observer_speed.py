@@ -1,4 +1,4 @@
-"""What a step of the speed observer takes, beside a loop of plain Python measured in the same run."""
+"""Time of a step of the speed observer, beside a loop of plain Python measured in the same run."""
 
 from __future__ import annotations
 
@@ -105,5 +105,5 @@ def seconds(run: Callable[[], object]) -> float:
 if __name__ == "__main__":
     for row in step_times():
         print(f"{row.name}: {1e6 * row.seconds:.1f} us, {row.operations} operations, {row.rounds_1000:.2f} k rounds")
-    for row in live_times():
-        print(f"{row.name}: update() in {row.lowering}, {1e6 * row.seconds:.1f} us")
+    for live in live_times():
+        print(f"{live.name}: update() in {live.lowering}, {1e6 * live.seconds:.1f} us")

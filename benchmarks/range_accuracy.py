@@ -69,7 +69,7 @@ class Mission(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What was predicted, and what came: distances [m], the probability of a plan and whether it was driven."""
+    """Prediction and outcome: distances [m], the probability of a plan, and True where it was driven."""
 
     quantiles: tuple[float, float, float]
     distance_m: float

@@ -39,7 +39,7 @@ LATENCIES_S = np.arange(0.0, 0.41, 0.01)
 
 
 class Case(NamedTuple):
-    """What the observer is given."""
+    """Input of the observer."""
 
     method: str
     log: DriveLog

@@ -1,4 +1,4 @@
-"""What the benchmarks on measured drives share: columns, clocks that differ, alarms counted."""
+"""Common parts of the benchmarks on measured drives: columns, clocks that differ, alarms counted."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def contacts(least_rim_m_s: float, like: Contact) -> Contact:
 
 
 def book(name: str, at: Contact) -> Series:
-    """What a soil of public demonstrations says."""
+    """Picture of a soil of public demonstrations."""
     ground = SoftGround(SOILS[name], real_sand.RADIUS_M, real_sand.WIDTH_M, real_sand.SPEED_FLOOR_M_S)
     force_N = drawbar_N(ground, 0.0, at) - ground.compaction_N(at.load_N)
     return Series(slip_of(at), force_N, f"{name} of public demonstrations", "dashed", "comparison")

@@ -221,7 +221,7 @@ def _half_the_noise(estimator: SlipOnFloors) -> SlipOnFloors:
 def _crossings(
     estimator: SlipOnFloors, seam: Mapping[int, Run], odd: Mapping[int, Run], table: Mapping[int, Run]
 ) -> Iterator[Figure]:
-    found, false, quiet = {}, 0, []
+    found, false, silent = {}, 0, []
     for (number, run), crossed in zip(seam.items(), seam_crossings(list(seam.values())), strict=True):
         end = run.drive.log.time_s[-1] - FOUND_S
         alarms = [c.time_s for c in estimator.run(run.drive.log).crossings]
@@ -229,7 +229,7 @@ def _crossings(
         if due := [t for t in crossed if START_S <= t <= end]:
             found[number] = [any(abs(a - t) <= FOUND_S for a in alarms) for t in due]
         elif not crossed:
-            quiet.append(not alarms)
+            silent.append(not alarms)
     data, method = "Robotino, along the seam of table and gray floor", f"CUSUM, {SENSORS}"
     every, odd_ones = "runs with every crossing found within 1 s", [f for k, f in found.items() if k % 2]
     yield at_least(data, method, every, _share(map(all, found.values())), 0.9, form=".1%")
@@ -239,7 +239,7 @@ def _crossings(
     yield at_least(data, method, "runs with a crossing found within 1 s", _share(map(any, found.values())), form=".1%")
     each = _share(f for run in found.values() for f in run)
     yield at_least(data, method, "crossings found within 1 s", each, form=".1%")
-    yield at_least(data, method, "runs without a crossing and without an alarm", _share(quiet), form=".1%")
+    yield at_least(data, method, "runs without a crossing and without an alarm", _share(silent), form=".1%")
     yield at_most(data, method, "alarms farther than 1 s from a crossing", float(false), form=".0f")
     for name, of in (("gray floor", odd), ("table", table)):
         judged = judge(estimator, of)
@@ -301,13 +301,13 @@ def _share(of) -> float:
 
 
 def _wheel_x(run: Run) -> np.ndarray:
-    """Where each wheel stands along x of the camera (T, 3) [m]."""
+    """Place of each wheel along x of the camera (T, 3) [m]."""
     bearing = np.radians(ROBOTINO.chassis.bearings_deg)  # type: ignore[union-attr]
     return run.pose[:, :1] + ROBOTINO.chassis.arm_m * np.cos(run.pose[:, 2:] + bearing)  # type: ignore[union-attr]
 
 
 def crossing_times(time_s: np.ndarray, beyond_m: np.ndarray) -> list[float]:
-    """When a wheel (T, 3) last passed the seam before it stood clearly on the other side."""
+    """Time at which a wheel (T, 3) last passed the seam before it stood clearly on the other side."""
     times = []
     for x in beyond_m.T:
         side, passed = np.sign(x[0]), time_s[0]

@@ -31,7 +31,7 @@ from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelSample
 
 
 class Seen(NamedTuple):
-    """What the filters know after a sample: of the wheels, and of the combinations of floors (C,)."""
+    """Beliefs after a sample: of the wheels, and of the combinations of floors (C,)."""
 
     wheels: WheelBelief
     combinations: np.ndarray

@@ -1,4 +1,4 @@
-"""What a step costs against states, length of the log and number of logs; part of `make bench`."""
+"""Cost of a step against states, length of the log and number of logs; part of `make bench`."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def length_row(kernel: Kernel, state: Any, piece: Drive, length: int, repeats: i
 
 
 def memory_beyond(run: Callable[[], tuple[Any, Any]]) -> str:
-    """What Python and NumPy hold at most during a run, besides the estimates that it returns."""
+    """Memory that Python and NumPy hold at most during a run, besides the estimates that it returns."""
     tracemalloc.start()
     _, estimates = run()
     beyond = tracemalloc.get_traced_memory()[1] - sum(column.nbytes for column in estimates)

@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.report import TIME, Figure, Series
 from ohmward.simulate.mujoco_plant import switching
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
-from slip_loops import DRAG, LIMITS, QUIET, WHEEL, Observed, Sensors, Stepper, observed_run
+from slip_loops import DRAG, LIMITS, WHEEL, WIDER, Observed, Sensors, Stepper, observed_run
 from svg import to_svg
 
 NORMAL, SLIPPERY = 0.8, 0.2
@@ -44,10 +44,10 @@ CASES = (Case("I", 3.0, 4.2, None), Case("II", 6.0, 8.5, DRIVE))
 
 def drive(case: Case, raw: bool) -> Observed:
     """The case with the slip from the observer, or from counts."""
-    control = SlipController(WHEEL, QUIET, LIMITS)
+    control = SlipController(WHEEL, WIDER, LIMITS)
     braking = Stepper(control, lambda _: SlipCommand(BRAKE))
     driving = (
-        Stepper(SpeedController(WHEEL, QUIET, LIMITS), lambda _: SpeedCommand(1.0))
+        Stepper(SpeedController(WHEEL, WIDER, LIMITS), lambda _: SpeedCommand(1.0))
         if case.slip_ratio is None
         else Stepper(control, lambda _: SlipCommand(DRIVE))
     )

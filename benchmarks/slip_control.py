@@ -27,11 +27,11 @@ from slip_loops import (
     DRAG,
     DT,
     LIMITS,
-    QUIET,
     SLIDING,
     TIMED,
     UNSURE,
     WHEEL,
+    WIDER,
     Sensors,
     Stepper,
     Torque,
@@ -49,7 +49,7 @@ FRICTIONS = (0.2, 0.8)
 SEEDS = range(100, 105)
 LAWS = {
     "sliding mode on slip speed": SLIDING,
-    "the same, wider, with integral": QUIET,
+    "the same, wider, with integral": WIDER,
     "fuzzy gain and layer": FuzzySlidingMode(SLIDING),
     "PID on the slip ratio": SlipPid(),
     "sliding mode on the slip ratio ([T] 5.3)": SlipRatioSlidingMode(UNSURE),
@@ -97,7 +97,7 @@ def with_truth(law: Any, friction: float, **changes: Any) -> Tracking:
 
 def with_estimate(sensors: Sensors, friction: float) -> list[Tracking]:
     """From rest with the observer's speed and force fed back, once for each seed."""
-    controller = SlipController(WHEEL, TIMED if sensors.edges else QUIET, LIMITS)
+    controller = SlipController(WHEEL, TIMED if sensors.edges else WIDER, LIMITS)
     runs = [
         observed_run(Stepper(controller, hold), uniform(friction), 1.5, sensors, seed, RlmaParameters())
         for seed in SEEDS

@@ -43,8 +43,8 @@ LIMITS = Limits(torque_Nm=12.0)
 UNSURE = Uncertainty(force_N=0.5 * WHEEL.load_N)
 SLIDING = SlidingMode(UNSURE)
 #: On an estimated speed: wider, so that the wheel does not follow the estimate's noise; the integral does the rest.
-QUIET = SlidingMode(UNSURE, time_constant_s=0.02, integral_per_s=50.0)
-#: Where the time of edges is known, the estimate is quiet enough for half of that, and needs no integral.
+WIDER = SlidingMode(UNSURE, time_constant_s=0.02, integral_per_s=50.0)
+#: Where the time of edges is known, the noise of the estimate allows half of that, and needs no integral.
 TIMED = SlidingMode(UNSURE, time_constant_s=0.01)
 #: That of MuJoCo's robot: 0.01 of the load at any speed.
 COASTED_DOWN = RollingResistance(a1=0.01, a3_s_per_m=0.0)
@@ -121,7 +121,7 @@ def cascade(slip_ratio: float) -> Callable[[], Torque]:
 
 
 class Sensors(NamedTuple):
-    """What is measured at 1 kHz, besides the motor currents (0.1 A), and what is wrong with it.
+    """Measurements at 1 kHz, besides the motor currents (0.1 A), and their errors.
 
     counts: per turn of the encoders.
     edges: the time of each edge is captured, to 1 us; edges lie where they should to 0.02 of a count.
@@ -196,7 +196,7 @@ class Board:
         return CLOCK_S * np.round(np.array(ages) / CLOCK_S)
 
     def sample(self, truth: RobotTruth, torque: np.ndarray, blank: AngleSample) -> AngleSample:
-        """What is read now; torque: (2,) of the step that ends now."""
+        """Sample at this instant; torque: (2,) of the step that ends now."""
         noise, s = self.rng.standard_normal, self.sensors
         turned = self.counts(truth)
         shown = s.scale * (truth.specific_force_m_s2[0] + self.offset) + 0.05 * noise()
@@ -214,7 +214,7 @@ class Board:
 
 
 def age_s(before: RobotTruth, now: RobotTruth, wheel: int, angle_rad: float, way: float) -> float:
-    """How long ago the wheel passed an angle in the last step, nan if it did not; its angle is a cubic over the step.
+    """Time since the wheel passed an angle in the last step, nan if it did not; its angle is a cubic over the step.
 
     way: > 0 forward, < 0 backward.
     """
@@ -235,7 +235,7 @@ class Observed(NamedTuple):
 
 
 def from_estimate(e: MomentumEstimate) -> Measurement:
-    """What the observer tells a controller."""
+    """Measurement for a controller by the observer."""
     return Measurement(e.wheel_speed_rad_s, e.travel_speed_m_s, 0.0, e.speed_std_m_s, e.force_N, e.acceleration_m_s2)
 
 
@@ -298,7 +298,7 @@ class Stepper:
 
 
 class Tracking(NamedTuple):
-    """How a slip was held.
+    """Tracking of a slip.
 
     settled_s: from when on it stays within 0.02 until the end; inf where it does not.
     rms: of its error after `steady_s`.
@@ -330,7 +330,7 @@ def tracking(truth: RobotTruth, slip_ratio: float, steady_s: float) -> Tracking:
 
 
 def reversals(torque_Nm: np.ndarray, size_Nm: float) -> int:
-    """How often the torque turns back by more than a size."""
+    """Number of times that the torque turns back by more than a size."""
     count, direction, turning = 0, 0.0, torque_Nm[0]
     for torque in torque_Nm:
         back = direction * (turning - torque) if direction else abs(torque - turning)

@@ -1,4 +1,4 @@
-"""How fast, beside everybody else: `make bench` writes benchmarks/speed.md.
+"""Speed beside other packages: `make bench` writes benchmarks/speed.md.
 
     python benchmarks/speed.py            everything, some minutes
     python benchmarks/speed.py --quick    a little of each, to see that it runs; writes nothing
@@ -40,7 +40,7 @@ PICTURES = PAGE.parents[1] / "docs" / "pictures"
 
 
 class Effort(NamedTuple):
-    """How much is measured."""
+    """Extent of the measurement."""
 
     repeats: int
     steps: int
@@ -212,7 +212,7 @@ def long_logs() -> Iterator[Section]:
 
 
 def head() -> list[str]:
-    """What the page is and where it was made."""
+    """Subject of the page, and the machine it was made on."""
     return [
         "# Speed",
         "",
@@ -236,7 +236,7 @@ OVERVIEWS = {"One log: ": "One log, in short", "Many logs: ": "Many logs at once
 
 
 def overviews(sections: list[Section]) -> list[str]:
-    """Who takes how long for each filter, and how many times as long as ours."""
+    """Time of each package for each filter, and its ratio to ours."""
     lines = []
     for begin, title in OVERVIEWS.items():
         found = {s.title.removeprefix(begin): s for s in sections if s.title.startswith(begin)}
@@ -260,7 +260,7 @@ def cell(row: tuple[str, ...] | None) -> str:
 
 
 def load() -> str:
-    """How busy the machine was: on a quiet one, this run alone is a load of about 1."""
+    """Load of the machine: on an idle one, this run alone is a load of about 1."""
     return f" under a load of {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""
 
 

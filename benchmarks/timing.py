@@ -29,7 +29,7 @@ class Times(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """What was to be reached.
+    """Goal of a measurement.
 
     what: in words.
     value, bar: in s, or a ratio, or a share.
@@ -92,7 +92,7 @@ def wall(run: Callable[[], object], repeats: int) -> Times:
 
 
 def _count(run: Callable[[], object]) -> int:
-    """How many calls make a measurement; the first call compiles."""
+    """Number of calls of a measurement; the first call compiles."""
     run()
     return math.ceil(LEAST_S / max(_seconds(run, 1), 1e-6))
 
@@ -130,7 +130,7 @@ def spread(times: Times) -> str:
 
 
 def ratio(a: float, b: float) -> str:
-    """How many times a is b."""
+    """Ratio of a to b."""
     return f"{_digits(a / b)} x"
 
 

@@ -1,7 +1,7 @@
 """Speed observer on the robot in MuJoCo, its time per step, and the energy balance of our own plant.
 
-The drives are those of tests/traction/observers with other seeds: radius off by 0.5 %, grade by one degree, the ground
-creeping 1.5 times as much as believed, each as the observer's sigma says.
+The drives are those of tests/traction/speed_observer with other seeds: radius off by 0.5 %, grade by one degree, the
+creep of the ground 1.5 times the assumed one, each as the observer's sigma says.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 
-from traction.observers import mujoco_runs as runs
+from traction.speed_observer import mujoco_runs as runs
 
 SEEDS = range(500, 512)
 NEES_LOWER, NEES_UPPER = mean_bounds(1, len(SEEDS), 0.999)

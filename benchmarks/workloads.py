@@ -81,7 +81,7 @@ class Drive(NamedTuple):
 
     @property
     def samples(self) -> SocSample:
-        """What our filters take."""
+        """Inputs of our filters."""
         ones = np.ones(self.current_A.shape)
         return SocSample(ones, self.current_A, self.voltage_V, np.nan * ones)
 
