@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ohmward.atomic import write_text
-from ohmward.atomic import replacing
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.errors import InputError
