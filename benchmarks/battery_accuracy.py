@@ -19,9 +19,10 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, available, make_estimator
+from ohmward.battery.soc.registry import EstimatorSettings
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
+from ohmward.published.registry import ESTIMATORS, available, make_estimator
 from ohmward.simulate.voltage import simulate_voltage
 
 DEFAULT_METHODS = ("coulomb", "ekf", "ukf")

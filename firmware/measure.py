@@ -61,15 +61,15 @@ FILTERS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("textbook-ukf", {"sample_time_s": 1.0, "curve_error_V": 0.004, "style": "loops"}),
     ("textbook-joint", {}),
     ("textbook-joint", {"style": "loops"}),
-    ("rc-kf", {}),
-    ("rc-soc", {}),
-    ("rc-aukf", {}),
+    ("published.rc-kf", {}),
+    ("rc", {}),
+    ("published.rc-aukf", {}),
     ("ekf", {}),
     ("ekf", {"sample_time_s": 1.0}),
-    ("aekf", {}),
+    ("published.aekf", {}),
     ("ukf", {}),
-    ("aukf", {}),
-    ("hybrid", {}),
+    ("published.aukf", {}),
+    ("published.hybrid", {}),
 )
 #: Observers, each with its robot and the scenario whose log it replays.
 OBSERVERS = (

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from ohmward.battery.identification import identify as identify
     from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
     from ohmward.battery.soc.registry import EstimatorSettings as EstimatorSettings
-    from ohmward.battery.soc.registry import available as available
-    from ohmward.battery.soc.registry import make_estimator as make_estimator
     from ohmward.battery.soc.sample import SocEstimate as SocEstimate
     from ohmward.battery.soc.sample import SocFlag as SocFlag
     from ohmward.battery.soc.sample import SocSample as SocSample
@@ -28,6 +26,8 @@ if TYPE_CHECKING:
     from ohmward.logs import read_log as read_log
     from ohmward.logs import write_log as write_log
     from ohmward.logs import write_table as write_table
+    from ohmward.published.registry import available as available
+    from ohmward.published.registry import make_estimator as make_estimator
     from ohmward.simulate import make_robot_day as make_robot_day
     from ohmward.traction.speed_observer.track import SlipEstimator as SlipEstimator
 
@@ -44,11 +44,11 @@ _HOMES = {
     "EstimatorSettings": "battery.soc.registry",
     "SlipEstimator": "traction.speed_observer.track",
     "SocEstimator": "battery.soc.estimator",
-    "available": "battery.soc.registry",
+    "available": "published.registry",
     "examine": "logs",
     "identify": "battery.identification",
     "load_battery": "battery.file",
-    "make_estimator": "battery.soc.registry",
+    "make_estimator": "published.registry",
     "make_robot_day": "simulate",
     "plot": "figures.plot",
     "read_log": "logs",

@@ -45,3 +45,11 @@ def test_a_battery_that_no_estimator_can_use(here, refused, monkeypatch):
 def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
     monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery: ("coulomb", "ocv"))
     assert list(as_json(*COMPARE[:4])["estimators"]) == ["coulomb", "ocv"]
+
+
+def test_those_that_reproduce_a_publication_on_demand(here, as_json):
+    assert list(as_json(*COMPARE[:4], "--published")["estimators"])[-2:] == ["published.aekf", "published.aukf"]
+
+
+def test_a_former_name_is_accepted(here, as_json):
+    assert list(as_json(*COMPARE[:4], "--filters", "coulomb,aekf")["estimators"]) == ["coulomb", "aekf"]

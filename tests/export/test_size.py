@@ -17,7 +17,7 @@ CASES = [
     *((name, sample_time_s, "lines") for name in ("coulomb", *FIXED) for sample_time_s in (None, 1.0)),
     *((name, sample_time_s, "loops") for name in FIXED for sample_time_s in (None, 1.0)),
     ("ekf", None, "lines"),
-    ("rc-soc", None, "lines"),
+    ("rc", None, "lines"),
 ]
 
 

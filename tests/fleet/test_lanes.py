@@ -12,10 +12,10 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
+from ohmward.published.registry import ESTIMATORS, make_estimator
 
 NOISE = BatteryNoise()
 

@@ -12,12 +12,13 @@ from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.estimator import SocEstimator, SocRun
 from ohmward.battery.soc.reference import SocReference
-from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
+from ohmward.battery.soc.registry import EstimatorSettings
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
 from ohmward.cli.truth import read_soc_truth
 from ohmward.logs import Log, read_log
+from ohmward.published.registry import make_estimator
 
 
 class SocTask(NamedTuple):

@@ -14,13 +14,14 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, require_thevenin
+from ohmward.battery.soc.registry import require_thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.loops import joint_loops, textbook_loops
 from ohmward.published.rc_joint import nominal_of
+from ohmward.published.registry import ESTIMATORS, current_name, make_estimator, title_of
 from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import trace
 
@@ -109,9 +110,9 @@ def require_style(style: str, filter_name: str) -> None:
 
 
 def _title(filter_name: str) -> str:
-    if filter_name not in ESTIMATORS:
+    if current_name(filter_name) not in ESTIMATORS:
         raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, JOINT))}, got {filter_name!r}")
-    return ESTIMATORS[filter_name].title
+    return title_of(filter_name)
 
 
 def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:

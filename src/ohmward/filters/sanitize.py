@@ -8,6 +8,7 @@ every replacement is a condition, from which `flags_of` makes flags.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import reduce
 from operator import and_, or_
@@ -42,8 +43,11 @@ def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
 
 
 def is_step(dt_s: Scalar, longest_s: float) -> Condition:
-    """True where so much time [s] can lie between two samples; false where it is no number."""
-    return between(dt_s, 0.0, longest_s)
+    """True where so much time [s] can lie between two samples; false where it is no number.
+
+    longest_s: infinity where no step is too long.
+    """
+    return dt_s >= 0.0 if longest_s == math.inf else between(dt_s, 0.0, longest_s)
 
 
 def within(value: Scalar, limit: float) -> Condition:

@@ -140,8 +140,8 @@ class TextbookJoint:
         return self.concluded(after, correction.innovation.value[0], clean)
 
     def sanitize(self, state: TextbookJointState, sample: SocSample) -> CleanBareSample:
-        """The sample with what cannot be true replaced."""
-        return sanitize_bare(sample, state.current_A, self.highest_ocv_V)
+        """The sample with what cannot be true replaced; no step is too long for it."""
+        return sanitize_bare(sample, state.current_A, self.highest_ocv_V, math.inf)
 
     def process_noise(self, state: TextbookJointState) -> np.ndarray:
         """Q (7, 7): K C K' ([T] 3.49) and the floor."""

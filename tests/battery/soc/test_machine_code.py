@@ -10,9 +10,10 @@ from kernels import kernel_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator
+from ohmward.battery.soc.registry import EstimatorSettings
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.logs.log import Log
+from ohmward.published.registry import ESTIMATORS, make_estimator
 
 pytest.importorskip("llvmlite")
 

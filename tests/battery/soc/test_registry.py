@@ -10,6 +10,9 @@ from ohmward.battery.soc.registry import ESTIMATORS, available, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs import Log
+from ohmward.published.registry import FORMER_NAMES, PUBLISHED, title_of
+from ohmward.published.registry import available as all_available
+from ohmward.published.registry import make_estimator as make_any
 from ohmward.simulate.voltage import simulate_voltage
 from published.test_hybrid import RC
 
@@ -25,13 +28,22 @@ LOG = replace(BARE, voltage_V=SIMULATED.voltage_V)
 
 def test_each_battery_offers_what_its_models_allow():
     assert available(BOTH) == tuple(ESTIMATORS)
-    assert available(THEVENIN_ALONE) == ("coulomb", "ocv", "textbook-ekf", "textbook-ukf", "ekf", "aekf", "ukf", "aukf")
-    assert available(RC_ALONE) == ("rc-kf", "rc-soc", "rc-aukf")
+    assert available(THEVENIN_ALONE) == ("ekf", "ukf", "textbook-ekf", "textbook-ukf", "coulomb", "ocv")
+    assert available(RC_ALONE) == ("rc",)
+    assert all_available(BOTH) == (*ESTIMATORS, *PUBLISHED)
+    assert all_available(THEVENIN_ALONE)[6:] == ("published.aekf", "published.aukf")
+    assert all_available(RC_ALONE) == ("rc", "published.rc-kf", "published.rc-aukf")
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("former", FORMER_NAMES)
+def test_a_former_name_makes_the_same_estimator(former):
+    assert make_any(former, BOTH) == make_any(FORMER_NAMES[former], BOTH)
+    assert title_of(former) == title_of(FORMER_NAMES[former])
+
+
+@pytest.mark.parametrize("name", [*ESTIMATORS, *PUBLISHED])
 def test_every_estimator_runs_streams_alike_and_stays_near_the_truth(name):
-    estimator = make_estimator(name, BOTH)
+    estimator = make_any(name, BOTH)
     run = SocEstimator(estimator, 0.9).run(LOG).estimates
     assert np.abs(run.soc - SIMULATED.soc).max() < 0.06
     assert np.isfinite(run.soc_std).all() and (run.soc_std > 0).all()
@@ -48,9 +60,11 @@ def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
 
 
 def test_refusals():
-    with pytest.raises(InputError, match=r"filter must be one of coulomb, ocv, .* got 'kf'"):
+    with pytest.raises(InputError, match=r"filter must be one of ekf, ukf, rc, .* got 'kf'"):
         make_estimator("kf", BOTH)
+    with pytest.raises(InputError, match=r"filter must be one of ekf, ukf, rc, .* published.rc-aukf, got 'kf'"):
+        make_any("kf", BOTH)
     with pytest.raises(InputError, match=r"no \[thevenin\] model.*ohmward identify"):
         make_estimator("ekf", RC_ALONE)
     with pytest.raises(InputError, match=r"no \[rc\] model.*--model rc"):
-        make_estimator("hybrid", THEVENIN_ALONE)
+        make_any("published.hybrid", THEVENIN_ALONE)

@@ -136,12 +136,14 @@ def sanitize(
     )
 
 
-def sanitize_bare(sample: SocSample, before_A: Scalar, highest_ocv_V: float) -> CleanBareSample:
+def sanitize_bare(
+    sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_STEP_S
+) -> CleanBareSample:
     """The sample with a current, a step and a voltage that cannot be true replaced; before_A: last current."""
     current_A = hold(sample.current_A, is_current(sample.current_A), before_A)
     measured = is_voltage(sample.voltage_V, highest_ocv_V)
     return CleanBareSample(
-        dt_s=where(is_step(sample.dt_s, LONGEST_STEP_S), sample.dt_s, 0.0),
+        dt_s=where(is_step(sample.dt_s, longest_step_s), sample.dt_s, 0.0),
         current_A=current_A,
         mean_A=0.5 * (current_A + before_A),
         voltage_V=where(measured, sample.voltage_V, 0.0),

@@ -147,9 +147,9 @@ class RcFilter:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         u = first_input(first, self.limits.current_A)
         start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
-        return RcFilterState(pack(self.start(start)), u.current_A, 0.0, 0.0)
+        return RcFilterState(pack(self.start_belief(start)), u.current_A, 0.0, 0.0)
 
-    def start(self, start: InitialSoc) -> Belief:
+    def start_belief(self, start: InitialSoc) -> Belief:
         """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC."""
         noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * noise.current_offset_std_A

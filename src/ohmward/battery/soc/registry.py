@@ -1,10 +1,12 @@
-"""Estimators by name: what the command line offers and what `compare` runs side by side."""
+"""Estimators of the state of charge by name, made from a battery file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.protocol import Estimator
@@ -13,19 +15,13 @@ from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
-from ohmward.published.hybrid import Hybrid
-from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 
-if TYPE_CHECKING:
-    from ohmward.battery.battery import Battery
-    from ohmward.battery.models.rc import RcModel
-
-#: What a user gets who does not choose.
+#: The estimator of a user who does not choose.
 DEFAULT = "ekf"
 
 
 class EstimatorSettings(NamedTuple):
-    """What a user may say about the use of the battery, whatever the estimator.
+    """Settings of the use of a battery, the same for every estimator.
 
     idle_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
         when unknown.
@@ -37,7 +33,7 @@ class EstimatorSettings(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """One estimator: what it is, and how to make it from a battery file."""
+    """An estimator to choose: its title, and the function that makes it from a battery file."""
 
     title: str
     make: Callable[[Battery, EstimatorSettings], Estimator]
@@ -49,22 +45,34 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
     Raises:
         InputError: there is none of that name, or the battery file lacks the model it needs.
     """
-    if name not in ESTIMATORS:
-        raise InputError(f"filter must be one of {', '.join(ESTIMATORS)}, got {name!r}")
-    return ESTIMATORS[name].make(battery, settings or EstimatorSettings(battery.idle_current_A))
+    return make_from(ESTIMATORS, name, battery, settings)
 
 
 def available(battery: Battery) -> tuple[str, ...]:
     """Names of the estimators that the models in the battery file allow."""
+    return available_from(ESTIMATORS, battery)
+
+
+def make_from(
+    choices: Mapping[str, Choice], name: str, battery: Battery, settings: EstimatorSettings | None = None
+) -> Estimator:
+    """`make_estimator` among these choices."""
+    if name not in choices:
+        raise InputError(f"filter must be one of {', '.join(choices)}, got {name!r}")
+    return choices[name].make(battery, settings or EstimatorSettings(battery.idle_current_A))
+
+
+def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str, ...]:
+    """`available` among these choices."""
 
     def possible(name: str) -> bool:
         try:
-            make_estimator(name, battery)
+            make_from(choices, name, battery)
         except InputError:
             return False
         return True
 
-    return tuple(filter(possible, ESTIMATORS))
+    return tuple(filter(possible, choices))
 
 
 def require_thevenin(battery: Battery) -> Thevenin:
@@ -77,7 +85,8 @@ def require_thevenin(battery: Battery) -> Thevenin:
     return battery.thevenin
 
 
-def _rc(battery: Battery) -> RcModel:
+def require_rc(battery: Battery) -> RcModel:
+    """The RC model of a battery file, or InputError where it has none."""
     if battery.rc is None:
         raise InputError(
             f"{battery.name}: the battery file has no [rc] model, which this filter needs; "
@@ -86,7 +95,9 @@ def _rc(battery: Battery) -> RcModel:
     return battery.rc
 
 
-def _filter(method: str, matching: bool) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
+def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
+    """The function that makes the Thevenin filter of this method."""
+
     def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
         return TheveninFilter(
             require_thevenin(battery),
@@ -98,6 +109,11 @@ def _filter(method: str, matching: bool) -> Callable[[Battery, EstimatorSettings
         )
 
     return make
+
+
+def rc_filter(soc_as: str) -> Callable[[Battery, EstimatorSettings], RcFilter]:
+    """The function that makes the RC filter with SoC as this."""
+    return lambda battery, settings: RcFilter(require_rc(battery), battery.rc_noise, soc_as, settings.gap_s)
 
 
 def _textbook(method: str) -> Callable[[Battery, EstimatorSettings], Estimator]:
@@ -112,33 +128,13 @@ def _rest_ocv(battery: Battery, settings: EstimatorSettings) -> Estimator:
     return RestOcv(require_thevenin(battery), battery.noise, settings.gap_s)
 
 
-def _rc_kalman(battery: Battery, settings: EstimatorSettings) -> RcFilter:
-    return RcFilter(_rc(battery), battery.rc_noise, "curve", settings.gap_s)
-
-
-def _rc_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return RcFilter(_rc(battery), battery.rc_noise, gap_s=settings.gap_s)
-
-
-def _rc_adaptive(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return adaptive_soc_of(_rc(battery), battery.rc_noise)
-
-
-def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return Hybrid(_filter("ekf", matching=False)(battery, settings), _rc_kalman(battery, settings))
-
-
+#: The estimators for use; `ohmward.published.registry` adds those that reproduce a publication.
 ESTIMATORS: dict[str, Choice] = {
-    "coulomb": Choice("coulomb counting", _coulomb),
-    "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
+    "ekf": Choice("Thevenin model, extended Kalman filter", thevenin_filter("ekf")),
+    "ukf": Choice("Thevenin model, unscented Kalman filter", thevenin_filter("ukf")),
+    "rc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", rc_filter("state")),
     "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
     "textbook-ukf": Choice("the same, unscented Kalman filter, as in [P]", _textbook("ukf")),
-    "rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", _rc_kalman),
-    "rc-soc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", _rc_soc),
-    "rc-aukf": Choice("RC model, joint adaptive unscented filter of its parameters feeding rc-soc", _rc_adaptive),
-    "ekf": Choice("Thevenin model, extended Kalman filter", _filter("ekf", matching=False)),
-    "aekf": Choice("Thevenin model, adaptive extended Kalman filter", _filter("ekf", matching=True)),
-    "ukf": Choice("Thevenin model, unscented Kalman filter", _filter("ukf", matching=False)),
-    "aukf": Choice("Thevenin model, adaptive unscented Kalman filter", _filter("ukf", matching=True)),
-    "hybrid": Choice("Thevenin model, initialised and corrected at rests by the RC model", _hybrid),
+    "coulomb": Choice("coulomb counting", _coulomb),
+    "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
 }

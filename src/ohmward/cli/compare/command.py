@@ -1,4 +1,4 @@
-"""`ohmward compare`: all estimators on one log, side by side."""
+"""`ohmward compare`: estimators on one log, side by side."""
 
 from __future__ import annotations
 
@@ -13,27 +13,32 @@ from ohmward.cli.compare.result import describe, summary
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
 from ohmward.errors import InputError
+from ohmward.published.registry import available as available_with_published
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Run every estimator over the same log from the same start."""
     with progress() as report:
         task = make_soc_task(args, report)
-        answers = {name: estimate(task, name, args, report) for name in estimator_names(task.battery, args.filters)}
+        names = estimator_names(task.battery, args.filters, args.published)
+        answers = {name: estimate(task, name, args, report) for name in names}
     figures = summary(task, answers)
     page = partial(make_page, task, answers, figures)
     return Outcome(figures | {"report": args.report}, describe(task, figures), task.notes, page)
 
 
-def estimator_names(battery: Battery, wanted: str | None) -> tuple[str, ...]:
+def estimator_names(battery: Battery, wanted: str | None, with_published: bool = False) -> tuple[str, ...]:
     """Names of the estimators to compare.
 
     wanted: separated by commas; None takes all that the battery file allows.
+    with_published: among these, those that reproduce a publication too.
 
     Raises:
         InputError: the file allows none.
     """
-    names = tuple(name.strip() for name in wanted.split(",")) if wanted else available(battery)
+    if wanted:
+        return tuple(name.strip() for name in wanted.split(","))
+    names = available_with_published(battery) if with_published else available(battery)
     if not names:
         raise InputError(
             f"battery {battery.name!r}: no estimator works with the models in its file; "

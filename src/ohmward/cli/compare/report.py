@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.battery.soc.registry import ESTIMATORS
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.compare.result import tables_of
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
 from ohmward.figures import battery as pictures
+from ohmward.published.registry import title_of
 from ohmward.report import Page
 
 
@@ -27,5 +27,5 @@ def make_page(task: SocTask, answers: Mapping[str, SocRun], figures: Mapping[str
     if task.truth:
         plots.append(pictures.soc_errors_figure(log, estimates, task.truth.soc))
     page = page.plot(*plots, pictures.current_figure(log), pictures.voltage_figure(log))
-    page = page.heading("Estimators").table(["Name", "What it is"], [[n, ESTIMATORS[n].title] for n in answers])
+    page = page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in answers])
     return with_assumptions(page, task.notes)

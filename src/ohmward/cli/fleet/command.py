@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.battery.file import load_battery
-from ohmward.battery.soc.registry import make_estimator
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Work
+from ohmward.published.registry import make_estimator
 
 
 def run(args: argparse.Namespace) -> Outcome:

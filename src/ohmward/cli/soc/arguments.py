@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--filter",
         default="ekf",
         metavar="NAME",
-        help="ekf, ukf, aekf, aukf, hybrid, rc-kf, rc-soc, rc-aukf, textbook-ekf, textbook-ukf, coulomb or ocv "
-        "(default %(default)s)",
+        help="ekf, ukf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default %(default)s); as published: "
+        "published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
     )
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.soc.estimator import SocRun
-from ohmward.battery.soc.registry import ESTIMATORS
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.filters.consistency import BAND_95
+from ohmward.published.registry import title_of
 
 
 def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
     """The same for people."""
     title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
     return wording.paragraphs(
-        title + ESTIMATORS[figures["filter"]].title,
+        title + title_of(figures["filter"]),
         wording.fields(result(figures)),
         errors(figures) if task.truth else "",
         wording.assumptions(task.notes),
