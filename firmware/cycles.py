@@ -38,7 +38,12 @@ _REFILL = 2
 
 
 class Instruction(NamedTuple):
-    """One of the image: bytes, cycles, the single that it makes (""), those that it needs, whether a constant."""
+    """Instruction of the image.
+
+    size, cycles: in bytes, and of its kind.
+    makes, needs: register of the single that it makes (or ""), and of those that it needs.
+    constant: True where it reads a constant of the code.
+    """
 
     size: int
     cycles: int
@@ -105,7 +110,7 @@ def _cycles_of(word: str, operands: str) -> int:
 
 
 def _registers(part: str) -> int:
-    """How many words `r4`, `s0-s3` or `d8-d15` are."""
+    """Number of words of `r4`, `s0-s3` or `d8-d15`."""
     numbers = [int(n) for n in re.findall(r"\d+", part)]
     count = numbers[-1] - numbers[0] + 1 if len(numbers) == 2 else 1
     return count * (2 if part.startswith("d") else 1)
@@ -127,7 +132,7 @@ def _trace(image: Path, machine: Machine, first: int, last: int) -> Iterator[int
 
 
 def _steps(executed: Iterator[int], entry: int) -> list[int]:
-    """What the first steps execute."""
+    """Addresses that the first steps execute."""
     found: list[int] = []
     entered = 0
     for address in executed:

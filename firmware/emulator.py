@@ -1,4 +1,4 @@
-"""A library on an emulated Cortex-M4F: build its image, run it with a log, read what it says of itself."""
+"""Library on an emulated Cortex-M4F: build its image, run it with a log, read its answer."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Times(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What an image says: instructions over the vectors and over the log, wrong vectors, bytes of stack."""
+    """Answer of an image: instructions over the vectors and over the log, wrong vectors, bytes of stack."""
 
     vectors: Times
     log: Times
@@ -79,7 +79,7 @@ def link(folder: Path, name: str, arguments: Sequence[float], option: str, machi
 
 
 def run(image: Path, machine: Machine, samples: np.ndarray | None = None) -> tuple[Answer, bytes]:
-    """What the image says, and the bytes of its outputs for the structs of a log (T,), which may have any length."""
+    """Answer of the image, and the bytes of its outputs for the structs of a log (T,) of any length."""
     folder = image.parent
     (folder / "outputs.bin").write_bytes(b"")
     if samples is not None:
@@ -102,7 +102,7 @@ def command(image: Path, machine: Machine) -> list[str | Path]:
 
 
 def sizes(object_file: Path) -> Sizes:
-    """What the compiled library takes."""
+    """Memory of the compiled library."""
     parts = [line.split() for line in do(["arm-none-eabi-size", "-A", object_file]).splitlines()]
     bytes_of = {p[0]: int(p[1]) for p in parts if len(p) == 3 and p[0].startswith(".")}
 
@@ -113,7 +113,7 @@ def sizes(object_file: Path) -> Sizes:
 
 
 def do(words: Sequence[str | Path]) -> str:
-    """What a tool prints."""
+    """Run a tool and return its output; RuntimeError if it fails."""
     result = subprocess.run(words, capture_output=True, text=True, check=False)
     if result.returncode:
         raise RuntimeError(f"{' '.join(map(str, words))}\n{result.stdout}{result.stderr}")
@@ -125,7 +125,7 @@ def _compiler(folder: Path, option: str) -> list[str | Path]:
 
 
 def _library_header(name: str, arguments: Sequence[float]) -> str:
-    """The library under the name that the replay knows, and the arguments of its start."""
+    """Header that gives the library the name `filter`, which the replay uses, and the arguments of its start."""
     words = ("state", "sample", "output", "start", "step", "vector", "is_right")
     same = [f"#define filter_{word} {name}_{word}" for word in words] if name != "filter" else []
     same += [f"#define FILTER_VECTORS {name.upper()}_VECTORS"] if name != "filter" else []

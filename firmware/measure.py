@@ -45,8 +45,8 @@ PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
 OPTIONS = ("-O2", "-Os")
 #: What an STM32F411xE has [bytes].
 FLASH, RAM = 512 * 1024, 128 * 1024
-#: Share of the values of a simulated log that are lost, and of those that are wild.
-DIVERGED, WILD = 0.005, 0.001
+#: Fraction of the values of a simulated log that are missing, and of those that are wild.
+MISSING, WILD = 0.005, 0.001
 
 #: Filters of a battery, and how they are exported.
 FILTERS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -84,7 +84,7 @@ CONTROLLERS = ("slip-controller", "speed-controller")
 
 
 class Case(NamedTuple):
-    """What is measured: its name on the page, the export, and the samples of a log, where there is one."""
+    """Library to measure: its name on the page, the export, and the samples of a log or None."""
 
     title: str
     export: Export
@@ -92,7 +92,7 @@ class Case(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What a library took: bytes, instructions, cycles; and how many outputs had other bits."""
+    """Measured bytes, instructions and cycles of a library, and the number of outputs with other bits."""
 
     title: str
     option: str
@@ -121,12 +121,12 @@ class Measured(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Instructions of a mean step of the log; of the vectors where there is none."""
+        """Instructions of a mean step of the log, or of the vectors without a log."""
         return self.answer.log.mean if self.answer.log.steps else self.answer.vectors.mean
 
 
 def main(words: list[str]) -> int:
-    """Measure all and write the page, or replay one log; 1 where a bit is wrong or a tool is missing."""
+    """Measure all and write the page, or replay one log; 1 if a bit is wrong or a tool is missing."""
     if missing := [tool for tool in TOOLS if not shutil.which(tool)]:
         print(f"{', '.join(missing)} missing: {INSTALL}", file=sys.stderr)
         return 1
@@ -145,7 +145,7 @@ def main(words: list[str]) -> int:
 
 
 def replay(words: list[str]) -> int:
-    """A recorded log through a library on every machine; words: DIR LOG and options of `ohmward twin`."""
+    """Replay a recorded log through a library on every machine; words: DIR LOG and options of `ohmward twin`."""
     try:
         args = parse(["twin", *words])
         twin = Twin(args.library, args.name)
@@ -159,7 +159,7 @@ def replay(words: list[str]) -> int:
 
 
 def _replayed(folder: Path, twin: Twin, log: twin_command.Replay, option: str, machine: Machine) -> int:
-    """Replay and say what was found; 1 where a bit is wrong."""
+    """Replay on one machine and print the result; 1 if a bit is wrong."""
     compile_library(folder, twin.name, option)
     image = link(folder, twin.name, tuple(log.arguments.values()), option, machine)
     answer, wrong = compare(twin, image, machine, log.samples, log.arguments)
@@ -173,7 +173,7 @@ def _replayed(folder: Path, twin: Twin, log: twin_command.Replay, option: str, m
 
 
 def cases() -> Iterator[Case]:
-    """Everything that can be exported."""
+    """Every filter, observer and controller that can be exported."""
     battery, hour = battery_and_hour()
     for name, options in FILTERS:
         yield Case(title_of(name, **options), battery_export(battery, name, "filter", **options), hour)
@@ -210,14 +210,14 @@ def drive(scenario: str) -> DriveLog:
 
 
 def faulty(samples: Any) -> Any:
-    """The samples of a log (T, ...) with values that are lost and values that are wild, the first sample whole."""
+    """Samples of a log (T, ...) with missing and wild values, the first sample unchanged."""
     rng = np.random.default_rng(0)
 
     def spoilt(values: np.ndarray) -> np.ndarray:
         chance = rng.random(values.shape)
         chance[:1] = 1.0
         wild = rng.choice([np.inf, -np.inf, 1e9, -1e9], values.shape)
-        return np.where(chance < DIVERGED, np.nan, np.where(chance < DIVERGED + WILD, wild, values))
+        return np.where(chance < MISSING, np.nan, np.where(chance < MISSING + WILD, wild, values))
 
     return type(samples)(*(spoilt(np.asarray(values, float)) if np.ndim(values) else values for values in samples))
 
@@ -243,7 +243,7 @@ def measure(case: Case, options: Sequence[str] = OPTIONS, machines: Sequence[Mac
 
 
 def compare(twin: Twin, image: Path, machine: Machine, samples: Any, arguments: dict[str, float]) -> tuple[Answer, int]:
-    """What the image says, and how many of its outputs have other bits than those of this machine; names the first."""
+    """Answer of the image, and the number of its outputs with other bits than here; prints the first of them."""
     if samples is None:
         return run(image, machine)[0], 0
     twin.start(first_of(samples), **arguments)
@@ -263,14 +263,14 @@ def compare(twin: Twin, image: Path, machine: Machine, samples: Any, arguments: 
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Where two arrays have the same bits, or no number both."""
+    """True where two arrays have the same bits, or both are no number."""
     if a.dtype == np.bool_:
         return a == b
     return (a.view(np.uint32) == b.view(np.uint32)) | (np.isnan(a) & np.isnan(b))
 
 
 def line(row: Measured) -> str:
-    """For people who wait."""
+    """Line of the terminal for one library."""
     return (
         f"{row.title:28s} {row.option} {row.machine:14s} flash {row.flash:6d} state {row.state:5d} "
         f"stack {row.answer.stack:5d} instructions {row.mean:6.0f}, at most {row.most:6.0f}, "
@@ -280,7 +280,7 @@ def line(row: Measured) -> str:
 
 
 def page(rows: list[Measured]) -> str:
-    """The table in Markdown."""
+    """Page with the table in Markdown."""
     compiler = do(["arm-none-eabi-gcc", "--version"]).splitlines()[0]
     emulator = do(["qemu-system-arm", "--version"]).splitlines()[0]
     columns = (
@@ -291,9 +291,9 @@ def page(rows: list[Measured]) -> str:
 # Filters on a Cortex-M4F
 
 Written by `make firmware`: {compiler}; {emulator}.
-Every library replayed its vectors on {" and ".join(m.name for m in MACHINES)}, and all but the controllers a simulated
-log with lost and wild values: the filters of a battery (generic lfp, 12 Ah, 4 cells, 2 RC pairs) an hour of a robot's
-day, the observers a drive in closed loop. Every output had the bits of the reference.
+Every library replayed its vectors on {" and ".join(m.name for m in MACHINES)}, and all but the controllers a
+simulated log with missing and wild values: the filters of a battery (generic lfp, 12 Ah, 4 cells, 2 RC pairs) an hour
+of a robot's day, the observers a drive in closed loop. Every output had the bits of the reference.
 
 - flash: code and tables, and their share of the 512 KB of an STM32F411xE
 - RAM: the state; with one sample, one output, static variables and the deepest stack its share of 128 KB

@@ -1,4 +1,4 @@
-"""What single precision costs: every exported filter over a long log against the same program in double precision.
+"""Cost of single precision: every exported filter over a long log against the same program in double precision.
 
 The exported C runs on this machine, bit by bit as on the target (see measure.py). The battery is cycled by a drive that
 its own model answers, as cheap sensors show it; an observer replays its drive. Writes
@@ -45,7 +45,7 @@ class Cost(NamedTuple):
     usual: float
     difference: float
     largest: float
-    lost: int
+    unequal_nans: int
 
 
 def main() -> int:
@@ -111,7 +111,7 @@ def _cycling_A(capacity_Ah: float, steps: int) -> np.ndarray:
 
 
 def _seen(battery: Battery, current_A: np.ndarray, voltage_V: np.ndarray) -> SocSample:
-    """What cheap sensors show of it: noise, and an offset of the current."""
+    """Samples of cheap sensors: noise, and an offset of the current."""
     rng, steps = np.random.default_rng(4), len(current_A)
     current = current_A + 0.002 * battery.capacity_Ah + battery.noise.current_std_A * rng.standard_normal(steps)
     voltage = voltage_V + battery.noise.voltage_std_V * rng.standard_normal(steps)
@@ -139,8 +139,8 @@ def _cost(title: str, member: str, single: np.ndarray, double: np.ndarray) -> Co
     both = np.isfinite(single) & np.isfinite(double)
     differences = np.abs(single - double)[both]
     usual, difference = (float(np.quantile(differences, share)) for share in (0.99, 1.0))
-    lost = int(np.count_nonzero(np.isnan(single) != np.isnan(double)))
-    return Cost(title, member, usual, difference, float(np.abs(double[both]).max(initial=0.0)), lost)
+    unequal_nans = int(np.count_nonzero(np.isnan(single) != np.isnan(double)))
+    return Cost(title, member, usual, difference, float(np.abs(double[both]).max(initial=0.0)), unequal_nans)
 
 
 def page(rows: list[Cost]) -> str:
@@ -165,8 +165,8 @@ slope for another last bit.
     before = ""
     for row in rows:
         title, before = ("" if row.title == before else row.title), row.title
-        lost = f", no number in one of both {row.lost} times" if row.lost else ""
-        lines.append(f"| {title} | `{row.member}` | {row.usual:.2g} | {row.difference:.2g}{lost} | {row.largest:.3g} |")
+        nans = f", no number in one of both {row.unequal_nans} times" if row.unequal_nans else ""
+        lines.append(f"| {title} | `{row.member}` | {row.usual:.2g} | {row.difference:.2g}{nans} | {row.largest:.3g} |")
     return "\n".join([*lines, ""])
 
 

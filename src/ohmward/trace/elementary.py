@@ -165,7 +165,7 @@ def _exp(p: Precision, x: Scalar) -> Scalar:
 
 
 def _expm1(p: Precision, x: Scalar) -> Scalar:
-    # beyond 60 the 1 is lost anyway, and below -60 it is all there is
+    # above 60 the 1 is below the last bit, and below -60 the result is -1
     n, e = _reduced(p, minimum(maximum(x, -60.0), 60.0))
     scale = _power_of_two(n)
     y = e * scale + (scale - 1.0)
