@@ -103,7 +103,7 @@ def given_unit(quantity: str, spelling: str) -> Unit:
     Raises:
         InputError: there is none, or it is of another dimension.
     """
-    unit = unit_of(spelling)
+    unit = unit_of(str(spelling))
     channel = channel_of(quantity)
     if unit is None or unit.dimension not in channel.dimensions:
         raise InputError(f"unit {spelling!r} of the {quantity} is not known; use for example {channel.example}")

@@ -156,11 +156,7 @@ def read_drive(
 
 
 def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
-    """The rows in which something was measured.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The log of the rows in which something was measured; InputError where there is none."""
     measured = channels.measured
     if not measured.any():
         raise InputError(f"{file.source}: no row has the speed of a wheel or anything else that the robot measured")
@@ -188,11 +184,7 @@ def _order_notes(found: Found, wheels: Wheels) -> tuple[Note, ...]:
 
 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
-    """The wheels of a robot, or of a sequence of names.
-
-    Raises:
-        InputError: neither, or the number of driven wheels is not told or told twice.
-    """
+    """The wheels of a robot, or of names and the number of driven ones; InputError for anything else."""
     if hasattr(robot, "places") and driven in (None, robot.driven):
         return Wheels(tuple(place.name for place in robot.places), robot.driven)
     names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()

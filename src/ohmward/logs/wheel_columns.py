@@ -102,11 +102,7 @@ def find_drive_columns(
 
 
 def _meant(quantity: str, wheels: Wheels) -> list[str]:
-    """The channels that a name in --column stands for.
-
-    Raises:
-        InputError: this robot has no such channel.
-    """
+    """The channels that a name in --column stands for; InputError where this robot has no such channel."""
     if quantity in wheels.quantities:
         return [quantity]
     side, _, kind = quantity.partition("_")
