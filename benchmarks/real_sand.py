@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_most
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.families import (
     Family,
     brush,
@@ -25,6 +24,7 @@ from ohmward.traction.friction.families import (
 )
 from ohmward.traction.friction.fit import ForceSlip, LawFit, fit_law, lack_of_fit, left_out_errors_N, select_law
 from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.odd_functions import direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
 from ohmward.traction.friction.terrain import SOILS
 from real_data import columns

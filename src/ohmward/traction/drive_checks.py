@@ -1,6 +1,6 @@
-"""What is wrong with the recording of a drive, before anybody believes an estimate from it.
+"""Checks of the recording of a drive for faults, before an estimate is made from it.
 
-Every check looks for one fault that robots really have and says which wheel, what was seen and what to do.
+Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 
-#: A wheel turns, a robot moves and turns, a motor works from here on [rad/s, m/s, rad/s, A].
+#: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
 
-#: A fault must last so long [s] and be in so many samples before it is one.
+#: Shortest duration [s] and fewest samples of a fault.
 LASTS_S, FEWEST = 1.0, 20
 
 #: A wheel's sign is wrong where the wheels contradict each other by this share of their motion (in squares), and by
@@ -58,7 +58,7 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
-    """Encoders that show the same number to the last digit while the other wheels change theirs.
+    """Encoders that repeat a number to the last digit while the other wheels change theirs.
 
     A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, but on an omni robot.
     """
@@ -69,7 +69,7 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
-        for first, last in _lasting(log.time_s[rows], same):
+        for first, last in _long_runs(log.time_s[rows], same):
             part = slice(first, last + 1)
             may_stand = speed[first] == 0 and (last - first < rows.size - 2 or isinstance(robot.chassis, Omni))
             if not may_stand and moving[part].mean() > 0.5 and turning[part].mean() > 0.5:
@@ -103,7 +103,7 @@ def _spikes(robot: Robot, log: DriveLog) -> list[str]:
 
 
 def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """A wheel with whose sign changed the wheels and the gyro agree, and do not without."""
+    """Wheels without whose sign changed the wheels and the gyro contradict each other."""
     A, b, names = _kinematics(robot, log)
     if len(b) < FEWEST or A.shape[0] <= A.shape[1]:
         return []
@@ -161,7 +161,7 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> list[str]:
     found = []
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
-        for first, last in _lasting(log.time_s, stands & (np.abs(log.motor_current_A[:, k]) > WORKS_A)):
+        for first, last in _long_runs(log.time_s, stands & (np.abs(log.motor_current_A[:, k]) > WORKS_A)):
             current_A = float(np.median(np.abs(log.motor_current_A[first : last + 1, k])))
             found.append(
                 f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s, first, last)} and its wheel does "
@@ -212,7 +212,7 @@ def _from_to(time_s: np.ndarray, first: int, last: int) -> str:
 
 
 def _kinematics(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """What every sensor of motion sees (sensors, freedoms), the rows in which all of them saw it (N, sensors) [m/s].
+    """Kinematics (sensors, freedoms) of the sensors of motion, their values (N, sensors) [m/s] where all have one.
 
     A gyro counts as the rim of a wheel on the arm of the farthest one.
     """
@@ -233,7 +233,7 @@ def _flip(count: int, k: int) -> np.ndarray:
     return signs
 
 
-def _lasting(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
-    """First and last sample of every stretch of True in `rows` (T,) that lasts."""
+def _long_runs(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
+    """First and last sample of every run of True in `rows` (T,) that is long enough."""
     found = [(first, stop - 1) for first, stop in runs(rows)]
     return [(a, b) for a, b in found if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]

@@ -1,4 +1,4 @@
-"""From alarms at samples to episodes that people can look at: which wheel slipped from when to when, and how much."""
+"""Episodes of slip: alarms at samples joined to the wheel, its start, its end and its largest slip."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ JOINED_S = 0.5
 
 
 class SlipEpisode(NamedTuple):
-    """A wheel slipped beyond the allowed slip.
+    """A time in which a wheel slipped more than is allowed.
 
     wheel: its name.  start_s, end_s: of the alarm, on the log's clock.
     greatest_slip_m_s: slip speed r omega - v of the largest size in it.
@@ -36,11 +36,11 @@ class ImmobilisedEpisode(NamedTuple):
 
 
 def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
-    """The slip episodes in order of time; wheels: names of the driven wheels."""
+    """Slip episodes in order of time; wheels: names of the driven wheels."""
     found = []
     for k, wheel in enumerate(wheels):
         speed, ratio = track.estimates.slip_speed_m_s[:, k], track.estimates.slip_ratio[:, k]
-        for first, last in _runs(track.time_s, track.estimates.slipping[:, k] > 0.5):
+        for first, last in _joined_runs(track.time_s, track.estimates.slipping[:, k] > 0.5):
             part = slice(first, last + 1)
             start_s, end_s = float(track.time_s[first]), float(track.time_s[last])
             found.append(SlipEpisode(wheel, start_s, end_s, _greatest(speed[part]), _greatest(ratio[part])))
@@ -48,12 +48,12 @@ def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
 
 
 def immobilised_episodes(track: SlipRun) -> list[ImmobilisedEpisode]:
-    """When the robot was stuck, in order of time."""
-    runs = _runs(track.time_s, track.estimates.immobilised > 0.5)
-    return [ImmobilisedEpisode(float(track.time_s[first]), float(track.time_s[last])) for first, last in runs]
+    """Times in which the robot was stuck, in order."""
+    episodes = _joined_runs(track.time_s, track.estimates.immobilised > 0.5)
+    return [ImmobilisedEpisode(float(track.time_s[first]), float(track.time_s[last])) for first, last in episodes]
 
 
-def _runs(time_s: np.ndarray, alarm: np.ndarray) -> list[tuple[int, int]]:
+def _joined_runs(time_s: np.ndarray, alarm: np.ndarray) -> list[tuple[int, int]]:
     """First and last sample of every stretch of alarms (T,), short pauses bridged."""
     at = np.flatnonzero(alarm)
     if not at.size:

@@ -1,4 +1,4 @@
-"""How good an observer was, where the truth is known: the one place that turns its errors into figures."""
+"""Score of an observer against the truth: the one place that turns its errors into figures."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
-#: Standard deviations that a normal error exceeds in 5 % of the cases.
-
 #: Below this speed [m/s] of rim and travel a slip ratio is not compared: it would be noise over noise.
 SLIP_FLOOR_M_S = 0.05
 
@@ -23,7 +21,7 @@ CLEARLY = 2.0
 
 
 class DriveTruth(NamedTuple):
-    """What really was, each (T,) or (T, driven), nan where it is not known; None where it was not measured.
+    """True motion, each (T,) or (T, driven), nan where it is not known; None where it was not measured.
 
     speed_m_s: of the body, forward.
     yaw_rate_rad_s: > 0 to the left; without it the observer's own serves to find the speed of each wheel's centre.
@@ -46,7 +44,7 @@ class DriveScore(NamedTuple):
     coverage_95: share of the samples and wheels whose true slip speed is within the estimate's own 95 % band.
     false_alarm_rate: share of the samples and wheels with no more than the allowed slip that raise the alarm.
     detection_rate: share of those with `CLEARLY` more than it that raise it.
-    samples: how many had a true speed.
+    samples: number of samples with a true speed.
     """
 
     speed_rmse_m_s: float
@@ -60,41 +58,41 @@ class DriveScore(NamedTuple):
 
 
 class TrueSlip(NamedTuple):
-    """The slip of the driven wheels, (T, driven): speed [m/s], ratio (nan below the floor), and speed of the rim."""
+    """True slip (T, driven) of the driven wheels: speed [m/s], ratio (nan below the floor), and speed of the rim."""
 
     speed_m_s: np.ndarray
     ratio: np.ndarray
     rim_m_s: np.ndarray
 
 
-def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth, test: SlipAlarm | None = None) -> DriveScore:
-    """The score of estimates (T, ...) of this robot.
+def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth, alarm: SlipAlarm | None = None) -> DriveScore:
+    """Score of estimates (T, ...) of this robot.
 
-    test: what slip is allowed, as the observer's.
+    alarm: of the observer, which says what slip is allowed.
 
     Raises:
         InputError: shapes differ.
     """
     _check(estimates, truth)
-    slip, test = true_slip(robot, estimates, truth), test or SlipAlarm()
+    slip, alarm = true_slip(robot, estimates, truth), alarm or SlipAlarm()
     speed_error = estimates.speed_m_s - truth.speed_m_s
     slip_error = estimates.slip_speed_m_s - slip.speed_m_s
-    allowed = test.allowed_m_s + test.allowed_ratio * np.abs(slip.rim_m_s)
-    alarm, size = estimates.slipping > 0.5, np.abs(slip.speed_m_s)
+    allowed = alarm.allowed_m_s + alarm.allowed_ratio * np.abs(slip.rim_m_s)
+    alarmed, size = estimates.slipping > 0.5, np.abs(slip.speed_m_s)
     return DriveScore(
-        _rms(speed_error),
-        _largest(speed_error),
-        _covered(speed_error, estimates.speed_std_m_s),
-        _rms(estimates.slip_ratio - slip.ratio),
-        _covered(slip_error, estimates.slip_speed_std_m_s),
-        _share(alarm, size <= allowed),
-        _share(alarm, size > CLEARLY * allowed),
-        int(np.isfinite(speed_error).sum()),
+        speed_rmse_m_s=_rms(speed_error),
+        speed_max_error_m_s=_largest(speed_error),
+        speed_coverage_95=_covered(speed_error, estimates.speed_std_m_s),
+        slip_rmse=_rms(estimates.slip_ratio - slip.ratio),
+        coverage_95=_covered(slip_error, estimates.slip_speed_std_m_s),
+        false_alarm_rate=_share(alarmed, size <= allowed),
+        detection_rate=_share(alarmed, size > CLEARLY * allowed),
+        samples=int(np.isfinite(speed_error).sum()),
     )
 
 
 def true_slip(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> TrueSlip:
-    """Slip from the true motion of the body and the wheels' speeds and radius, which the observer knows well enough.
+    """True slip from the true motion of the body and the wheels' speeds and radius, which the observer estimates well.
 
     Where the slip ratio lambda itself is known, the slip speed is lambda max(|r omega|, |v|).
     """
@@ -110,7 +108,7 @@ def true_slip(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> TrueS
 
 
 def true_motion(robot: Robot, estimates: SlipEstimate, truth: DriveTruth) -> np.ndarray:
-    """(T, freedoms) of the body."""
+    """True motion (T, freedoms) of the body."""
     yaw_rate = estimates.yaw_rate_rad_s if truth.yaw_rate_rad_s is None else truth.yaw_rate_rad_s
     left = np.full(len(yaw_rate), np.nan) if truth.lateral_speed_m_s is None else truth.lateral_speed_m_s
     columns = {"v_m_s": truth.speed_m_s, "v_left_m_s": left, "yaw_rate_rad_s": yaw_rate}

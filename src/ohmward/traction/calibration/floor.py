@@ -1,9 +1,9 @@
-"""What a robot learns of a floor from drives on it: friction and stiffness of the traction, and the drag.
+"""Learn a floor from drives on it: friction and stiffness of the traction, and the drag.
 
     lambda = slip of the law at F / (mu N)        for every stretch and driven wheel, F from the motor current
 
 Maximum a posteriori of ln mu and ln C by Gauss and Newton (Levenberg's damping), the prior being any floor
-(`floors.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
+(`terrain.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from ohmward.traction.terrain.floor import (
 _PRIOR = np.log([FRICTION, STIFFNESS])
 _PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD])
 _STEPS, _NUDGE = 30, 1e-4
-#: Slip of a drive that no law of two numbers explains, at least.
+#: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
 _LENGTH_S = 0.3
 
@@ -48,7 +48,7 @@ class Points(NamedTuple):
 
 
 class FloorFit(NamedTuple):
-    """logs: (2,) ln mu and ln C; cov: (2, 2); slip_std: what is left of a drive's slip."""
+    """logs: (2,) ln mu and ln C; cov: (2, 2); slip_std: unexplained part of a drive's slip."""
 
     logs: np.ndarray
     cov: np.ndarray
@@ -56,7 +56,12 @@ class FloorFit(NamedTuple):
 
 
 class DragFit(NamedTuple):
-    """rolling, roller: shares of the load; std: of both, relative; force_std: what is left of a force over its load."""
+    """Drag of a floor.
+
+    rolling, roller: shares of the load.
+    std: of both, relative.
+    force_std: unexplained part of a force over its load.
+    """
 
     rolling: float
     roller: float
@@ -112,7 +117,7 @@ def traction(s: Stretches, robot: Robot) -> np.ndarray:
 
 
 def fit_law(p: Points) -> FloorFit:
-    """Friction and stiffness, and what they leave unexplained."""
+    """Friction and stiffness, and the slip that they leave unexplained."""
     wheels = p.force_share.shape[1]
     share, slip, drive = p.force_share.ravel(), p.slip_ratio.ravel(), np.repeat(p.drive, wheels)
     logs, damping, P0_inv = _PRIOR, 1e-3, np.diag(_PRIOR_STD**-2)
@@ -131,7 +136,7 @@ def fit_law(p: Points) -> FloorFit:
 
 
 def fit_drag(s: Stretches, robot: Robot) -> DragFit:
-    """Rolling and roller share, and what they leave unexplained."""
+    """Rolling and roller share, and the force that they leave unexplained."""
     force = traction(s, robot) - inertial_forces(robot, s.acceleration)
     known = np.isfinite(force).all(axis=1)
     force, drive = force[known], s.drive[known]

@@ -2,11 +2,11 @@
 
     n K_m I (1 - (1 - eta) d) = kappa [ J domega/dt + r (F_inertia + F_drag) ] + tau_c tanh(omega / omega_0) + b omega
 
-for every stretch and driven wheel, linear in kappa, the shares of the drag, tau_c and b (`motor`, `floors.demand`).
+for every stretch and driven wheel, linear in kappa, the shares of the drag, tau_c and b (`motor`, `terrain.demand`).
 kappa is the robot file's torque constant over the true one: only accelerations show it, through the mass. d is the
 direction of the current and the rotation. An omni robot driven in several directions tells the friction of its motors
-from the drag of its rollers; with wheels that only roll forward the two look the same, and what is believed of the
-rolling resistance decides.
+from the drag of its rollers; with wheels that only roll forward the two look the same, and the prior of the rolling
+resistance decides.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces
 
-#: Rolling resistance of the floor, share of the load, and its standard deviation, where nothing is said of it.
+#: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.
 ROLLING = (0.02, 0.02)
 _KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
 #: The torque constant counts as identified where its sigma is at most this share of it, a loss from so many sigmas on.
@@ -33,7 +33,7 @@ CONSTANT_SHARE, LOSS_SIGMAS = 0.1, 2.0
 _LENGTH_S = 0.5
 #: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
 _SPEED_RATIO = 2.0
-#: Sigma of what the fit takes as it is.
+#: Sigma of a parameter that the fit does not change.
 _HELD = 1e-9
 
 
@@ -48,11 +48,11 @@ class RegressionRow(NamedTuple):
 def calibrate_motor(
     drives: Sequence[CalibrationDrive], robot: Robot, rolling: tuple[float, float] = ROLLING
 ) -> tuple[Parameter, ...]:
-    """Torque constant, friction and damping of the motors; where the drives do not tell one, the robot's own value.
+    """Torque constant, friction and damping of the motors; the robot's own value where the drives do not tell one.
 
     Args:
         drives: with the motion of the body.
-        robot: its mass, geometry and radius are believed.
+        robot: with true mass, geometry and radius.
         rolling: rolling resistance of the floor, share of the load, and its standard deviation, 0 where
             it is known.
 
@@ -99,7 +99,7 @@ def _speeds_differ(s: Stretches) -> bool:
 
 
 def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """What is believed of kappa, rolling, roller, friction and damping."""
+    """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
     torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
     fastest = float(np.abs(row.columns[:, 4]).max())
     roller_std = _ROLLER_STD if isinstance(robot.chassis, Omni) else _HELD
@@ -133,7 +133,7 @@ def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Param
     )
 
 
-def _loss(name: str, i: int, fit: Regression, kept: float, reason: str) -> Parameter:
+def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parameter:
     """The loss in column i where it is clearly more than nothing, else the robot's own."""
     value, std = float(fit.beta[i] / fit.beta[0]), float(np.sqrt(fit.cov[i, i]) / fit.beta[0])
-    return Parameter(name, value, std) if value > LOSS_SIGMAS * std else Parameter(name, kept, std, reason)
+    return Parameter(name, value, std) if value > LOSS_SIGMAS * std else Parameter(name, own, std, reason)

@@ -1,4 +1,4 @@
-"""One calibrated number with its uncertainty, or the reason why the drives do not tell it."""
+"""A calibrated parameter with its uncertainty, or the reason why the drives do not tell it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ohmward.traction.robot.robot import Robot
 class Parameter(NamedTuple):
     """A number of the robot file.
 
-    name: where it stands in the robot, with its unit: "motor.friction_Nm".
+    name: its path in the robot, with its unit: "motor.friction_Nm".
     value: as calibrated, or the robot's own where it was not.
     std: standard deviation of that.
-    reason: why it could not be identified; empty where it was.
+    reason: cause why it could not be identified; empty where it was.
     """
 
     name: str
@@ -25,7 +25,7 @@ class Parameter(NamedTuple):
 
     @property
     def identified(self) -> bool:
-        """Whether the drives tell it."""
+        """True where the drives tell it."""
         return not self.reason
 
 

@@ -1,4 +1,4 @@
-"""Effective radius of the wheels: how far the body moves for their turns."""
+"""Effective radius of the wheels: travel of the body over their rotation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _passive_turns(robot: Robot, rows: Stretches) -> np.ndarray | None:
 
 
 def _creep(robot: Robot, rows: Stretches) -> float:
-    """What a floor of ordinary stiffness lets driven wheels creep under these forces, a share."""
+    """Creep ratio of driven wheels under these forces on a floor of ordinary stiffness."""
     torque = wheel_torque(robot.motor, rows.current_A, rows.wheel_speed_rad_s[:, : robot.driven])
     share = np.abs(torque) / robot.wheel.radius_m / static_loads(robot)[: robot.driven]
     return float(np.nanmean(share)) / STIFFNESS if np.isfinite(share).any() else 0.02

@@ -4,7 +4,7 @@
     cov  = H^-1 (sum over groups g g' + P0^-1) H^-1,   g = A_g' e_g / sigma^2     (sandwich; White 1980)
 
 sigma is that of the residuals e. Groups are drives where there are ten of them, else rows: a sandwich of few groups
-promises too much.
+is too small.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def regress(A: np.ndarray, y: np.ndarray, drive: np.ndarray, prior: np.ndarray, 
         A: (K, p).
         y: (K,).
         drive: (K,) number of the recording of each row.
-        prior: (p,) what is believed before.
-        prior_std: (p,) how surely; infinity for nothing.
+        prior: (p,) mean.
+        prior_std: (p,) standard deviation; infinity for no prior.
     """
     P0_inv = np.diag(1 / prior_std**2)
     beta = np.linalg.lstsq(A, y, rcond=None)[0]

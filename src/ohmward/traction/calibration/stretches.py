@@ -1,4 +1,4 @@
-"""Drives cut into short stretches of nearly steady motion: the rows of every fit of this room."""
+"""Stretches of nearly steady motion, cut from drives: the rows of every fit of a calibration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.robot import Robot
 
 LENGTH_S = 1.0
-#: A stretch counts where the rims move at least so fast and change their motion by less than this share of it.
+#: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
 SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
 
 
@@ -55,7 +55,7 @@ def cut(
 
 
 def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (..., freedoms) that the driven wheels (..., driven) make, as if none slipped."""
+    """Motion (..., freedoms) of the driven wheels (..., driven), as if none slipped."""
     return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
@@ -88,7 +88,7 @@ def _of_drive(number: int, drive: CalibrationDrive, robot: Robot, steady: bool, 
 
 
 def parabola(time_s: np.ndarray) -> np.ndarray:
-    """Weights (rows,) under which the mean of a rate is the slope of the line through its integral.
+    """Weights (rows,) with which the mean of a rate is the slope of the line through its integral.
 
     The slope of a least-squares line through v is the mean of dv/dt with weights 1 - x^2 over x in [-1, 1]: forces and
     accelerations taken so belong together even where they step within a stretch.

@@ -81,7 +81,7 @@ def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
 
 
 def between(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (T,) with straight lines where there is none, nan before the first and after the last."""
+    """Values (T,) with straight lines across gaps, nan before the first and after the last."""
     known = np.isfinite(values)
     if not known.any():
         return values

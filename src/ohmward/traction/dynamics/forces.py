@@ -1,4 +1,4 @@
-"""A robot on the ground: forces at every wheel, and what they do to body and wheels.
+"""Dynamics of a robot on the ground: forces at every wheel, and the rates of body and wheels.
 
 m (dv_x/dt - yaw_rate v_y) = sum of the wheels' forces along x - m g sin(grade) - drawbar pull
 J dyaw_rate/dt             = sum of their moments
@@ -18,20 +18,20 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import cos, maximum, sin, sqrt, where
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.law import Contact, TractionLaw, contact
+from ohmward.traction.friction.odd_functions import direction_and_size
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.motor import friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
-#: Passes over the loop of force, load and force again; each leaves about height/wheelbase * mu of the error.
+#: Passes over the loop of force and load; each leaves about height/wheelbase * mu of the error.
 LOAD_PASSES = 4
 #: Slip speed [m/s] at which the direction of a slip vector stops to count; it keeps the derivative at rest finite.
 _STILL = 1e-6
 
 
 class Scene(NamedTuple):
-    """What does not change from step to step.
+    """Robot and ground, which do not change from step to step.
 
     robot:    the robot.
     terrains: one for each wheel, in the order of `Robot.places`, see `scene`.
@@ -42,13 +42,13 @@ class Scene(NamedTuple):
 
 
 class RobotInput(NamedTuple):
-    """What acts on the robot during a step.
+    """Input of the robot during a step.
 
     current_A:      (driven,) of each motor, > 0 drives forward.
     grade_rad:      > 0 uphill along x.
     bank_rad:       > 0 where the ground rises to the left.
     drawbar_N:      pull of a load behind the robot, > 0 backward.
-    adhesion_share: (wheels,) or one for all: what the traction of the named terrain is multiplied by.
+    adhesion_share: (wheels,) or one for all: factor of the traction of the named terrain.
     """
 
     current_A: Any
@@ -59,7 +59,7 @@ class RobotInput(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """What happens at the wheels, each (wheels,) but the torques, which are (driven,).
+    """Forces at the wheels, each (wheels,) but the torques, which are (driven,).
 
     load_N:         normal load.
     slip_speed_m_s: r omega - v along the wheel, 0 where it is not driven.
@@ -68,7 +68,7 @@ class Forces(NamedTuple):
     scrub_N:        of the ground to the left of the wheel.
     rolling_N:      rolling resistance along the wheel.
     torque_Nm:      of the motor at the wheel, without losses.
-    friction_Nm:    that the drive takes from it.
+    friction_Nm:    friction of the drive.
     """
 
     load_N: np.ndarray
@@ -99,7 +99,7 @@ def forces(x: np.ndarray, u: RobotInput, p: Scene) -> Forces:
 
 
 class WheelMotion(NamedTuple):
-    """How each wheel moves over the ground, each (wheels,) in m/s: its rim, its centre along and to the left of it."""
+    """Motion of each wheel over the ground, each (wheels,) in m/s: its rim, its centre along and to the left of it."""
 
     rim: np.ndarray
     travel: np.ndarray

@@ -1,4 +1,4 @@
-"""The model without the stiffness of its wheels: their slip is what the force needs, at every instant.
+"""Quasi-static model: the slip of the wheels is at every instant the one that their force needs.
 
 A wheel that grips settles within a millisecond, so for a filter at 100 Hz its slip is a function of its force and not a
 state. The rotation of the wheels is then part of the body's inertia:
@@ -56,14 +56,14 @@ def motion_rates(motion: np.ndarray, u: RobotInput, p: Scene) -> np.ndarray:
     """Rate of change of the body's motion (freedoms,) while all wheels grip."""
     robot, free = p.robot, p.robot.freedoms
     x = gripping(motion, robot)
-    push = momentum_rates(x, u, p, forces_at(x, u, p, normal_loads(u, robot, np.zeros(2))))
+    force = momentum_rates(x, u, p, forces_at(x, u, p, normal_loads(u, robot, np.zeros(2))))
     rows = robot.rolling[: robot.driven] / robot.wheel.radius_m
     inertia = np.diag(robot.inertia[:free]) + rows.T @ (robot.inertia[free:, None] * rows)
-    return np.linalg.inv(inertia) @ (push[:free] + rows.T @ push[free:])
+    return np.linalg.inv(inertia) @ (force[:free] + rows.T @ force[free:])
 
 
 def wheel_slip(motion: np.ndarray, u: RobotInput, p: Scene) -> WheelSlip:
-    """What the driven wheels do in this motion (freedoms,)."""
+    """Slip of the driven wheels in this motion (freedoms,) of the body."""
     robot = p.robot
     x = gripping(motion, robot)
     f = forces_at(x, u, p, normal_loads(u, robot, np.zeros(2)))

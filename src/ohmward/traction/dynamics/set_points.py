@@ -1,4 +1,4 @@
-"""Two slips worth holding, and they differ: the one of the largest force, and the one of the least energy.
+"""Set points of slip: the one of the largest force, and the one of the least energy, which is smaller.
 
 The share of the wheel's power that moves the robot against a load is (1 - lambda) (1 - R/F), with the wheel's rolling
 resistance R. More slip gives more force and wastes more of it, so the best slip lies below the peak.
@@ -21,7 +21,7 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 class Peak(NamedTuple):
-    """The largest force that the ground gives, and at what slip."""
+    """Largest force of the ground, and the slip of it."""
 
     slip_ratio: float
     slip_speed_m_s: float
@@ -29,7 +29,7 @@ class Peak(NamedTuple):
 
 
 class BestSlip(NamedTuple):
-    """The slip of the least energy, the force there, and the share of the wheel's power that moves the robot."""
+    """Slip of the least energy, the force there, and the share of the wheel's power that moves the robot."""
 
     slip_ratio: float
     force_N: float

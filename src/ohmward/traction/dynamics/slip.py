@@ -17,7 +17,7 @@ REPORT_FLOOR = 0.02
 
 
 def slip_speed(rim_speed_m_s: Any, travel_speed_m_s: Any) -> Any:
-    """How fast [m/s] the rim moves over the ground."""
+    """Speed [m/s] of the rim over the ground."""
     return rim_speed_m_s - travel_speed_m_s
 
 

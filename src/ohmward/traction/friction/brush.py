@@ -20,8 +20,8 @@ from typing import Any
 
 from ohmward.checks import require_between, require_positive
 from ohmward.trace import maximum, where
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
+from ohmward.traction.friction.odd_functions import direction_and_size
 
 _TINY = 1e-12
 

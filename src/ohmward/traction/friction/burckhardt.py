@@ -14,8 +14,8 @@ import numpy as np
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio
+from ohmward.traction.friction.odd_functions import direction_and_size
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 
@@ -25,8 +25,8 @@ class Burckhardt:
 
     Attributes:
         c1: adhesion to which the exponential rises, > 0.
-        c2: how fast, > 0.
-        c3: how much of it a sliding wheel has lost, >= 0, with the adhesion at slip ratio 1 not below 0.
+        c2: rate of it, > 0.
+        c3: adhesion that a sliding wheel has lost, >= 0, with the adhesion at slip ratio 1 not below 0.
         speed_floor_m_s: below this speed the slip ratio is taken against it, > 0.
     """
 
@@ -47,7 +47,7 @@ class Burckhardt:
 
     @property
     def peak_slip_ratio(self) -> float:
-        """Where the adhesion is largest, in [0, 1]."""
+        """Slip ratio of the largest adhesion, in [0, 1]."""
         return 1.0 if self.c3 == 0 else min(1.0, math.log(self.c1 * self.c2 / self.c3) / self.c2)
 
     @property

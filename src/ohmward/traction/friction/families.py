@@ -1,4 +1,4 @@
-"""What is free when a law of traction is fitted to measured forces: parameters, their limits, and where to start."""
+"""Families of friction laws for a fit to measured forces: free parameters, their limits and starts."""
 
 from __future__ import annotations
 
@@ -112,6 +112,6 @@ def soft_ground(soil: Soil, radius_m: float, width_m: float, speed_floor_m_s: fl
 
 
 def _by_decades(name: str, low: float, high: float) -> Free:
-    """A parameter of which not even the order of magnitude is known."""
+    """A parameter whose order of magnitude is unknown: a start in each decade."""
     starts = np.geomspace(low, high, round(math.log10(high / low)) + 1)[1:-1]
     return Free(name, low, high, tuple(starts.tolist()))

@@ -1,11 +1,11 @@
-"""Laws of traction fitted to measured forces, and which of them serves.
+"""Fit of friction laws to measured forces, and selection of the best.
 
     F = F_law(contact) - c N,    c: resistance share, of rolling and of the soil that is pressed and pushed
 
 Least squares from every start of a family. Confidence intervals are those of the linearised fit (Student's t, on the
-scale of the search), cut at the limits of the parameters: what the data do not show reaches from limit to limit. They
-hold as far as the law does: look at `lack_of_fit`. A law is judged, and chosen, by what it says of data that it has not
-seen: whole groups (slips, runs, days) are left out, because repetitions of a measurement tell each other.
+scale of the search), cut at the limits of the parameters: that of an unidentified one reaches from limit to limit. They
+hold as far as the law does: look at `lack_of_fit`. A law is judged, and chosen, by its errors on data that it was not
+fitted to: whole groups (slips, runs, days) are left out, because repetitions of a measurement are not independent.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.families import RESISTANCE, Family, Free
 from ohmward.traction.friction.law import Contact, TractionLaw
+from ohmward.traction.friction.odd_functions import direction_and_size
 
 
 class ForceSlip(NamedTuple):
@@ -34,14 +34,14 @@ class ForceSlip(NamedTuple):
     force_N: np.ndarray
 
     def pick(self, rows: np.ndarray) -> ForceSlip:
-        """Those of a mask (n,)."""
+        """Measurements of a mask (n,)."""
         return ForceSlip(Contact(*(values[rows] for values in self.contact)), self.force_N[rows])
 
 
 class Interval(NamedTuple):
     """A parameter with its 95 % confidence interval.
 
-    identified: whether the interval lies within the limits of the search.
+    identified: True where the interval lies within the limits of the search.
     """
 
     name: str
@@ -73,7 +73,7 @@ class LawFit(NamedTuple):
 
 
 def drawbar_N(law: TractionLaw, resistance_ratio: float, contact: Contact) -> np.ndarray:
-    """What is left of the traction when the wheel has pulled itself, (n,) [N]."""
+    """Traction (n,) [N] less the resistance of the wheel itself."""
     direction, _ = direction_and_size(contact.travel_speed_m_s)
     return law.force_N(contact) - resistance_ratio * direction * contact.load_N
 
@@ -104,7 +104,7 @@ def fit_law(data: ForceSlip, family: Family) -> LawFit:
 
 
 def select_law(data: ForceSlip, families: Sequence[Family], groups: np.ndarray) -> LawFit:
-    """The fit of the family that foretells a left-out group best; groups: (n,) labels."""
+    """Fit of the family that predicts a left-out group best; groups: (n,) labels."""
     if not families:
         raise InputError("families must hold at least one family")
 
@@ -117,7 +117,7 @@ def select_law(data: ForceSlip, families: Sequence[Family], groups: np.ndarray) 
 def left_out_errors_N(
     data: ForceSlip, groups: np.ndarray, fit: Callable[[ForceSlip, np.ndarray], LawFit]
 ) -> np.ndarray:
-    """Errors (n,) [N] of forces that the fit has not seen: each group is foretold from all others.
+    """Errors (n,) [N] of forces that the fit has not seen: each group is predicted from all others.
 
     fit: from measurements and their groups. With `select_law` inside, the choice of the law is judged too.
 
@@ -168,7 +168,7 @@ class _Scale:
         return float(np.log(value)) if self.logarithmic else value
 
     def value(self, z: float) -> float:
-        """Back from `search`; rounding never leaves the limits."""
+        """Inverse of `search`; rounding never leaves the limits."""
         return float(np.clip(np.exp(z) if self.logarithmic else z, self.free.low, self.free.high))
 
 
@@ -187,7 +187,7 @@ def _intervals(scale: Sequence[_Scale], best) -> tuple[Interval, ...]:
 
 
 def _inverse_diagonal(jac: np.ndarray) -> np.ndarray:
-    """Diagonal of (J'J)^-1, inf where J does not show a parameter."""
+    """Diagonal of (J'J)^-1, inf for a parameter that is not observable through J."""
     _, s, Vt = np.linalg.svd(jac, full_matrices=False)
     seen = s > 1e-9 * s[0]
     diagonal = np.sum((Vt[seen] / s[seen, None]) ** 2, axis=0)

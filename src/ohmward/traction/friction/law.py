@@ -1,15 +1,15 @@
-"""The one interface of all traction laws: force from a contact."""
+"""Interface of all friction laws: force from a contact."""
 
 from typing import Any, NamedTuple, Protocol
 
 from ohmward.trace import maximum
 
-#: Below this speed [m/s] a slip ratio is taken against it: a law in the slip ratio has infinite slope at rest.
+#: Least speed [m/s] that a slip ratio is taken against: a law in the slip ratio has infinite slope at rest.
 SPEED_FLOOR = 0.05
 
 
 class Contact(NamedTuple):
-    """How a wheel meets the ground; floats, arrays or traced.
+    """Contact of a wheel with the ground; floats, arrays or traced.
 
     slip_speed_m_s:   rim speed less travel speed, along the wheel; with sideways slip the length of the slip vector.
     rim_speed_m_s:    r omega.
@@ -46,7 +46,7 @@ def bounded_slip_ratio(c: Contact, floor_m_s: float) -> Any:
 
 
 def creepage(c: Contact, floor_m_s: float) -> Any:
-    """Slip speed over rim speed: how far a point that rolls through the patch is sheared per metre of the patch.
+    """Slip speed over rim speed: shear of a point that rolls through the patch per metre of the patch.
 
     Driving it is the slip ratio i = 1 - v/(r omega); braking with the skid i_s = 1 - r omega/v it is -i_s/(1 - i_s).
     One variable serves both, and grows without limit as the wheel locks.

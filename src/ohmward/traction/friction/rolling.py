@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
-from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.friction.odd_functions import direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.ward_iagnemma import adhesion
 
@@ -34,7 +34,7 @@ class RollingResistance:
 
     Attributes:
         a1: share of the load, >= 0.
-        a2_s_per_m: how fast it sets in, > 0.
+        a2_s_per_m: rate at which it sets in with speed, > 0.
         a3_s_per_m: growth with speed, >= 0.
     """
 
@@ -54,11 +54,11 @@ class RollingResistance:
 
 @dataclass(frozen=True)
 class CompactionResistance:
-    """What it takes to press a rut into soil; it sets in with speed like rolling resistance.
+    """Force that presses a rut into soil; it sets in with speed like rolling resistance.
 
     Attributes:
         ground: soil and wheel.
-        a2_s_per_m: how fast it sets in, > 0.
+        a2_s_per_m: rate at which it sets in with speed, > 0.
     """
 
     ground: SoftGround

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, maximum, minimum, where
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
+from ohmward.traction.friction.odd_functions import direction_and_size
 
 _LEAST_LOAD_N = 1e-6
 _SERIES_BELOW = 1e-3
@@ -27,7 +27,7 @@ _SERIES_BELOW = 1e-3
 
 @dataclass(frozen=True)
 class Soil:
-    """What soil is, whatever rolls on it.
+    """Properties of a soil.
 
     Attributes:
         name: in words.
@@ -58,7 +58,7 @@ class Soil:
 
 
 class Footprint(NamedTuple):
-    """Where a wheel of `radius_m` and `width_m` stands under a load: how deep [m] and how long [m]."""
+    """Sinkage [m] and length [m] of the contact of a wheel under a load."""
 
     sinkage_m: Any
     length_m: Any

@@ -18,7 +18,7 @@ PEAK_SLIP_SPEED = 0.1
 
 
 class Terrain(NamedTuple):
-    """A ground: what it gives for slip, what it takes for rolling, and where the numbers come from."""
+    """A ground: its friction law, its rolling resistance, and the source of the numbers."""
 
     name: str
     traction: TractionLaw
@@ -85,7 +85,7 @@ def terrain_named(name: str, radius_m: float, width_m: float) -> Terrain:
     """A ground by name, hard or soft, under wheels of this size.
 
     Raises:
-        InputError: there is none of that name; lists all.
+        InputError: an unknown name; lists all.
     """
     if name in SOILS:
         return soft_terrain(name, radius_m, width_m)

@@ -17,8 +17,8 @@ import numpy as np
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import maximum, where
-from ohmward.traction.dynamics.odd_functions import direction_and_size
 from ohmward.traction.friction.law import Contact
+from ohmward.traction.friction.odd_functions import direction_and_size
 
 #: C2 times the slip speed at the peak: 4.0 and 4.1 on Burckhardt's dry roads, 4.4 on wet asphalt.
 SHARPNESS = 4.0
@@ -30,7 +30,7 @@ class WardIagnemma:
 
     Attributes:
         c1: adhesion to which the exponential rises, > 0.
-        c2_s_per_m: how fast, > 0.
+        c2_s_per_m: rate of it, > 0.
         c3_s_per_m: slope at high slip; < 0 for ground with a peak, and then > -c1 * c2.
         sliding: adhesion that remains beyond the peak, from 0 to the peak; without meaning where there is no peak.
     """
@@ -62,7 +62,7 @@ class WardIagnemma:
 
     @property
     def peak_slip_speed_m_s(self) -> float:
-        """Where the adhesion is largest; inf if it never falls."""
+        """Slip speed of the largest adhesion; inf if it never falls."""
         if self.c3_s_per_m >= 0:
             return math.inf
         return math.log(self.c1 * self.c2_s_per_m / -self.c3_s_per_m) / self.c2_s_per_m

@@ -14,7 +14,7 @@ from ohmward.traction.robot.motor import Motor, wheel_torque
 
 
 class CleanAngleSample(NamedTuple):
-    """What the prediction takes of a sample, with every number finite.
+    """A sample for the prediction, with every number finite.
 
     dt_s: step [s], >= 0.
     time_credible: the condition that the clock can have shown the step.

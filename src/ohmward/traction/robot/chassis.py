@@ -1,4 +1,4 @@
-"""Where the wheels are and which way they roll; one matrix serves speeds and forces.
+"""Chassis: positions and rolling directions of the wheels; one matrix serves speeds and forces.
 
 A wheel at (x, y) that rolls in the direction (c, s) moves at c v_x + s v_y + (x s - y c) yaw_rate: one row of the
 rolling matrix G. Travel speeds are G times the body's motion, and the wheels' forces act on the body through the
@@ -22,7 +22,7 @@ PLANAR = ("v_m_s", "v_left_m_s", "yaw_rate_rad_s")
 
 
 class Place(NamedTuple):
-    """One wheel: x forward and y left of the centre of gravity, where it rolls to, and whether a motor drives it."""
+    """One wheel: x forward and y left of the centre of gravity, its rolling direction, and True where it is driven."""
 
     name: str
     x_m: float
@@ -35,7 +35,7 @@ class Chassis(Protocol):
     """A layout of wheels.
 
     freedoms: the motions that the body can make, of `PLANAR`.
-    scrubs:   whether the wheels resist being pushed sideways with the friction that they roll with.
+    scrubs:   True where the wheels resist a sideways motion with the friction that they roll with.
     places:   the wheels, the driven ones first.
     """
 
@@ -118,7 +118,7 @@ class Omni:
 
     Attributes:
         arm_m: radius of the circle, > 0.
-        bearings_deg: where the wheels are, counter-clockwise from forward; at least three, not all on one line.
+        bearings_deg: of the wheels, counter-clockwise from forward; at least three, not all on one line.
     """
 
     arm_m: float

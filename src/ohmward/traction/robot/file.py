@@ -40,7 +40,7 @@ def load_robot(path: str | PathLike[str]) -> Robot:
     """The robot in a file, or a packaged one by its name, see `PACKAGED`.
 
     Raises:
-        InputError: the file cannot be read or says something that a robot cannot be; names file, key, rule and fix.
+        InputError: the file cannot be read, or no robot can be as it says; names file, key, rule and fix.
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"a robot must be a Robot, or the path or name of one, got {type(path).__name__}")

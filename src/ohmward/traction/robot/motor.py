@@ -1,4 +1,4 @@
-"""A DC motor with gear on a wheel: current to torque, voltage, and what is lost on the way.
+"""DC motor with gear on a wheel: torque, voltage and losses from current and speed.
 
 tau      = n K_m I - tau_f                                          at the wheel
 tau_f    = [tau_c + (1 - eta) n K_m |I|] tanh(omega / omega_0) + b omega
@@ -18,7 +18,7 @@ from typing import Any
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import tanh
-from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.friction.odd_functions import direction_and_size
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Motor:
 
     @property
     def inertia_at_wheel_kg_m2(self) -> float:
-        """What the rotor adds to the wheel: n^2 J_rotor."""
+        """Inertia of the rotor at the wheel: n^2 J_rotor."""
         return self.gear_ratio**2 * self.rotor_inertia_kg_m2
 
 
@@ -70,7 +70,7 @@ def ideal_torque(motor: Motor, current_A: Any) -> Any:
 
 
 def friction_torque(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
-    """Torque [N m] that bearings and gear take, against the rotation."""
+    """Friction [N m] of bearings and gear, against the rotation."""
     _, carried = direction_and_size(ideal_torque(motor, current_A))
     dry = motor.friction_Nm + (1 - motor.gear_efficiency) * carried
     return dry * tanh(wheel_speed_rad_s / motor.friction_speed_rad_s) + motor.damping_Nms_per_rad * wheel_speed_rad_s
@@ -82,7 +82,7 @@ def wheel_torque(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
 
 
 def current_for_torque(motor: Motor, torque_Nm: Any, wheel_speed_rad_s: Any) -> Any:
-    """Current [A] that gives this torque at the wheel: the inverse of `wheel_torque`, exact."""
+    """Current [A] for this torque at the wheel: the exact inverse of `wheel_torque`."""
     turning = tanh(wheel_speed_rad_s / motor.friction_speed_rad_s)
     needed = torque_Nm + motor.friction_Nm * turning + motor.damping_Nms_per_rad * wheel_speed_rad_s
     direction, _ = direction_and_size(needed)

@@ -23,7 +23,7 @@ from ohmward.traction.robot.motor import Motor
 
 GRAVITY = 9.80665
 
-#: The sum of weighed wheel loads may differ from the weight by this share.
+#: Largest relative difference of the sum of weighed wheel loads from the weight.
 _WEIGHING = 0.05
 
 
@@ -48,7 +48,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Robot:
-    """Everything about a robot that does not depend on the ground.
+    """A robot, without the ground.
 
     Attributes:
         name: in words.
@@ -58,7 +58,7 @@ class Robot:
         wheel: each of them.
         motor: of each driven wheel.
         height_m: of the centre of gravity over the ground, >= 0; with 0 no load moves between the wheels.
-        idle_W: what the electronics draw, >= 0.
+        idle_W: power of the electronics, >= 0.
         wheel_load_N: (wheels,) of each wheel as weighed, > 0, adding up to the weight; empty: from the geometry.
     """
 
@@ -177,12 +177,12 @@ def free_sideways(robot: Robot) -> Robot:
 
 
 def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> float:
-    """Yaw inertia [kg m2] of an even box: a start where nothing better is known."""
+    """Yaw inertia [kg m2] of an even box, where nothing better is known."""
     return mass_kg * (length_m**2 + width_m**2) / 12
 
 
 def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
-    """Yaw inertia [kg m2] of a wheel, an even disc that stands so far from the centre of gravity."""
+    """Yaw inertia [kg m2] of a wheel, an even disc at this distance from the centre of gravity."""
     return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
 
 

@@ -40,7 +40,7 @@ NEWTON_STEPS, FINISHING_STEPS = 3, 2
 
 
 class SlipStep(NamedTuple):
-    """Where a step ends, and what would have changed it.
+    """End of a step, and its response to unknown torque and traction.
 
     motion: v (freedoms,) of the body.
     omega: (driven,) [rad/s].

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace import minimum, table
-from ohmward.traction.dynamics.odd_functions import direction_and_size
+from ohmward.traction.friction.odd_functions import direction_and_size
 from ohmward.traction.terrain.floor import Floor, SlipBelief, slips_of_floors
 
 #: Largest force over load of the curves, more than any floor gives, and the distance of their points.
