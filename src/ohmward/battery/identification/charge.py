@@ -1,4 +1,4 @@
-"""Stage 1: how much charge flowed between the samples, from the current and, where that is not enough, a counter."""
+"""Charge between the samples of a log, from the current and, where there is one, a charge counter."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
+#: A gap in the recording is longer than this [s], and than so many median intervals.
 GAP_S = 120.0
 _GAP_INTERVALS = 20.0
+#: Intervals up to so many medians are used to compare a counter with the current.
 _USUAL_INTERVALS = 3.0
+#: A counter is one if its slope over the integral of the current is 1 within this, from sums over so many blocks.
 _COUNTER_TOLERANCE = 0.05
 _BLOCKS = 200
+#: Intervals of a block within which the sum of the counter holds.
 _BLOCK_INTERVALS = 100
-# A gain error of the current sensor, beside which the doubt within an interval is what matters.
-_GAIN_DOUBT = 1e-3
+#: Gain error of a current sensor: the error of an interval in which the current does not change.
+_GAIN_ERROR = 1e-3
 
 
 class ChargeIntegral(NamedTuple):
@@ -26,7 +30,7 @@ class ChargeIntegral(NamedTuple):
 
     moved_Ah: (T,) [Ah], > 0 when charge went in; the first is 0.
     unknown: (T,) bool, a gap during which an unknown charge may have flowed; moved_Ah is 0 there.
-    notes: what the current could not tell and how it was settled.
+    notes: on intervals whose charge the current does not tell.
     """
 
     moved_Ah: np.ndarray
@@ -60,9 +64,9 @@ class Counter(NamedTuple):
 def count_charge(log: Log) -> ChargeIntegral:
     """Charge of each interval of the log: the mean of both currents, corrected by a charge counter if there is one.
 
-    The mean of both samples misleads where the current changes by di within a long interval dt, by up to |di| dt/2,
-    and says nothing about a gap in the recording. A counter column that agrees with the current elsewhere settles
-    both: what it shows beyond the integral is given to the intervals in proportion to that doubt.
+    Where the current changes by di within an interval dt, the mean of both samples is wrong by up to |di| dt/2, and it
+    says nothing about a gap in the recording. A counter column that agrees with the current elsewhere settles both:
+    its difference to the integral is given to the intervals in proportion to that error.
 
     Raises:
         InputError: the log has no current.
@@ -70,12 +74,12 @@ def count_charge(log: Log) -> ChargeIntegral:
     current_A = known_current_A(log)
     dt_s = np.diff(log.time_s, prepend=log.time_s[0])
     moved_Ah = dt_s * 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]])) / SECONDS_PER_HOUR
-    doubt_Ah = dt_s * 0.5 * np.abs(np.diff(current_A, prepend=current_A[0])) / SECONDS_PER_HOUR
+    error_Ah = dt_s * 0.5 * np.abs(np.diff(current_A, prepend=current_A[0])) / SECONDS_PER_HOUR
     gap = find_gaps(log.time_s)
     counter = find_counter(log, moved_Ah, gap)
     if counter is None:
         return ChargeIntegral(np.where(gap, 0.0, moved_Ah), gap, _gap_notes(gap))
-    settled_Ah = np.where(gap, counter.step_Ah, _settle(moved_Ah, doubt_Ah, gap, counter.step_Ah))
+    settled_Ah = np.where(gap, counter.step_Ah, _settle(moved_Ah, error_Ah, gap, counter.step_Ah))
     return ChargeIntegral(settled_Ah, np.zeros_like(gap), (_counter_note(counter, settled_Ah - moved_Ah, gap),))
 
 
@@ -88,7 +92,7 @@ def known_current_A(log: Log) -> np.ndarray:
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:
-    """(T,) bool: the interval that ends at the sample is a gap: over 120 s and 20 times the median interval."""
+    """(T,) bool: True where the interval that ends at the sample is a gap, over 120 s and 20 median intervals."""
     dt_s = np.diff(time_s)
     if not dt_s.size:
         return np.zeros(time_s.size, dtype=bool)
@@ -98,7 +102,7 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
 def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | None:
     """The charge counter among the log's extra columns that agrees with the current, or None.
 
-    moved_Ah: (T,) integral of the current over each interval [Ah]; gap: (T,) bool, where that means nothing.
+    moved_Ah: (T,) integral of the current over each interval [Ah]; gap: (T,) bool, intervals without that.
     """
     dt_s = np.diff(log.time_s, prepend=log.time_s[0])
     usable = ~gap & (dt_s <= _USUAL_INTERVALS * np.median(dt_s))
@@ -113,7 +117,7 @@ def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | N
 
 
 def _candidates(extra: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns that by their name could count charge, in Ah; pairs for charge and discharge first."""
+    """Columns that count charge by their names, in Ah; pairs for charge and discharge first."""
     found = {name: scale * extra[name] for name in extra if (scale := _ampere_hours(name))}
     into = [n for n in found if re.search(r"(?<!dis)(ch(ar)?g(e|ing)?)", n.lower())]
     out_of = [n for n in found if re.search(r"dis", n.lower())]
@@ -122,13 +126,13 @@ def _candidates(extra: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _ampere_hours(name: str) -> float:
-    """The unit of a column in Ah, by its name; 0 when it is not a charge."""
+    """Unit of a column in Ah, by its name; 0 for a column that is no charge."""
     words = re.split(r"[^a-z]+", name.lower())
     return 1e-3 if "mah" in words else 1.0 if "ah" in words else 0.0
 
 
 def _without_resets(values_Ah: np.ndarray, moved_Ah: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """(T,) change over each interval; where the counter started again from zero, what it shows since then."""
+    """(T,) change over each interval; where the counter started again from zero, its value since then."""
     before = np.concatenate([values_Ah[:1], values_Ah[:-1]])
     step = values_Ah - before
     unlike = np.abs(np.abs(step) - np.abs(moved_Ah)) > 0.1 * np.abs(before) + np.abs(moved_Ah)
@@ -150,9 +154,9 @@ def _resolution(values_Ah: np.ndarray) -> float:
     return float(np.quantile(steps, 0.01)) if steps.size else 0.0
 
 
-def _settle(moved_Ah: np.ndarray, doubt_Ah: np.ndarray, gap: np.ndarray, step_Ah: np.ndarray) -> np.ndarray:
+def _settle(moved_Ah: np.ndarray, error_Ah: np.ndarray, gap: np.ndarray, step_Ah: np.ndarray) -> np.ndarray:
     """(T,) charge of each interval: the integral, and in each block of intervals the same sum as the counter."""
-    weight = np.where(gap, 0.0, doubt_Ah + _GAIN_DOUBT * np.abs(moved_Ah))
+    weight = np.where(gap, 0.0, error_Ah + _GAIN_ERROR * np.abs(moved_Ah))
     starts = np.arange(0, moved_Ah.size, _BLOCK_INTERVALS)
     missing_Ah = np.add.reduceat(np.where(gap, 0.0, step_Ah - moved_Ah), starts)
     share = missing_Ah / np.maximum(np.add.reduceat(weight, starts), 1e-300)

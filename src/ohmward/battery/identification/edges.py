@@ -1,4 +1,4 @@
-"""Stage 5a: the ohmic resistance from the edges of the current, V jumping by R_0 di ([P] 2.2)."""
+"""Ohmic resistance from the edges of the current, where the voltage jumps by R_0 di ([P] 2.2)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from ohmward.battery.identification.record import Record
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
+#: Longest interval across an edge [s], where the log is no slower.
 SLOWEST_S = 2.0
+#: Smallest edge: C/10.
 _SMALLEST_RATE = 1 / 10
+#: Fewest edges for a resistance with a standard error.
 _FEWEST = 3
 
 
@@ -20,7 +23,7 @@ class Edge(NamedTuple):
     """One jump of the current from one sample to the next.
 
     sample: the one after the jump; dt_s: interval across it; soc there; step_A: change of the current;
-    current_A: the larger of both in magnitude, whose sign tells the direction; resistance_ohm: dV / dI.
+    current_A: the larger of both in magnitude, whose sign is the direction; resistance_ohm: dV / dI.
     """
 
     log_name: str
@@ -50,14 +53,10 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
     dt_s, step_A, step_V = np.diff(time_s), np.diff(current_A), np.diff(voltage_V)
     longest_s = max(SLOWEST_S, 1.5 * float(np.median(dt_s)))
     sharp = (np.abs(step_A) > _SMALLEST_RATE * capacity_Ah) & (dt_s <= longest_s) & np.isfinite(step_V)
+    larger_A = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
     rows = np.flatnonzero(sharp)
-    larger = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
-    return tuple(
-        Edge(record.log.name, int(k) + 1, dt, s, di, i, dv / di)
-        for k, dt, s, di, i, dv in zip(
-            rows, *(a[rows].tolist() for a in (dt_s, soc[1:], step_A, larger, step_V)), strict=True
-        )
-    )
+    columns = (rows + 1, dt_s[rows], soc[rows + 1], step_A[rows], larger_A[rows], step_V[rows] / step_A[rows])
+    return tuple(Edge(record.log.name, *values) for values in zip(*(c.tolist() for c in columns), strict=True))
 
 
 def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
@@ -65,14 +64,15 @@ def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance |
     mine = [e for e in edges if np.sign(e.current_A) == direction]
     if len(mine) < _FEWEST:
         return None
-    step_A, ohm = np.array([e.step_A for e in mine]), np.array([e.resistance_ohm for e in mine])
+    step_A = np.array([e.step_A for e in mine])
+    ohm = np.array([e.resistance_ohm for e in mine])
     weight = step_A**2 / np.sum(step_A**2)
     mean = float(weight @ ohm)
     return OhmicResistance(mean, float(np.sqrt(np.sum(weight**2 * (ohm - mean) ** 2))), len(mine))
 
 
 def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
-    """R_0 of each direction as its edges show it, to compare with the fit."""
+    """Notes on R_0 of each direction from its edges, to compare with the fit."""
     found = {word: ohmic_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
     return tuple(
         Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} +- {1e3 * BAND_95 * r.std_ohm:.2g} mohm in {word}")

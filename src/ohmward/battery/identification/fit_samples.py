@@ -1,4 +1,4 @@
-"""What the fit needs of a record: every sample where something happens, fewer where nothing does."""
+"""Samples of a record for the fit: every one at the edges of the current, fewer in between."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from ohmward.battery.identification.record import Record
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import SECONDS_PER_HOUR
 
+#: Intervals grow with the time since the last edge, by this share of it, between these [s].
 FINEST_S = 1.0
 COARSEST_S = 60.0
-LONG_REST_S = 60.0
 _GROWTH = 0.1
+#: A record that starts with a rest of this length starts without overpotentials [s].
+LONG_REST_S = 60.0
+#: Most samples of varying current.
 _MOST_VARYING = 6000
 
 
 class FitSamples(NamedTuple):
-    """Samples of one record, (N,) each; what belongs to an interval belongs to the one that ends at the sample.
+    """Samples of one record, (N,) each; values of an interval are those of the one that ends at the sample.
 
     dt_s: length of the interval, 0 for the first; moved_Ah: its charge; mean_current_A: its mean current.
     current_A: current at the sample; soc: state of charge there; soc_before: at the sample before.
     voltage_V: measured, nan where it was not.
-    starts_at_rest: whether the record starts with a long rest, its overpotentials gone.
+    starts_at_rest: True where the record starts with a long rest, its overpotentials gone.
     sample: index of each in the log.
     """
 
@@ -42,16 +45,15 @@ class FitSamples(NamedTuple):
 
 
 def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[FitSamples, ...]:
-    """The samples at the edges of the current, then ever fewer: every 10 % of the time since, from 1 s up to 60 s.
+    """The samples at the edges of the current, then at intervals of 10 % of the time since, from 1 s up to 60 s.
 
     A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up,
-    so nothing of the current is lost. At a gap in the recording, during which the course of the current is not known,
-    one part ends and another starts.
+    so none is lost. At a gap in the recording, during which the current is unknown, one part ends and another starts.
     soc: (T,) state of charge along the record.
     """
-    kept = _kept(record)
+    used = _used(record)
     gaps = np.flatnonzero(find_gaps(record.log.time_s))
-    parts = np.split(kept, np.searchsorted(kept, gaps))
+    parts = np.split(used, np.searchsorted(used, gaps))
     return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
 
 
@@ -76,15 +78,15 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: flo
     )
 
 
-def _kept(record: Record) -> np.ndarray:
-    """(N,) indices of the samples to keep, the first and the last among them."""
+def _used(record: Record) -> np.ndarray:
+    """(N,) indices of the samples to use, the first and the last among them."""
     time_s = record.log.time_s
     starts = np.array([p.first for p in record.phases])
     varying = np.concatenate([np.full(p.last - p.first + 1, p.kind == "varying") for p in record.phases])
     edges = starts[~varying[starts]]
     since_s = time_s - time_s[np.repeat(starts, np.diff(starts, append=time_s.size))]
     even_s = max(FINEST_S, float(np.diff(time_s)[varying[1:]].sum()) / _MOST_VARYING)
-    number = np.where(varying, np.floor(time_s / even_s), _numbered(since_s))
+    number = np.where(varying, np.floor(time_s / even_s), _interval_number(since_s))
     new = np.concatenate([[True], number[1:] != number[:-1]])
     new[edges] = True
     gaps = find_gaps(time_s)
@@ -95,8 +97,8 @@ def _kept(record: Record) -> np.ndarray:
     return np.flatnonzero(new)
 
 
-def _numbered(since_s: np.ndarray) -> np.ndarray:
-    """(T,) number of the interval, ever longer, in which a time since the last edge lies."""
+def _interval_number(since_s: np.ndarray) -> np.ndarray:
+    """(T,) number of the growing interval in which a time since the last edge lies."""
     even_s, coarse_s = FINEST_S / _GROWTH, COARSEST_S / _GROWTH
     growing = np.log(np.clip(since_s, even_s, coarse_s) / even_s) / _GROWTH
     beyond = np.maximum(since_s - coarse_s, 0.0) / COARSEST_S

@@ -1,4 +1,4 @@
-"""Stage 7: the noise that a filter should assume, from what the fit leaves and from where it had no data."""
+"""Noise that a filter should assume with the identified circuit: residual of the fit, and posterior without data."""
 
 from __future__ import annotations
 
@@ -14,19 +14,32 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
+#: Offset, its random walk in an hour and least noise of a current sensor of a robot, as shares of 1 C.
 OFFSET_SHARE = 0.025
+_OFFSET_WALK_SHARE = 0.001
+_CURRENT_NOISE_SHARE = 0.002
+#: Error of the SoC axis of the OCV curve, and of capacity and gain.
 SOC_AXIS_STD = 0.01
+_GAIN_STD = 0.01
+#: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
+#: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
 _PULSES_STD_V = 0.008
 _PULSES_SHARE = 0.15
+_PULSES_CORRELATION_S = 300.0
+#: Residuals count within this distance of a state of charge.
 _WINDOW = 0.05
+#: Error of a cell's model 0.1 of SoC away from any data [V].
 _UNSEEN_STD_V = 0.03
+#: Relative error of the overpotential: usual, and largest.
 _OVERPOTENTIAL_SHARE = 0.1
 _LARGEST_SHARE = 0.5
+#: Standard deviation over median absolute value of normal numbers.
 _MAD = 1.4826
+#: Bounds of the correlation time of the residual [s], and the grid on which it is sought.
 _CORRELATION_S = (60.0, 1000.0)
-_PULSES_CORRELATION_S = 300.0
-_GAIN_STD = 0.01
+_GRID_S = 10.0
+#: Relative error of the hysteresis.
 _HYSTERESIS_STD = 0.3
 
 
@@ -35,17 +48,17 @@ def noise_from_fit(
 ) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
-    The model's error along SoC is what the fit left there, and what its posterior does not know: little where there
-    were data, growing where there were none.
+    The model's error along SoC is the residual of the fit there and the standard deviation of its posterior, which is
+    small where there were data and grows where there were none.
     current_noise_A: white noise of the current sensor, as seen at rest.
-    pulses_only: no log shows a lasting load, and short pulses show only how a slow process starts.
+    pulses_only: no log has a lasting load.
     """
     samples, volts = problem.samples, problem.volts
-    data_V = residual_std_V(solution, problem)
-    known_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv)
-    known_V = np.maximum(known_V, volts * unseen_std_V(samples, p.capacity_Ah))
+    residual_V = residual_std_V(solution, problem)
+    posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv)
+    posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
-    model_V = np.maximum(np.hypot(np.where(np.isnan(data_V), 0.0, data_V), known_V), floor_V)
+    model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     share = overpotential_share(solution, problem, p)
     return BatteryNoise(
         soc_axis_std=SOC_AXIS_STD,
@@ -53,17 +66,17 @@ def noise_from_fit(
         model_std_V=tuple(model_V.tolist()),
         overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
         correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
-        current_std_A=max(current_noise_A, 0.002 * p.capacity_Ah),
+        current_std_A=max(current_noise_A, _CURRENT_NOISE_SHARE * p.capacity_Ah),
         current_offset_std_A=OFFSET_SHARE * p.capacity_Ah,
-        current_offset_walk_A=0.001 * p.capacity_Ah,
+        current_offset_walk_A=_OFFSET_WALK_SHARE * p.capacity_Ah,
         capacity_std=_GAIN_STD,
     )
 
 
 def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
-    """(21,) what is left of the model's error [V] once the error of the SoC axis, which the filter adds itself, is off.
+    """(21,) error of the model [V] without that of the SoC axis, which the filter adds itself.
 
-    Without this a steep end of the curve counts twice, and any voltage would be possible there.
+    Otherwise a steep end of the curve would count twice, and any voltage would be possible there.
     """
     fine = np.linspace(0.0, 1.0, len(ocv.voltage_V))
     slope_V = np.interp(RESISTANCE_GRID, fine, np.gradient(np.asarray(ocv.voltage_V), fine))
@@ -71,9 +84,9 @@ def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
 
 
 def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
-    """(21,) rms of what the fit left within 5 % of each SoC [V], nan where there are no data.
+    """(21,) rms of the residual within 5 % of each SoC [V], nan where there are no data.
 
-    What counts little in the fit, as the charge of a lead-acid battery, counts little here.
+    Samples that count little in the fit, as the charge of a lead-acid battery, count little here.
     """
     soc = np.concatenate([s.soc for s in problem.samples])
     factor = np.where(_charging(problem), problem.prior.charging_factor, 1.0)
@@ -85,15 +98,13 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
 
 
 def overpotential_share(solution: CircuitSolution, problem: CircuitProblem, p: Thevenin) -> float:
-    """Error of the overpotential as a share of itself: 10 %, or what the fit left in charges that count little."""
+    """Relative error of the overpotential: 10 %, or the residual in charges that count little in the fit."""
     if problem.prior.charging_factor == 1.0:
         return _OVERPOTENTIAL_SHARE
     charging = _charging(problem)
-    measured_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])[
-        charging
-    ]
+    over_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])[charging]
     residual_V = np.concatenate(solution.residual_V)[charging]
-    share = float(np.sqrt(np.nansum(residual_V**2) / max(float(np.nansum(measured_V**2)), 1e-12)))
+    share = float(np.sqrt(np.nansum(residual_V**2) / max(float(np.nansum(over_V**2)), 1e-12)))
     return min(max(share, _OVERPOTENTIAL_SHARE), _LARGEST_SHARE)
 
 
@@ -115,7 +126,7 @@ def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p:
 
 
 def unseen_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
-    """(21,) standard deviation of a lithium-ion cell's model away from the SoC where a current was seen [V].
+    """(21,) standard deviation of a lithium-ion cell's model away from the SoC at which a current flowed [V].
 
     Measured on cells identified from one half of their range: it grows with the root of the distance.
     """
@@ -138,7 +149,7 @@ def white_std_V(solution: CircuitSolution) -> float:
 
 
 def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> float:
-    """Time after which the residual has lost its memory [s]: 1/e of its autocorrelation, on a grid of 10 s."""
+    """Correlation time of the residual [s]: its autocorrelation falls to 1/e, on a grid of 10 s."""
     times = [_decay_s(s, r) for s, r in zip(samples, solution.residual_V, strict=True)]
     low, high = _CORRELATION_S
     return float(min(max(np.median(times), low), high))
@@ -152,14 +163,14 @@ def current_noise_A(current_A: np.ndarray) -> float:
 
 
 def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
-    grid_s = np.arange(samples.time_s[0], samples.time_s[-1], 10.0)
+    grid_s = np.arange(samples.time_s[0], samples.time_s[-1], _GRID_S)
     known = np.isfinite(residual_V)
     r = np.interp(grid_s, samples.time_s[known], residual_V[known])
     r = r - r.mean()
     spectrum = np.fft.rfft(r, 2 * r.size)
     autocorrelation = np.fft.irfft(np.abs(spectrum) ** 2)[: r.size]
     below = np.flatnonzero(autocorrelation < autocorrelation[0] / np.e)
-    return 10.0 * float(below[0]) if below.size else _CORRELATION_S[1]
+    return _GRID_S * float(below[0]) if below.size else _CORRELATION_S[1]
 
 
 def _charging(problem: CircuitProblem) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Stage 4a: the open-circuit voltage from discharges and charges so slow that they hardly disturb it."""
+"""Open-circuit voltage from low-rate discharges and charges."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
 OCV_GRID = np.linspace(0.0, 1.0, 201)
+#: Branches whose temperatures differ by less belong together.
 SAME_TEMPERATURE_K = 5.0
+#: Shares of the capacity: of a complete branch, of one that also ends at a voltage limit, of the shortest that is used.
 _COMPLETE_SHARE = 0.93
 _LIMIT_SHARE = 0.8
-_LIMIT_TOLERANCE = 0.002
 _SHORTEST_SHARE = 0.3
+#: Relative distance to the highest or lowest voltage of a log that is its limit.
+_LIMIT_TOLERANCE = 0.002
+#: Relative difference of a branch's charge to the capacity that deserves a warning.
 _CAPACITY_WARNING = 0.03
+#: Points of the grid over which slopes are averaged: 10 % of SoC.
 _SMOOTHING_POINTS = 21
 
 
@@ -30,7 +35,7 @@ class OcvBranch(NamedTuple):
     current_A: mean current, > 0 charges.
     moved_Ah: charge of the whole branch, >= 0.
     temperature_degC: median during the branch, or None.
-    complete: whether it runs from full to empty or back, and so defines the axis by itself.
+    complete: True where it runs from full to empty or back, and so defines the axis by itself.
     """
 
     log_name: str
@@ -69,7 +74,7 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
     with temperature. With one direction only, its voltage is the curve and the hysteresis is 0.
     """
     groups = _by_temperature(branches, reference_degC)
-    curves = {degC: _mean_and_half_gap(group) for degC, group in groups.items()}
+    curves = {degC: _mean_and_hysteresis(group) for degC, group in groups.items()}
     nearest = min(curves, key=lambda degC: abs(degC - reference_degC))
     mean_V, hysteresis_V = curves[nearest]
     return OcvCurve(
@@ -81,7 +86,7 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
 
 
 def branch_notes(branches: Sequence[OcvBranch], capacity_Ah: float) -> tuple[Note, ...]:
-    """How the axis of SoC of each branch was set, with a warning where its charge is not the given capacity."""
+    """Notes on the SoC axis of each branch, warnings where its charge is not the given capacity."""
     return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
 
 
@@ -123,7 +128,7 @@ def _branch(
 
 
 def _ends_at_limit(voltage_V: np.ndarray, last: int, moved_Ah: float) -> bool:
-    """Whether the voltage at sample `last` is the highest of the log after a charge, the lowest after a discharge."""
+    """True where the voltage at sample `last` is the highest after a charge, the lowest after a discharge."""
     limit_V = np.nanmax(voltage_V) if moved_Ah > 0 else np.nanmin(voltage_V)
     return bool(abs(voltage_V[last] - limit_V) <= _LIMIT_TOLERANCE * limit_V)
 
@@ -150,8 +155,8 @@ def _by_temperature(branches: Sequence[OcvBranch], otherwise_degC: float) -> dic
     return groups
 
 
-def _mean_and_half_gap(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.ndarray]:
-    """(201,) mean curve and half gap [V]; where only one direction was measured, the gap is held."""
+def _mean_and_hysteresis(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.ndarray]:
+    """(201,) mean curve and hysteresis [V], the latter held where only one direction was measured."""
     curves = [_on_grid([b for b in branches if b.direction == way]) for way in ("discharge", "charge")]
     discharge, charge = curves
     if np.isnan(discharge).all() or np.isnan(charge).all():
@@ -178,7 +183,7 @@ def _interpolated(branch: OcvBranch) -> np.ndarray:
 
 
 def _closing(hysteresis_V: np.ndarray) -> np.ndarray:
-    """(201,) the half gap, closing to 0 at an end of SoC that one of the branches did not reach."""
+    """(201,) hysteresis, closing to 0 at an end of SoC that one of the branches did not reach."""
     known = np.flatnonzero(~np.isnan(hysteresis_V))
     return np.interp(OCV_GRID, [-1e-9, *OCV_GRID[known], 1 + 1e-9], [0.0, *hysteresis_V[known], 0.0])
 

@@ -1,4 +1,4 @@
-"""Stage 4b: the open-circuit voltage from the ends of rests, where no low-rate test exists."""
+"""Open-circuit voltage from the ends of rests, where no low-rate test exists."""
 
 from __future__ import annotations
 
@@ -14,11 +14,17 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.optional import require
 
+#: Shortest rest whose end is an open-circuit voltage [s].
 SHORTEST_REST_S = 600.0
+#: Points of the curve.
 _POINTS = 101
+#: Rests within this of SoC are one point.
 _SAME_SOC = 0.01
+#: Fewest points, and smallest span of SoC, that make a curve.
 _FEWEST_POINTS = 2
 _SMALLEST_SPAN = 0.2
+#: Largest drop of the curve below a straight line on the way to SoC 0, over the voltage.
+_LARGEST_DROP = 0.1
 
 
 class RestPoint(NamedTuple):
@@ -40,7 +46,8 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
     soc: (T,) state of charge along the record.
     """
     first = [p for p in record.phases[:1] if is_rest(p)]
-    ends = [(p, last_known(record.log.voltage_V, p.first, p.last)) for p in [*first, *rests_after_current(record)]]
+    rests = [*first, *find_rests(record.phases, SHORTEST_REST_S)]
+    ends = [(p, last_measured(record.log.voltage_V, p.first, p.last)) for p in rests]
     return tuple(
         RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
         for p, at in ends
@@ -48,12 +55,7 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
     )
 
 
-def rests_after_current(record: Record) -> tuple:
-    """The rests of at least 10 minutes that follow a current."""
-    return find_rests(record.phases, SHORTEST_REST_S)
-
-
-def last_known(voltage_V: np.ndarray, first: int, last: int) -> int | None:
+def last_measured(voltage_V: np.ndarray, first: int, last: int) -> int | None:
     """The last sample in first ... last with a voltage, or None."""
     known = np.flatnonzero(np.isfinite(voltage_V[first : last + 1]))
     return first + int(known[-1]) if known.size else None
@@ -102,7 +104,8 @@ def _with_ends(soc: np.ndarray, voltage_V: np.ndarray, empty_V: float) -> tuple[
     slope = np.diff(voltage_V) / np.diff(soc)
     if soc[0] > 0:
         straight_V = voltage_V[0] - slope[0] * soc[0]
-        bottom_V = straight_V if soc[0] < _SAME_SOC else min(straight_V, max(empty_V, straight_V - voltage_V[0] * 0.1))
+        lowest_V = max(empty_V, straight_V - voltage_V[0] * _LARGEST_DROP)
+        bottom_V = straight_V if soc[0] < _SAME_SOC else min(straight_V, lowest_V)
         soc, voltage_V = np.append(0.0, soc), np.append(bottom_V, voltage_V)
     if soc[-1] < 1:
         soc, voltage_V = np.append(soc, 1.0), np.append(voltage_V, voltage_V[-1] + slope[-1] * (1 - soc[-1]))

@@ -1,4 +1,4 @@
-"""A log made ready for identification: its charge, its phases and what kind of test it is."""
+"""Record: a log with its charge, its phases and the kind of test, divided at gaps of unknown charge."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.charge import ChargeIntegral, count_charge, known_current_A
-from ohmward.battery.identification.segments import Phase, Test, find_phases, is_rest, kind_of_test
+from ohmward.battery.identification.segments import FEWEST_SAMPLES, Phase, Test, find_phases, is_rest, kind_of_test
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note, counted
 
+#: Relative difference of voltages that are the same rest.
 _SAME_VOLTAGE = 0.003
-_FEWEST_SAMPLES = 5
 
 
 class Record(NamedTuple):
@@ -42,7 +42,7 @@ class Record(NamedTuple):
 
 
 def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tuple[Record, ...]:
-    """Stages 1 and 2 for one log: one record, or several where gaps of unknown charge divide it.
+    """Charge, phases and kind of test of a log: one record, or several where gaps of unknown charge divide it.
 
     A gap before and after which the battery rests at the same voltage (within 0.3 %) divides nothing.
 
@@ -54,7 +54,7 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
     if not divides:
         return (record,)
     edges = [0, *(int(k) for k in divides), len(log)]
-    parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= _FEWEST_SAMPLES]
+    parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= FEWEST_SAMPLES]
     useful = [part for part in parts if np.any(np.nan_to_num(part.current_A)) and part.duration_s > 0]
     if not useful:
         raise InputError(f"log {log.name!r}: {counted(len(divides), 'gap')} of unknown charge leave no part to use")
@@ -75,7 +75,7 @@ def _record(log: Log, capacity_Ah: float, idle_current_A: float) -> Record:
 
 
 def _rests_through(record: Record, k: int) -> bool:
-    """Whether sample k, after a gap, and the one before lie in rest at the same voltage."""
+    """True where sample k, after a gap, and the one before lie in rest at the same voltage."""
     at_rest = all(any(is_rest(p, 0.0) and p.first <= i <= p.last for p in record.phases) for i in (k - 1, k))
     before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]
     return at_rest and bool(abs(after_V - before_V) <= _SAME_VOLTAGE * abs(before_V))

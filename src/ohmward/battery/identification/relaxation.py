@@ -1,4 +1,4 @@
-"""Stage 5b: how the voltage relaxes in each rest, V = V_inf + a_1 e^(-t/tau_1) + a_2 e^(-t/tau_2) ([P] 2.3)."""
+"""Relaxation of the voltage in each rest, V = V_inf + a_1 e^(-t/tau_1) + a_2 e^(-t/tau_2) ([P] 2.3)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,19 @@ import numpy as np
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import Phase, find_rests
 
+#: Shortest rest [s] and fewest samples in which two time constants may show.
 SHORTEST_S = 120.0
 _FEWEST_SAMPLES = 8
+#: Samples of a longer rest that are used, denser at its start.
 _MOST_SAMPLES = 200
+#: Points of the grid of time constants, and the smallest ratio of two.
 _TAUS = 24
 _SMALLEST_RATIO = 2.0
+#: Refinements of the grid, each with a ratio of its points of the one before to this power.
+_REFINEMENTS = 2
+_REFINEMENT = 0.4
+#: Keeps exponentials that are alike from making the normal equations singular.
+_RIDGE = 1e-12
 
 
 class ExponentialFit(NamedTuple):
@@ -34,7 +42,7 @@ class ExponentialFit(NamedTuple):
 
 
 class Relaxation(NamedTuple):
-    """One rest after a current and its fits.
+    """A rest after a current, and its fits.
 
     time_s: (N,) since the start of the rest, voltage_V: (N,) measured; before_A: the current before;
     single, double: fits with one and with two time constants.
@@ -51,7 +59,7 @@ class Relaxation(NamedTuple):
 
     @property
     def pairs(self) -> int:
-        """Time constants that the rest asks for: 2 if Akaike's criterion prefers them, else 1."""
+        """Number of time constants by Akaike's criterion, 1 or 2."""
         return 2 if self.double.aic < self.single.aic else 1
 
 
@@ -63,15 +71,15 @@ def find_relaxations(record: Record, soc: np.ndarray) -> tuple[Relaxation, ...]:
 
 
 def fit_exponentials(time_s: np.ndarray, voltage_V: np.ndarray, pairs: int) -> ExponentialFit:
-    """The sum of `pairs` exponentials that fits best, by linear least squares for each set of time constants on a grid.
+    """Best sum of `pairs` exponentials, by linear least squares for each set of time constants on a grid.
 
-    time_s: (N,) from 0; voltage_V: (N,). The grid is refined once around its best point.
+    time_s: (N,) from 0; voltage_V: (N,). The grid is refined around its best point.
     """
     grid = np.geomspace(max(np.median(np.diff(time_s)), time_s[-1] / 2000), 2 * time_s[-1], _TAUS)
     best = _best_of(time_s, voltage_V, [c for c in combinations(grid, pairs) if _apart(c)])
     step = grid[1] / grid[0]
-    for _ in range(2):
-        step = step**0.4
+    for _ in range(_REFINEMENTS):
+        step = step**_REFINEMENT
         around = [tau * step ** np.arange(-2.0, 3.0) for tau in best.tau_s]
         candidates = np.stack(np.meshgrid(*around, indexing="ij"), axis=-1).reshape(-1, pairs)
         best = _best_of(time_s, voltage_V, [tuple(c) for c in candidates.tolist() if _apart(c)])
@@ -84,17 +92,13 @@ def _relaxation(record: Record, soc: np.ndarray, rest: Phase) -> Relaxation | No
     if rows.size < _FEWEST_SAMPLES:
         return None
     time_s = record.log.time_s[rows] - record.log.time_s[rest.first]
-    keep = np.unique(np.searchsorted(time_s, _spread(time_s)).clip(0, rows.size - 1))
-    time_s, voltage_V = time_s[keep], record.log.voltage_V[rows[keep]]
+    denser_at_start = np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_SAMPLES) ** 2
+    used = np.unique(np.searchsorted(time_s, denser_at_start).clip(0, rows.size - 1))
+    time_s, voltage_V = time_s[used], record.log.voltage_V[rows[used]]
     before = next(p for p in reversed(record.phases) if p.last < rest.first)
     single, double = (fit_exponentials(time_s, voltage_V, pairs) for pairs in (1, 2))
     name = record.log.name
     return Relaxation(name, rest.first, float(soc[rest.first]), before.current_A, time_s, voltage_V, single, double)
-
-
-def _spread(time_s: np.ndarray) -> np.ndarray:
-    """(200,) times, denser at the start."""
-    return np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_SAMPLES) ** 2
 
 
 def _apart(taus: Sequence[float]) -> bool:
@@ -104,10 +108,9 @@ def _apart(taus: Sequence[float]) -> bool:
 def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[float, ...]]) -> ExponentialFit:
     """The best of several sets of time constants (C, n): all their linear problems at once."""
     taus = np.array(candidates)
-    A = np.concatenate(
-        [np.ones((*taus.shape[:1], time_s.size, 1)), np.exp(-time_s[:, None] / taus[:, None, :])], axis=2
-    )
-    H = A.transpose(0, 2, 1) @ A + 1e-12 * np.eye(A.shape[2])
+    constant = np.ones((len(taus), time_s.size, 1))
+    A = np.concatenate([constant, np.exp(-time_s[:, None] / taus[:, None, :])], axis=2)
+    H = A.transpose(0, 2, 1) @ A + _RIDGE * np.eye(A.shape[2])
     x = np.linalg.solve(H, A.transpose(0, 2, 1) @ voltage_V[:, None])
     fitted = (A @ x)[..., 0]
     rss = np.sum((voltage_V - fitted) ** 2, axis=1)

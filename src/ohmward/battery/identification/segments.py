@@ -1,4 +1,4 @@
-"""Stage 2: rests, pulses and phases of constant current in a log, and what kind of test it is."""
+"""Phases of a log: rests, pulses, constant and varying currents, and the kind of test that they make."""
 
 from __future__ import annotations
 
@@ -12,24 +12,30 @@ from ohmward.battery.identification.charge import ChargeIntegral
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 
+#: Rates over 1 C: largest of a rest, largest of a low-rate test, smallest of a pulse.
 REST_RATE = 1 / 100
 LOW_RATE = 1 / 15
 PULSE_RATE = 1 / 20
+#: Durations of a pulse and of the rest before it [s].
 LONGEST_PULSE_S = 400.0
 SHORTEST_REST_S = 10.0
+#: Samples of the shortest log that may hold a pulse and its rest.
+FEWEST_SAMPLES = 5
+#: A current jumps by more than this rate and this share of itself; a constant one stays within the last share.
 _JUMP_RATE = 1 / 50
 _JUMP_SHARE = 0.05
 _CONSTANT_SHARE = 0.1
+#: Share of the charge that a low-rate test moves slowly, and that varying currents may move among pulses.
 _LOW_RATE_SHARE = 0.6
 _VARYING_SHARE = 0.2
+#: Fewest pulses of a pulse test.
 _FEWEST_PULSES = 3
-_FEWEST_SAMPLES = 5
 
 Test = Literal["low-rate", "pulses", "dynamic"]
 
 
 class Phase(NamedTuple):
-    """Samples first ... last (both included) during which the current is one thing.
+    """Samples first ... last (both included) of one kind of current.
 
     kind: "rest", "constant" or "varying" current.
     current_A: its mean, > 0 charges.
@@ -51,9 +57,9 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
     Raises:
         InputError: the log is too short to hold a pulse.
     """
-    if len(log) < _FEWEST_SAMPLES:
+    if len(log) < FEWEST_SAMPLES:
         raise InputError(
-            f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {_FEWEST_SAMPLES}"
+            f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {FEWEST_SAMPLES}"
         )
     current_A = np.nan_to_num(log.current_A)
     rest = np.abs(current_A - idle_current_A) <= REST_RATE * capacity_Ah
@@ -77,12 +83,12 @@ def find_rests(phases: Sequence[Phase], shortest_s: float) -> tuple[Phase, ...]:
 
 
 def is_rest(phase: Phase, shortest_s: float = SHORTEST_REST_S) -> bool:
-    """Whether the phase is a rest of at least `shortest_s`."""
+    """True for a rest of at least `shortest_s`."""
     return phase.kind == "rest" and phase.duration_s >= shortest_s
 
 
 def is_pulse(phase: Phase, capacity_Ah: float) -> bool:
-    """Whether the current and its duration are those of a pulse."""
+    """True where current and duration are those of a pulse."""
     strong = abs(phase.current_A) >= PULSE_RATE * capacity_Ah
     return phase.kind == "constant" and strong and phase.last > phase.first and phase.duration_s <= LONGEST_PULSE_S
 

@@ -1,4 +1,4 @@
-"""Stage 3: the state of charge along a log, from charge counted and from places where it is known."""
+"""State of charge along a record: charge counted, tied to samples at which it is known."""
 
 from __future__ import annotations
 
@@ -13,22 +13,35 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
-FULL_STD = 0.005
+#: A charge with constant voltage is full when its current has fallen to C/20; SoC then is known so well.
 FULL_RATE = 1 / 20
+FULL_STD = 0.005
+#: A log that moves so much of the capacity was full at its highest charge, and SoC is known so well.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = 0.03
+#: A constant voltage lies within this share of the highest of the log, for at least so long; breaks are bridged [s].
 _TOP_SHARE = 0.02
 _TOP_BREAK_S = 600.0
 _SHORTEST_TOP_S = 60.0
+#: Samples at the end of a taper whose mean current counts, and least charge of a taper as a share of the capacity.
 _TAPER_SAMPLES = 3
-_SOON_S = 3600.0
 _TAPER_CHARGE = 0.003
-_FIRST_REST_STD = 0.005
+#: A rest that follows a full charge within an hour is that of a full battery [s].
+_SOON_S = 3600.0
+#: Rests of this length show the open-circuit voltage [s]; no rest tells SoC better than the std.
 _LONG_REST_S = 600.0
+_SMALLEST_REST_STD = 0.005
+#: Error of an open-circuit voltage at the end of a rest, over itself.
 _VOLTAGE_STD_SHARE = 0.0015
+#: Losses below this are errors of the current sensor.
 _SMALLEST_LOSS = 0.01
+#: SoC beyond [0, 1] by more means a wrong capacity.
 _MOST_OUTSIDE = 0.1
+#: Relative difference of capacities that deserves a warning.
 _CAPACITY_WARNING = 0.03
+#: Rests tell a capacity where they span so much of SoC and each is known so well.
+_CAPACITY_SPAN = 0.5
+_CAPACITY_REST_STD = 0.02
 
 
 class Anchor(NamedTuple):
@@ -43,8 +56,8 @@ class Anchor(NamedTuple):
 class SocAxis(NamedTuple):
     """State of charge along a record.
 
-    soc: (T,); anchors: those it was tied to; efficiency: share of the charging current that is stored;
-    notes: how it was set.
+    soc: (T,); anchors: those it is tied to; efficiency: share of the charging current that is stored;
+    notes: for the user.
     """
 
     soc: np.ndarray
@@ -63,8 +76,8 @@ def anchor_soc(
     """The state of charge along a record, tied to what is known best.
 
     In order: `initial_soc` of the user; the ends of full charges; the rest at which `ocv` tells the SoC best; a sweep
-    of at least 85 % of the capacity, whose top is taken as full. Between two full charges the loss in charging is the
-    coulombic efficiency, and what remains is spread over the charge that flowed; `efficiency` is assumed otherwise.
+    of at least 85 % of the capacity, whose top is taken as full. The loss between two full charges gives the coulombic
+    efficiency, and the rest of the difference is spread over the charge that flowed; without them `efficiency` holds.
 
     Raises:
         InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
@@ -99,16 +112,15 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
 
     A log that starts at rest at the voltage of the rest after such a charge started full as well.
     """
-    ends = [
-        end for first, last in _tops(record, capacity_Ah) if (end := _end_of_taper(record, first, last, capacity_Ah))
-    ]
+    tapers = [_end_of_taper(record, first, last, capacity_Ah) for first, last in _tops(record, capacity_Ah)]
+    ends = [end for end in tapers if end]
     if ends and _starts_like(record, ends):
         ends = [0, *ends]
     return tuple(Anchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
 
 
 def rest_anchors(record: Record, ocv: OcvCurve) -> tuple[Anchor, ...]:
-    """What the ends of long rests, and the rest at the start, say by the inverse of the open-circuit voltage."""
+    """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage."""
     starts = [p for p in record.phases[:1] if is_rest(p)]
     degC = record.temperature_degC(ocv.reference_degC)
     return tuple(
@@ -119,7 +131,7 @@ def rest_anchors(record: Record, ocv: OcvCurve) -> tuple[Anchor, ...]:
 
 
 def sweep_anchor(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
-    """A log that moves at least 85 % of the capacity was full at its highest charge."""
+    """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing."""
     total_Ah = record.charge.total_Ah
     if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
         return ()
@@ -133,16 +145,16 @@ def count_soc(record: Record, capacity_Ah: float, efficiency: float = 1.0) -> np
 
 
 def capacity_from_rests(record: Record, axis: SocAxis, ocv: OcvCurve, capacity_Ah: float) -> float | None:
-    """Capacity [Ah] for which the counted charge agrees with the open-circuit voltage at the rests, or None.
+    """Capacity [Ah] for which the counted charge agrees with the open-circuit voltage at the rests.
 
-    None where the rests span less than half of the SoC range or their voltages tell SoC to no better than 2 %.
+    None where the rests span less than half of the SoC range, or their voltages tell SoC no better than to 2 %.
     """
-    rests = [a for a in rest_anchors(record, ocv) if a.std < 0.02 and 0.0 < a.soc < 1.0]
-    counted = np.array([axis.soc[a.sample] for a in rests])
-    told = np.array([a.soc for a in rests])
-    if len(rests) < 2 or np.ptp(told) < 0.5:
+    rests = [a for a in rest_anchors(record, ocv) if a.std < _CAPACITY_REST_STD and 0.0 < a.soc < 1.0]
+    by_charge = np.array([axis.soc[a.sample] for a in rests])
+    by_voltage = np.array([a.soc for a in rests])
+    if len(rests) < 2 or np.ptp(by_voltage) < _CAPACITY_SPAN:
         return None
-    return float(capacity_Ah * np.polyfit(told, counted, 1)[0])
+    return float(capacity_Ah * np.polyfit(by_voltage, by_charge, 1)[0])
 
 
 def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
@@ -158,7 +170,7 @@ def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
 
 
 def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> int | None:
-    """Where the current has died away in a charge with constant voltage among the samples first ... last, or None."""
+    """End of a charge with constant voltage, its current died away, among the samples first ... last, or None."""
     current_A = record.current_A[first : last + 1]
     charging = np.flatnonzero(current_A > REST_RATE * capacity_Ah)
     if charging.size < _TAPER_SAMPLES or record.log.time_s[last] - record.log.time_s[first] < _SHORTEST_TOP_S:
@@ -170,7 +182,7 @@ def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> 
 
 
 def _starts_like(record: Record, full: Sequence[int]) -> bool:
-    """Whether the log starts at rest at (or above) the lowest voltage of a rest after a full charge, within 1 %."""
+    """True where the log starts at rest at (or above) the lowest voltage of a rest after a full charge, within 1 %."""
     if not is_rest(record.phases[0]):
         return False
     time_s = record.log.time_s
@@ -181,11 +193,11 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
 
 
 def _by_voltage(voltage_V: float, ocv: OcvCurve, degC: float, sample: int) -> Anchor:
-    """SoC at a rest voltage; the hysteresis and 1.5 mV per volt are not known."""
+    """SoC at a rest voltage, which is unknown by the hysteresis and 1.5 mV per volt."""
     soc = ocv.soc_at(voltage_V, degC)
-    doubt_V = float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
-    low, high = (ocv.soc_at(voltage_V + s * doubt_V, degC) for s in (-1, 1))
-    return Anchor(sample, soc, max(_FIRST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
+    error_V = float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
+    low, high = (ocv.soc_at(voltage_V + s * error_V, degC) for s in (-1, 1))
+    return Anchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
 def _efficiency(record: Record, anchors: Sequence[Anchor], otherwise: float) -> float:
@@ -193,8 +205,9 @@ def _efficiency(record: Record, anchors: Sequence[Anchor], otherwise: float) -> 
     if len(anchors) < 2:
         return otherwise
     moved_Ah = record.charge.moved_Ah[anchors[0].sample + 1 : anchors[-1].sample + 1]
-    into, out_of = moved_Ah[moved_Ah > 0].sum(), -moved_Ah[moved_Ah < 0].sum()
-    efficiency = out_of / into if into > 0 else 1.0
+    into_Ah = moved_Ah[moved_Ah > 0].sum()
+    out_of_Ah = -moved_Ah[moved_Ah < 0].sum()
+    efficiency = out_of_Ah / into_Ah if into_Ah > 0 else 1.0
     return float(efficiency) if 0.5 <= efficiency < 1 - _SMALLEST_LOSS else 1.0
 
 
