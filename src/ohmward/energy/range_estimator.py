@@ -212,9 +212,7 @@ def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:
         return np.asarray(values, dtype=float)
     if values not in log.extra:
         has = ", ".join(log.extra) or "nothing but the battery"
-        raise InputError(
-            f"{log.name}: there is no column {values!r} for {name}; name another or give an array, it has: {has}"
-        )
+        raise InputError(f"log {log.name!r} has no column {values!r} for {name}, but {has}; name one, or give an array")
     return log.extra[values]
 
 

@@ -237,7 +237,7 @@ def numbers(name: str, values: Any, *counts: int) -> np.ndarray:
             f"(nan where there is none), got {given.shape}"
         )
     if given.dtype.kind not in "fiu":
-        given = np.array([number(f"{name}[{k}]", value) for k, value in enumerate(given.tolist())])
+        given = np.array([number(f"{name}[{k}]", value) for k, value in enumerate(values)])
     if len(given) == counts[0]:
         return given
     return np.concatenate([given, np.full(counts[0] - len(given), math.nan)])

@@ -1,0 +1,70 @@
+"""Stretches as a drive goes on: those of the recorded drive, and nothing lost in between."""
+
+import numpy as np
+import pytest
+
+from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
+from ohmward.energy.recorded import Cut, cut_drive
+
+T = np.arange(0.0, 301.0)
+
+
+def metered(speed, power, terrain="grass", grade=None, time_s=T, cut=None):
+    """Stretches and energies of a drive, and the meter at its end."""
+    meter, found = DriveMeter(), []
+    grade = np.zeros(len(time_s)) if grade is None else grade
+    names = [terrain] * len(time_s) if isinstance(terrain, str) else terrain
+    for row in zip(time_s.tolist(), speed.tolist(), power.tolist(), grade.tolist(), names, strict=True):
+        meter, finished = advance(meter, DriveSample(*row), cut or Cut())
+        found += finished
+    end = DriveSample(float(time_s[-1]) + 1e6, 0.0, 0.0, 0.0, "")
+    return found + advance(meter, end, cut or Cut())[1]
+
+
+def test_a_drive_on_two_terrains_with_a_stop_is_that_of_the_recorded_one():
+    speed = np.where(T < 100, 0.5, np.where(T < 160, 0.0, 0.8))
+    power = np.where(speed > 0, 30.0, 8.0)
+    terrain = np.where(T < 200, "grass", "gravel").tolist()
+    found = metered(speed, power, terrain)
+    assert [m.stretch.terrain for m in found] == ["grass", "", "grass", "gravel"]
+    recorded = cut_drive(T, speed, power, terrain)
+    for m, d in zip(found, recorded, strict=True):
+        assert m.stretch == pytest.approx(d.stretch)
+        assert m.energy_J == pytest.approx(d.energy_J)
+
+
+def test_short_stops_belong_to_the_drive():
+    speed = np.where((T > 50) & (T < 54), 0.0, 0.5)
+    found = metered(speed, np.full(301, 20.0))
+    assert [m.stretch.terrain for m in found] == ["grass", "grass"]
+    assert sum(m.stretch.time_s for m in found) == pytest.approx(300.0)
+    assert max(m.stretch.time_s for m in found) <= Cut().longest_s
+
+
+def test_a_long_stand_is_cut_too():
+    found = metered(0.0 * T, np.full(301, 8.0))
+    assert [m.stretch.terrain for m in found] == ["", ""]
+    assert sum(m.energy_J for m in found) == pytest.approx(8.0 * 300.0)
+
+
+def test_heights_of_a_hill_without_the_noise_of_the_pitch():
+    noise = 0.03 * np.random.default_rng(0).standard_normal(301)
+    grade = np.where(T < 150, 0.1, -0.05) + noise
+    found = metered(np.full(301, 0.5), np.full(301, 20.0), grade=grade)
+    assert sum(m.stretch.climb_m for m in found) == pytest.approx(7.5 * np.sin(0.1) * 10, rel=0.08)
+    assert sum(m.stretch.descent_m for m in found) == pytest.approx(7.5 * np.sin(0.05) * 10, rel=0.15)
+
+
+def test_backward_up_a_hill_the_nose_is_down():
+    found = metered(np.full(301, -0.5), np.full(301, 20.0), grade=np.full(301, -0.1))
+    assert sum(m.stretch.climb_m for m in found) == pytest.approx(150.0 * np.sin(0.1))
+    assert sum(m.stretch.distance_m for m in found) == pytest.approx(150.0)
+
+
+def test_what_was_not_measured_is_left_out():
+    power = np.full(301, 20.0)
+    power[100:150] = np.nan
+    found = metered(np.full(301, 0.5), power)
+    assert [m.stretch.time_s for m in found] == [99.0, 150.0]
+    gap = np.delete(T, slice(100, 150))
+    assert [m.stretch.time_s for m in metered(np.full(251, 0.5), np.full(251, 20.0), time_s=gap)] == [99.0, 150.0]

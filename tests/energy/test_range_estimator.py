@@ -1,0 +1,183 @@
+"""Range live: closed forms, what it learns, restarts, and what sensors may do."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import SocEstimate
+from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_drive, learn, prior_from_robot, start
+from ohmward.energy.consumption_file import dump_consumption
+from ohmward.energy.recorded import cut_drive
+from ohmward.errors import InputError
+from ohmward.logs.log import Log
+from ohmward.traction import RLMA
+
+BATTERY = generic_battery("lfp", 5.0, n_series=8)
+NEW = start(prior_from_robot(RLMA))
+V = 26.4
+T = np.arange(0.0, 1500.0, 2.0)
+SPEED = np.where((T > 400) & (T < 500), 0.0, 0.5)
+POWER = np.where(SPEED > 0, 30.0, 9.0) + np.random.default_rng(4).normal(0.0, 0.5, len(T))
+TERRAIN = np.where(T < 800, "grass", "gravel").tolist()
+
+
+def new(**options):
+    """With a forecast every ten minutes, for they are what takes time."""
+    return RangeEstimator(BATTERY, NEW, **({"refresh_s": 600.0} | options))
+
+
+def driven(estimator, rows=slice(None), soc=0.8, home=None):
+    columns = (T[rows].tolist(), SPEED[rows].tolist(), POWER[rows].tolist(), TERRAIN[rows])
+    return [
+        estimator.update(t, soc, v, -p / V, V, terrain=name, home=home) for t, v, p, name in zip(*columns, strict=True)
+    ]
+
+
+def test_what_it_learns_is_what_the_recorded_drive_teaches():
+    estimator, expected = new(terrain="grass"), begin_drive(NEW)
+    driven(estimator)
+    estimator.update(1e6, 0.8, 0.0, -1.0, V)
+    for d in cut_drive(T, SPEED, POWER, TERRAIN):
+        expected = learn(expected, d.stretch, d.energy_J)
+    for name in ("grass", "gravel"):
+        k = expected.force_index(name)
+        assert estimator.consumption.mean[estimator.consumption.force_index(name)] == pytest.approx(
+            expected.mean[k], rel=0.01
+        )
+    assert isinstance(estimator.consumption, Consumption)
+
+
+def test_range_times_energy_per_metre_is_the_usable_energy():
+    now = driven(new(terrain="grass"))[-1]
+    assert now.distance_m.p50 * now.energy_J_per_m.p50 == pytest.approx(now.usable_J.p50, rel=0.05)
+    assert now.distance_m.p10 < now.distance_m.p50 < now.distance_m.p90
+    assert now.duration_s.p50 == pytest.approx(now.distance_m.p50 / 0.5, rel=0.15)
+    assert now.driven_m == pytest.approx(np.trapezoid(SPEED, T))
+    assert now.energy_J_per_m.p50 == pytest.approx(np.mean(POWER[SPEED > 0]) / 0.5, rel=0.15)
+
+
+def test_the_way_home_is_a_length_or_legs():
+    near, far = (driven(new(terrain="grass"), home=m)[-1] for m in (50.0, 40_000.0))
+    assert near.home_probability > 0.99 and far.home_probability < 0.01
+    legs = driven(new(terrain="grass"), slice(0, 10), home=[Leg(50.0, "sand", 0.4)])[-1]
+    assert legs.home_probability > 0.99
+    assert math.isnan(driven(new(terrain="grass"), slice(0, 3))[-1].home_probability)
+    assert driven(new(), slice(0, 3), home=0.0)[-1].home_probability == 1.0
+
+
+def test_below_the_reserve_nothing_is_left():
+    estimator = new(reserve_soc=0.2)
+    now = driven(estimator, slice(0, 3), soc=0.2, home=10.0)[-1]
+    assert now.distance_m == now.usable_J == (0.0, 0.0, 0.0) and now.home_probability == 0.0
+    assert now.flags == RangeFlag.RESERVE
+
+
+def test_a_restart_goes_on_to_the_bit():
+    before = new(terrain="grass", days=2.0)
+    driven(before, slice(0, 400), home=80.0)
+    taken = json.loads(json.dumps(before.snapshot(), allow_nan=False))
+    after = RangeEstimator.restore(BATTERY, taken, terrain="grass", refresh_s=600.0)
+    assert driven(after, slice(400, None), home=80.0) == driven(before, slice(400, None), home=80.0)
+    assert after.snapshot() == before.snapshot()
+    assert dump_consumption(after.consumption) == dump_consumption(before.consumption)
+    assert after.time_s == T[-1]
+
+
+def test_snapshots_that_do_not_fit_are_refused():
+    estimator = new()
+    assert math.isnan(estimator.time_s)
+    with pytest.raises(InputError, match="before the first sample"):
+        estimator.snapshot()
+    driven(estimator, slice(0, 3))
+    taken = estimator.snapshot()
+    with pytest.raises(InputError, match="another kind, model or settings"):
+        RangeEstimator.restore(BATTERY, taken, reserve_soc=0.3, refresh_s=600.0)
+    with pytest.raises(InputError, match="damaged: its checksum does not fit"):
+        RangeEstimator.restore(BATTERY, refresh_s=600.0, snapshot=taken | {"time_s": 7.0})
+    with pytest.raises(InputError, match="snapshot version must be 2, got 1"):
+        RangeEstimator.restore(BATTERY, refresh_s=600.0, snapshot=taken | {"version": 1})
+
+
+def test_missing_values_and_faults_are_survived_and_flagged():
+    estimator = new()
+    assert estimator.update(0.0, None, 0.5, -1.0, V).flags == RangeFlag.NO_SOC
+    assert math.isnan(estimator.state.forecast.distance_m.p50)
+    assert estimator.update(1.0, 0.8, 0.5, None, V).flags == RangeFlag.NO_POWER
+    assert estimator.update(2.0, 0.8, math.nan, -1.0, V).flags == RangeFlag.NO_SPEED
+    assert estimator.update(1.5, 0.8, 0.5, -1.0, V).flags == RangeFlag.BAD_TIME
+    assert estimator.update(math.nan, math.nan, 0.5, -1.0, V).flags == RangeFlag.BAD_TIME | RangeFlag.NO_SOC
+    assert estimator.update(3.0, 0.8, 1e30, -1e30, 1e30).flags == RangeFlag.NO_POWER | RangeFlag.NO_SPEED
+    assert str(estimator.update(4.0, 0.8, 0.5, -1.0, V).flags) == "0"
+    assert all(np.isfinite(q) for q in estimator.state.forecast.distance_m)
+    rng = np.random.default_rng(1)
+    garbage = [None, math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0, 1.0]
+    for k in range(300):
+        v, i, u, g = rng.choice(np.array(garbage, dtype=object), 4)
+        estimator.update(5.0 + k, 0.7, v, i, u, g)
+    assert np.isfinite(estimator.consumption.mean).all()
+    assert all(np.isfinite(q) for q in driven(estimator)[-1].distance_m)
+
+
+def test_an_estimate_of_the_charge_brings_its_uncertainty():
+    nan = math.nan
+    sure, unsure = (SocEstimate(0.6, std, nan, nan, nan, nan, nan, nan, 0) for std in (0.001, 0.1))
+    widths = []
+    for soc in (sure, unsure):
+        left = driven(new(), slice(0, 3), soc=soc)[-1].usable_J
+        widths.append(left.p90 - left.p10)
+    assert widths[1] > 3 * widths[0]
+
+
+def test_a_log_at_once_is_its_samples_one_by_one():
+    log = Log("drive", T, -POWER / V, np.full(len(T), V), extra={"speed_m_s": SPEED})
+    run = new().run(log, np.full(len(T), 0.8), terrain=TERRAIN, home=80.0)
+    expected = driven(new(), home=80.0)
+    assert run.distance_m.p10 == pytest.approx([e.distance_m.p10 for e in expected], rel=0.0)
+    assert run.home_probability.tolist() == [e.home_probability for e in expected]
+    frame = run.to_pandas()
+    assert {"distance_m_p10", "duration_s_p90", "home_probability", "flags"} <= set(frame.columns)
+    assert run.counts() == {}
+    assert run.plot().figures[0].title == "Range left" and len(run.plot().figures) == 2
+
+
+def test_the_charge_of_a_run_and_columns_of_the_log():
+    log = Log("drive", T, -POWER / V, np.full(len(T), V), extra={"v": SPEED, "slope": 0.0 * T})
+    soc = SocEstimator(BATTERY, 0.8, lowering="python").run(log)
+    steps = []
+    run = new().run(log, soc, "v", "slope", progress=lambda done, whole: steps.append(done))
+    assert run.distance_m.p10[-1] < run.distance_m.p90[-1] and steps[-1] == len(T)
+    with pytest.raises(InputError, match=r"log 'drive' has no column 'speed_m_s' for speed_m_s, but v, slope"):
+        new().run(log, soc)
+    with pytest.raises(InputError, match="soc must have 750 values, one for each sample of the log, got 3"):
+        new().run(log, np.ones(3), SPEED)
+
+
+def test_the_representation_says_what_is_left():
+    estimator = new()
+    assert repr(estimator) == "RangeEstimator(lfp 5 Ah)"
+    driven(estimator, slice(0, 3))
+    assert "m left (" in repr(estimator)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: RangeEstimator("battery.toml", NEW), "battery must be a Battery, got str"),  # type: ignore[arg-type]
+        (lambda: RangeEstimator(BATTERY, "table.toml"), "consumption must be a Consumption, got str"),  # type: ignore[arg-type]
+        (lambda: new(reserve_soc=20.0), "reserve_soc must be between 0 and 1, got 20"),
+        (lambda: new(terrain=""), "terrain must be the name of a ground"),
+        (lambda: new(refresh_s=0.0), "refresh_s must be > 0"),
+        (
+            lambda: new().update(0.0, 80.0),
+            r"soc must be between 0 and 1 \(0.8 is 80 %\), got 80",
+        ),
+        (lambda: new().update(0.0, 0.8, "fast"), "speed_m_s must be a number"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_name(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
