@@ -12,6 +12,7 @@ import pytest
 import ohmward
 
 SOURCE = Path(ohmward.__file__).parent
+DOCS = Path(__file__).parent.parent / "docs"
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
 GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file"}
@@ -53,7 +54,8 @@ ON_BOARD = [
     "ohmward.battery.file",
     "ohmward.filters",
     "ohmward.trace",
-    "ohmward.logs",
+    "ohmward.logs.drive_log",
+    "ohmward.logs.log",
     "ohmward.traction",
     "ohmward.traction.speed_observer",
     "ohmward.traction.control",
@@ -145,6 +147,28 @@ def test_every_public_name_is_found_and_typed():
     for name in ohmward.__all__:
         assert getattr(ohmward, name).__name__ == name
         assert name in dir(ohmward)
+
+
+def test_public_names_are_few_and_each_is_in_the_reference():
+    assert len(ohmward.__all__) <= 40
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.md"))
+    documented = re.findall(r"^\.\. auto(?:class|function):: ohmward\.(\w+)$", pages, re.MULTILINE)
+    assert sorted(documented) == sorted(ohmward.__all__)
+
+
+def test_the_reference_names_files_that_there_are():
+    for page in (DOCS / "reference").glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        headed = re.findall(r"^## (\S+)\n\n```{eval-rst}\n\.\. automodule:: ohmward\.(\S+)$", text, re.MULTILINE)
+        assert [file for heading, file in headed if heading != file] == []
+        assert set(re.findall(r"automodule:: ohmward\.(\S+)", text)) <= set(modules())
+
+
+def test_an_estimator_of_charge_loads_no_reader_of_drives_and_no_figure():
+    loaded = run("import sys; from ohmward import SocEstimator; print(*sys.modules)").split()
+    assert [
+        name for name in loaded if re.match(r"ohmward\.(logs\.(drive|doctor|write)|figures|report|traction)", name)
+    ] == []
 
 
 def test_a_name_that_does_not_exist_is_refused():

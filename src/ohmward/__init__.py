@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery as Battery
+    from ohmward.battery.chemistries import generic_battery as generic_battery
     from ohmward.battery.file import load_battery as load_battery
     from ohmward.battery.file import save_battery as save_battery
     from ohmward.battery.identification import identify as identify
@@ -18,44 +19,77 @@ if TYPE_CHECKING:
     from ohmward.battery.soc.sample import SocFlag as SocFlag
     from ohmward.battery.soc.sample import SocSample as SocSample
     from ohmward.battery.soc.score import score as score
+    from ohmward.energy.consumption import Consumption as Consumption
+    from ohmward.energy.consumption_file import load_consumption as load_consumption
+    from ohmward.energy.consumption_file import save_consumption as save_consumption
+    from ohmward.energy.leg import Leg as Leg
+    from ohmward.energy.range_estimator import RangeEstimator as RangeEstimator
+    from ohmward.energy.range_step import RangeEstimate as RangeEstimate
+    from ohmward.energy.range_step import RangeFlag as RangeFlag
     from ohmward.errors import InputError as InputError
     from ohmward.errors import OhmwardError as OhmwardError
     from ohmward.figures.plot import plot as plot
-    from ohmward.logs import Log as Log
-    from ohmward.logs import examine as examine
-    from ohmward.logs import read_log as read_log
-    from ohmward.logs import write_log as write_log
-    from ohmward.logs import write_table as write_table
+    from ohmward.logs.doctor import examine as examine
+    from ohmward.logs.drive_log import DriveLog as DriveLog
+    from ohmward.logs.drive_log import read_drive as read_drive
+    from ohmward.logs.log import Log as Log
+    from ohmward.logs.log import read_log as read_log
+    from ohmward.logs.write import write_log as write_log
+    from ohmward.logs.write import write_table as write_table
     from ohmward.published.registry import available as available
     from ohmward.published.registry import make_estimator as make_estimator
     from ohmward.simulate import make_robot_day as make_robot_day
+    from ohmward.traction.calibration import calibrate as calibrate
+    from ohmward.traction.robot.file import load_robot as load_robot
+    from ohmward.traction.robot.file import save_robot as save_robot
+    from ohmward.traction.robot.robot import Robot as Robot
+    from ohmward.traction.speed_observer.estimate import SlipEstimate as SlipEstimate
+    from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
+    from ohmward.traction.speed_observer.estimate import SlipSample as SlipSample
     from ohmward.traction.speed_observer.track import SlipEstimator as SlipEstimator
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Log": "logs.log",
+    "DriveLog": "logs.drive_log",
+    "read_log": "logs.log",
+    "read_drive": "logs.drive_log",
+    "examine": "logs.doctor",
+    "write_log": "logs.write",
+    "write_table": "logs.write",
     "Battery": "battery.battery",
+    "identify": "battery.identification",
+    "generic_battery": "battery.chemistries",
+    "load_battery": "battery.file",
+    "save_battery": "battery.file",
+    "Robot": "traction.robot.robot",
+    "calibrate": "traction.calibration",
+    "load_robot": "traction.robot.file",
+    "save_robot": "traction.robot.file",
+    "Consumption": "energy.consumption",
+    "load_consumption": "energy.consumption_file",
+    "save_consumption": "energy.consumption_file",
+    "Leg": "energy.leg",
+    "SocEstimator": "battery.soc.estimator",
+    "SlipEstimator": "traction.speed_observer.track",
+    "RangeEstimator": "energy.range_estimator",
+    "SocSample": "battery.soc.sample",
     "SocEstimate": "battery.soc.sample",
     "SocFlag": "battery.soc.sample",
-    "InputError": "errors",
-    "Log": "logs",
-    "OhmwardError": "errors",
-    "SocSample": "battery.soc.sample",
+    "SlipSample": "traction.speed_observer.estimate",
+    "SlipEstimate": "traction.speed_observer.estimate",
+    "SlipFlag": "traction.speed_observer.estimate",
+    "RangeEstimate": "energy.range_step",
+    "RangeFlag": "energy.range_step",
     "EstimatorSettings": "battery.soc.registry",
-    "SlipEstimator": "traction.speed_observer.track",
-    "SocEstimator": "battery.soc.estimator",
     "available": "published.registry",
-    "examine": "logs",
-    "identify": "battery.identification",
-    "load_battery": "battery.file",
     "make_estimator": "published.registry",
-    "make_robot_day": "simulate",
     "plot": "figures.plot",
-    "read_log": "logs",
-    "save_battery": "battery.file",
     "score": "battery.soc.score",
-    "write_log": "logs",
-    "write_table": "logs",
+    "make_robot_day": "simulate",
+    "InputError": "errors",
+    "OhmwardError": "errors",
 }
 
 __all__ = list(_HOMES)

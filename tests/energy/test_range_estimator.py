@@ -156,6 +156,11 @@ def test_the_charge_of_a_run_and_columns_of_the_log():
         new().run(log, np.ones(3), SPEED)
 
 
+def test_a_robot_without_a_table_begins_with_a_broad_guess():
+    by_name, by_robot = RangeEstimator(BATTERY, "rlma"), RangeEstimator(BATTERY, RLMA)
+    assert driven(by_name, slice(0, 3)) == driven(by_robot, slice(0, 3)) == driven(new(), slice(0, 3))
+
+
 def test_the_representation_says_what_is_left():
     estimator = new()
     assert repr(estimator) == "RangeEstimator(lfp 5 Ah)"
@@ -167,7 +172,8 @@ def test_the_representation_says_what_is_left():
     ("make", "message"),
     [
         (lambda: RangeEstimator("battery.toml", NEW), "battery must be a Battery, got str"),  # type: ignore[arg-type]
-        (lambda: RangeEstimator(BATTERY, "table.toml"), "consumption must be a Consumption, got str"),  # type: ignore[arg-type]
+        (lambda: RangeEstimator(BATTERY, "rlmb"), "robot must be a robot file or one of rlma, robotino, got 'rlmb'"),
+        (lambda: RangeEstimator(BATTERY, 7), "a robot must be a Robot, or the path or name of one, got int"),  # type: ignore[arg-type]
         (lambda: new(reserve_soc=20.0), "reserve_soc must be between 0 and 1, got 20"),
         (lambda: new(terrain=""), "terrain must be the name of a ground"),
         (lambda: new(refresh_s=0.0), "refresh_s must be > 0"),

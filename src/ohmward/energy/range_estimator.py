@@ -12,8 +12,9 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate
-from ohmward.energy.consumption import Consumption, begin_drive
+from ohmward.energy.consumption import Consumption, begin_drive, start
 from ohmward.energy.consumption_file import dump_consumption, parse_consumption
+from ohmward.energy.consumption_prior import prior_from_robot
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, Measured
 from ohmward.energy.leg import Stretch
 from ohmward.energy.points import Quantiles
@@ -31,6 +32,8 @@ from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log
 from ohmward.trace import snapshot
+from ohmward.traction.robot.file import load_robot
+from ohmward.traction.robot.robot import Robot
 
 
 class RangeRun(Run[RangeEstimate]):
@@ -50,17 +53,16 @@ class RangeEstimator:
 
     Args:
         battery: identified or generic.
-        consumption: as learned before this drive; `start(prior_from_robot(robot))` where there was none.
+        consumption: as learned before this drive; before the first one the robot, or the path or name of one, of
+            which a broad guess is made.
         days: since the last drive that the consumption knows.
         options: see `RangeSettings`: terrain, reserve_soc, cutoff_V, payload_kg, refresh_s, cut.
     """
 
-    def __init__(self, battery: Battery, consumption: Consumption, days: float = 0.0, **options: Any):
+    def __init__(self, battery: Battery, consumption: Consumption | Robot | str, days: float = 0.0, **options: Any):
         if not isinstance(consumption, Consumption):
-            raise InputError(
-                f"consumption must be a Consumption, got {type(consumption).__name__}; load_consumption reads one, "
-                "start(prior_from_robot(robot)) begins one"
-            )
+            robot = consumption if isinstance(consumption, Robot) else load_robot(consumption)
+            consumption = start(prior_from_robot(robot))
         self.settings = RangeSettings(battery, **options)
         self.state = self.settings.init(begin_drive(consumption, days))
 

@@ -70,7 +70,11 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return cls(battery, **options)._resume(snapshot)
 
     def update(
-        self, time_s: float, current_A: float, voltage_V: float, temperature_degC: float | None = math.nan
+        self,
+        time_s: float,
+        current_A: float | None,
+        voltage_V: float | None,
+        temperature_degC: float | None = math.nan,
     ) -> SocEstimate:
         """Estimate after one live sample. A bad one is survived and flagged, see `SocFlag`; None and nan are missing.
 

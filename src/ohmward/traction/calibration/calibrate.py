@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
 from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
-from ohmward.traction.calibration.truth import CalibrationDrive
+from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
@@ -31,7 +32,7 @@ class Calibration(NamedTuple):
 
 
 def calibrate(
-    drives: Sequence[CalibrationDrive],
+    drives: Sequence[CalibrationDrive | DriveLog],
     robot: Robot,
     parts: Collection[str] = PARTS,
     floor: str | None = None,
@@ -39,7 +40,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a robot from drives on one floor.
 
-    drives: with the motion of the body.
+    drives: with the motion of the body; a log whose speed from outside was measured will do.
     robot: its mass and geometry are believed.
     parts: of `PARTS`.
     floor: name under which the floor is learnt; None learns none.
@@ -48,15 +49,29 @@ def calibrate(
     Raises:
         InputError: the drives have no stretch to calibrate from.
     """
+    known = [drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, drive) for drive in drives]
     found: list[Parameter] = []
     if "radius" in parts:
-        found.append(calibrate_radius(drives, robot))
+        found.append(calibrate_radius(known, robot))
         robot = with_parameters(robot, found)
     if "motor" in parts:
-        found += calibrate_motor(drives, robot, rolling)
+        found += calibrate_motor(known, robot, rolling)
         robot = with_parameters(robot, found)
-    learnt = learn_floor(floor, drives, robot) if floor else None
-    return Calibration(robot, tuple(found), learnt, tuple(drives))
+    learnt = learn_floor(floor, known, robot) if floor else None
+    return Calibration(robot, tuple(found), learnt, tuple(known))
+
+
+def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
+    """The drive with the motion that its speed from outside shows.
+
+    Raises:
+        InputError: there is none, or it does not say how the robot moves sideways.
+    """
+    if log.speed_m_s is None:
+        raise InputError(
+            f"log {log.name!r} has no speed from outside; give CalibrationDrive(log, motion) with the true motion"
+        )
+    return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, log.yaw_rate_rad_s))
 
 
 def with_wheel_loads(robot: Robot, loads_N: Sequence[float]) -> Robot:
