@@ -43,7 +43,7 @@ FORMER_NAMES: dict[str, str] = {
 
 def current_name(name: str) -> str:
     """The name of an estimator that may be given by its former one."""
-    return FORMER_NAMES.get(name, name)
+    return FORMER_NAMES.get(str(name).lower(), name)
 
 
 def title_of(name: str) -> str:

@@ -133,7 +133,7 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
         InputError: neither a battery nor an estimator, or no estimator of that name.
     """
     if isinstance(battery, Battery):
-        return make_estimator(str(filter).lower(), battery)
+        return make_estimator(filter, battery)
     if hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
     raise InputError(

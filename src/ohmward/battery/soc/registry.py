@@ -40,7 +40,7 @@ class Choice(NamedTuple):
 
 
 def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | None = None) -> Estimator:
-    """The estimator called `name` for a battery.
+    """The estimator called `name` for a battery, in capitals or not.
 
     Raises:
         InputError: there is none of that name, or the battery file lacks the model it needs.
@@ -57,9 +57,10 @@ def make_from(
     choices: Mapping[str, Choice], name: str, battery: Battery, settings: EstimatorSettings | None = None
 ) -> Estimator:
     """`make_estimator` among these choices."""
-    if name not in choices:
+    choice = choices.get(name.lower()) if isinstance(name, str) else None
+    if choice is None:
         raise InputError(f"filter must be one of {', '.join(choices)}, got {name!r}")
-    return choices[name].make(battery, settings or EstimatorSettings(battery.idle_current_A))
+    return choice.make(battery, settings or EstimatorSettings(battery.idle_current_A))
 
 
 def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str, ...]:
