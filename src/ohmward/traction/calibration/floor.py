@@ -33,7 +33,8 @@ from ohmward.traction.terrain.floor import (
 
 _PRIOR = np.log([FRICTION, STIFFNESS])
 _PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD])
-_STEPS, _NUDGE = 30, 1e-4
+#: Steps of Gauss and Newton, damping of the first, step of the numerical derivative, and least sigma of the residuals.
+_STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
 #: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
 _LENGTH_S = 0.3
@@ -119,20 +120,26 @@ def traction(s: Stretches, robot: Robot) -> np.ndarray:
 def fit_law(p: Points) -> FloorFit:
     """Friction and stiffness, and the slip that they leave unexplained."""
     wheels = p.force_share.shape[1]
-    share, slip, drive = p.force_share.ravel(), p.slip_ratio.ravel(), np.repeat(p.drive, wheels)
-    logs, damping, P0_inv = _PRIOR, 1e-3, np.diag(_PRIOR_STD**-2)
-    std = max(float(np.std(slip - _slip(logs, share))), 1e-9)
+    share, slip = p.force_share.ravel(), p.slip_ratio.ravel()
+    logs, P0_inv = _PRIOR, np.diag(_PRIOR_STD**-2)
+    damping = _DAMPING
+    std = max(float(np.std(slip - _slip(logs, share))), _LEAST_STD)
     for _ in range(_STEPS):
         residual, J = slip - _slip(logs, share), _jacobian(logs, share)
         H = J.T @ J / std**2 + P0_inv
         gradient = J.T @ residual / std**2 + P0_inv @ (_PRIOR - logs)
         trial = logs + np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
-        better = _loss(trial, share, slip, std) <= _loss(logs, share, slip, std)
-        logs, damping = (trial, damping / 4) if better else (logs, damping * 8)
-        std = max(float(np.sqrt(np.mean((slip - _slip(logs, share)) ** 2))), 1e-9)
+        if _loss(trial, share, slip, std) <= _loss(logs, share, slip, std):
+            logs = trial
+            damping = damping / 4
+        else:
+            damping = damping * 8
+        std = max(float(np.sqrt(np.mean((slip - _slip(logs, share)) ** 2))), _LEAST_STD)
     residual, J = slip - _slip(logs, share), _jacobian(logs, share)
-    H_inv, g = np.linalg.inv(J.T @ J / std**2 + P0_inv), scores(J, residual, drive) / std**2
-    return FloorFit(logs, H_inv @ (g.T @ g + P0_inv) @ H_inv, _between(residual.reshape(-1, wheels), p.drive))
+    H_inv = np.linalg.inv(J.T @ J / std**2 + P0_inv)
+    g = scores(J, residual, np.repeat(p.drive, wheels)) / std**2
+    cov = H_inv @ (g.T @ g + P0_inv) @ H_inv
+    return FloorFit(logs, cov, _between(residual.reshape(-1, wheels), p.drive))
 
 
 def fit_drag(s: Stretches, robot: Robot) -> DragFit:

@@ -31,6 +31,8 @@ _KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
 #: The torque constant counts as identified where its sigma is at most this share of it, a loss from so many sigmas on.
 CONSTANT_SHARE, LOSS_SIGMAS = 0.1, 2.0
 _LENGTH_S = 0.5
+#: Columns of the fit.
+KAPPA, ROLLING_SHARE, ROLLER_SHARE, FRICTION, DAMPING = range(5)
 #: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
 _SPEED_RATIO = 2.0
 #: Sigma of a parameter that the fit does not change.
@@ -63,13 +65,14 @@ def calibrate_motor(
     row = rows(stretches, robot)
     prior, prior_std = _prior(row, robot, rolling)
     if not _speeds_differ(stretches):
-        prior_std[4] = _HELD
+        prior_std[DAMPING] = _HELD
     fit = _fit(row, prior, prior_std)
-    scale_known = fit.beta[0] > 0 and np.sqrt(fit.cov[0, 0]) <= CONSTANT_SHARE * fit.beta[0]
-    if not scale_known:
-        prior_std[0] = _HELD
+    kappa = fit.beta[KAPPA]
+    identified = kappa > 0 and np.sqrt(fit.cov[KAPPA, KAPPA]) <= CONSTANT_SHARE * kappa
+    if not identified:
+        prior_std[KAPPA] = _HELD
         fit = _fit(row, prior, prior_std)
-    return _constant(fit, robot, scale_known), *_losses(fit, robot, prior_std)
+    return _constant(fit, robot, identified), *_losses(fit, robot, prior_std)
 
 
 def rows(s: Stretches, robot: Robot) -> RegressionRow:
@@ -101,7 +104,7 @@ def _speeds_differ(s: Stretches) -> bool:
 def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
     torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
-    fastest = float(np.abs(row.columns[:, 4]).max())
+    fastest = float(np.abs(row.columns[:, DAMPING]).max())
     roller_std = _ROLLER_STD if isinstance(robot.chassis, Omni) else _HELD
     motor = robot.motor
     mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
@@ -114,26 +117,31 @@ def _fit(row: RegressionRow, prior: np.ndarray, prior_std: np.ndarray) -> Regres
 
 def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
     """K_m = K_file / kappa."""
-    file, kappa = robot.motor.torque_constant_Nm_per_A, float(fit.beta[0])
+    file, kappa = robot.motor.torque_constant_Nm_per_A, float(fit.beta[KAPPA])
     name = "motor.torque_constant_Nm_per_A"
     if not identified:
         return Parameter(name, file, _KAPPA_STD * file, "the robot hardly accelerates, and only its mass shows it")
-    return Parameter(name, file / kappa, float(np.sqrt(fit.cov[0, 0])) * file / kappa**2)
+    return Parameter(name, file / kappa, float(np.sqrt(fit.cov[KAPPA, KAPPA])) * file / kappa**2)
 
 
 def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Parameter, Parameter]:
     """Friction and damping, over kappa."""
     motor = robot.motor
     alike = (
-        "the speeds are too much alike" if prior_std[4] == _HELD else "it is small, or the speeds are too much alike"
+        "the speeds are too much alike"
+        if prior_std[DAMPING] == _HELD
+        else "it is small, or the speeds are too much alike"
     )
     return (
-        _loss("motor.friction_Nm", 3, fit, motor.friction_Nm, "it is not told from the floor's rolling resistance"),
-        _loss("motor.damping_Nms_per_rad", 4, fit, motor.damping_Nms_per_rad, alike),
+        _loss(
+            "motor.friction_Nm", FRICTION, fit, motor.friction_Nm, "it is not told from the floor's rolling resistance"
+        ),
+        _loss("motor.damping_Nms_per_rad", DAMPING, fit, motor.damping_Nms_per_rad, alike),
     )
 
 
 def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parameter:
     """The loss in column i where it is clearly more than nothing, else the robot's own."""
-    value, std = float(fit.beta[i] / fit.beta[0]), float(np.sqrt(fit.cov[i, i]) / fit.beta[0])
+    value = float(fit.beta[i] / fit.beta[KAPPA])
+    std = float(np.sqrt(fit.cov[i, i]) / fit.beta[KAPPA])
     return Parameter(name, value, std) if value > LOSS_SIGMAS * std else Parameter(name, own, std, reason)

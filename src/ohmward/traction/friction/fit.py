@@ -1,6 +1,6 @@
 """Fit of friction laws to measured forces, and selection of the best.
 
-    F = F_law(contact) - c N,    c: resistance share, of rolling and of the soil that is pressed and pushed
+    F = F_law(contact) - c N,    c: resistance ratio, of rolling and of the soil that is pressed and bulldozed
 
 Least squares from every start of a family. Confidence intervals are those of the linearised fit (Student's t, on the
 scale of the search), cut at the limits of the parameters: that of an unidentified one reaches from limit to limit. They

@@ -5,7 +5,7 @@ tau_f    = [tau_c + (1 - eta) n K_m |I|] tanh(omega / omega_0) + b omega
 V        = R I + n K_m omega
 J_rotor  counts n^2 times at the wheel
 
-The gear's loss is a friction that grows with the torque it carries: driving, the share eta of the motor's power reaches
+The gear's loss is a friction that grows with its torque: driving, the share eta of the motor's power reaches
 the wheel; braking, 1/(2 - eta) of the wheel's power reaches the motor. It never gives energy.
 """
 
@@ -71,8 +71,8 @@ def ideal_torque(motor: Motor, current_A: Any) -> Any:
 
 def friction_torque(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
     """Friction [N m] of bearings and gear, against the rotation."""
-    _, carried = direction_and_size(ideal_torque(motor, current_A))
-    dry = motor.friction_Nm + (1 - motor.gear_efficiency) * carried
+    _, torque_Nm = direction_and_size(ideal_torque(motor, current_A))
+    dry = motor.friction_Nm + (1 - motor.gear_efficiency) * torque_Nm
     return dry * tanh(wheel_speed_rad_s / motor.friction_speed_rad_s) + motor.damping_Nms_per_rad * wheel_speed_rad_s
 
 

@@ -53,7 +53,7 @@ def undetermined_force_std(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.nd
 
 
 def drag_share(robot: Robot, motion: np.ndarray, force_N: np.ndarray) -> Any:
-    """Share (...,) of the weight that the wheels' forces (..., driven) push along the motion (..., freedoms)."""
+    """Force (...,) of the wheels (..., driven) along the motion (..., freedoms), over the weight."""
     body = force_N @ robot.rolling[: robot.driven]
     along = (body[..., :-1] * motion[..., :-1]).sum(axis=-1) / maximum(travel_speed(motion), 1e-6)
     return along / static_loads(robot).sum()
