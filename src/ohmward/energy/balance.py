@@ -4,7 +4,7 @@ battery = idle + copper + drive + slip + rolling + climb + kinetic + residual
 
 Losses are >= 0. `climb` and `kinetic` are useful and come back, or part of them: downhill and braking they are < 0, and
 so is `battery` where the motors feed it. The residual holds what the models do not explain: the error of the assumed
-rolling resistance, the efficiency of the electronics, and the idle power where nobody knows it.
+rolling resistance, the efficiency of the electronics, and an idle power that is not known.
 """
 
 from __future__ import annotations

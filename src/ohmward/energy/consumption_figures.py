@@ -12,7 +12,7 @@ from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
 from ohmward.traction.robot.robot import GRAVITY
 
-#: Speed [m/s] of a terrain that nobody has driven on.
+#: Speed [m/s] of a terrain that has not been driven on.
 _UNKNOWN_SPEED_M_S = 0.5
 #: Distance [m] over which the energy per metre of another day is predicted.
 _PREDICTED_M = 100.0

@@ -23,7 +23,7 @@ RESISTANCE = {
     "sand": 0.2,
     "snow": 0.15,
 }
-#: Of a ground that nobody has named.
+#: Rolling resistance over load of any other ground.
 ANY_RESISTANCE = 0.05
 #: Standard deviation of such a number, relative to it.
 RESISTANCE_STD = 0.6
@@ -31,7 +31,7 @@ RESISTANCE_STD = 0.6
 SPEED_RESISTANCE_S_PER_M = 0.02
 #: Of motor controllers.
 ELECTRONICS_EFFICIENCY = 0.9
-#: Idle power of a robot of which nothing is said [W].
+#: Idle power [W] of a robot without one.
 ANY_IDLE_W = 10.0
 
 
@@ -100,7 +100,7 @@ class ConsumptionPrior:
 
 
 def prior_from_robot(robot: Robot) -> ConsumptionPrior:
-    """From mass, wheels, motors and idle power of a robot."""
+    """Prior from mass, wheels, motors and idle power of a robot."""
     efficiency = robot.motor.gear_efficiency * ELECTRONICS_EFFICIENCY
     friction_N = robot.driven * robot.motor.friction_Nm / robot.wheel.radius_m
     damping = robot.driven * robot.motor.damping_Nms_per_rad / robot.wheel.radius_m**2
@@ -114,7 +114,7 @@ def heat_W_per_N2(robot: Robot) -> float:
 
 
 def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> ConsumptionPrior:
-    """From the mass alone; idle_W: 0 where nobody said."""
+    """Prior from the mass alone; idle_W: 0 where it is not known."""
     require_positive("mass_kg", mass_kg)
     return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0, 0.0)
 

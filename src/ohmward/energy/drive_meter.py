@@ -1,4 +1,4 @@
-"""Stretches of a drive as it goes on, sample by sample: what `cut_drive` makes of a recorded one."""
+"""Stretches of a drive under way, sample by sample; `cut_drive` cuts a recorded one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ohmward.energy.recorded import Cut
 
 
 class DriveSample(NamedTuple):
-    """What is measured at an instant of a drive; nan where there is nothing.
+    """Measurements at an instant of a drive; nan where one is missing.
 
     time_s: on any clock.
     speed_m_s: forward.
@@ -41,7 +41,7 @@ class Measured(NamedTuple):
 
 
 class DriveMeter(NamedTuple):
-    """Where a drive stands: the last sample, the stretch under way, and the stop that may be a part of it."""
+    """State of a drive under way: the last sample, the stretch so far, and the stop that may be a part of it."""
 
     last: DriveSample | None = None
     moving: Measured | None = None

@@ -233,7 +233,7 @@ def _motion(
 
 
 def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:
-    """Consumption with the plan's terrains, and a warning for each that nobody has driven on."""
+    """Consumption with the plan's terrains, and a warning for each that has not been driven on."""
     notes = []
     for leg in plan.legs if plan else ():
         if leg.terrain not in c.terrains:
@@ -244,7 +244,7 @@ def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Not
 
 
 def _reserve(settings: MissionSettings, plan: Plan | None, log: Log | None, soc: float) -> tuple[float, list[Note]]:
-    """State of charge to be left; 0 where nobody said it and the log ends below the usual one."""
+    """State of charge to be left; 0 where none is given and the log ends below the usual one."""
     reserve_soc = plan.reserve_soc if plan and settings.reserve_soc is None else settings.reserve_soc
     if reserve_soc is not None:
         return reserve_soc, []

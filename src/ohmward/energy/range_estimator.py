@@ -80,7 +80,7 @@ class RangeEstimator:
 
     @property
     def consumption(self) -> Consumption:
-        """What has been learned, this drive included; `save_consumption` keeps it for the next one."""
+        """Consumption as learned, this drive included; `save_consumption` stores it for the next one."""
         return self.state.consumption
 
     @property
@@ -270,7 +270,7 @@ def _measured(row: list[Any] | None) -> Measured | None:
 
 
 def _number(value: Any) -> Any:
-    """What `_plain` made of a number, and names as they are."""
+    """Number that `_plain` has written; names as they are."""
     if value is None:
         return math.nan
     return float(value) if value in ("inf", "-inf") else value

@@ -39,7 +39,7 @@ CLOCK_SET_S = 60.0
 #: robot a larger speed: there a sensor is at fault.
 CURRENT_LIMIT_C, VOLTAGE_LIMIT, SPEED_LIMIT_M_S = 20.0, 2.0, 50.0
 
-#: Way home: its length [m] over ground like that of late, or its legs; None where nobody says.
+#: Way home: its length [m] over ground like that of late, or its legs; None where it is not known.
 WayHome = float | Sequence[Leg] | None
 
 _UNKNOWN = Quantiles(math.nan, math.nan, math.nan)
@@ -47,7 +47,7 @@ _NOTHING = Quantiles(0.0, 0.0, 0.0)
 
 
 class RangeFlag(SampleFlag):
-    """What happened at a sample. None of it stops the estimator."""
+    """Conditions of a sample; none of them stops the estimator."""
 
     NO_SOC = 1  # no number: the last one stands; before the first there is no forecast
     NO_POWER = 2  # current or voltage is missing: what is driven now teaches nothing
@@ -67,7 +67,7 @@ class SocNow(NamedTuple):
 
 
 class RangeSample(NamedTuple):
-    """What is known at an instant: of the drive, of the battery, and of the way home."""
+    """Drive, battery and way home at an instant."""
 
     drive: DriveSample
     soc: SocNow
@@ -80,7 +80,7 @@ class RangeEstimate(NamedTuple):
     distance_m, duration_s: until the reserve, over ground like that of late.
     usable_J: energy above the reserve.
     energy_J_per_m: of the ground ahead.
-    home_probability: of coming home with the reserve left; nan where nobody said how far it is.
+    home_probability: of coming home with the reserve left; nan where the way is not known.
     driven_m: since the start.
     flags: sum of `RangeFlag` values; 0 is a sample without incident.
     """
@@ -95,7 +95,7 @@ class RangeEstimate(NamedTuple):
 
 
 class RangeState(NamedTuple):
-    """All that is carried from sample to sample.
+    """State of the estimator between samples.
 
     consumption: as learned so far.
     meter: of the drive.
@@ -213,7 +213,7 @@ class RangeSettings:
         return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
 
     def way_home(self, ahead: Sequence[Stretch], home: WayHome) -> tuple[Stretch, ...]:
-        """Stretches of the way home; none where nobody says."""
+        """Stretches of the way home; none where it is not known."""
         if home is None:
             return ()
         if isinstance(home, Sequence):
@@ -248,7 +248,7 @@ def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, 
 
 
 def flags_of_sample(state: RangeState, sample: RangeSample) -> RangeFlag:
-    """What is missing in a sample."""
+    """Flags of what is missing in a sample."""
     drive, last = sample.drive, state.meter.last
     flags = RangeFlag(0)
     if not math.isfinite(sample.soc.soc):
