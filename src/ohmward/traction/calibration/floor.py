@@ -15,12 +15,12 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import regress, scores
-from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
+from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads
+from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, travel_speed
 from ohmward.traction.terrain.floor import (
     FRICTION,
     FRICTION_STD,

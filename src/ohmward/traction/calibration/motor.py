@@ -19,11 +19,11 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import Regression, regress
-from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
+from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import drag_columns, inertial_forces
+from ohmward.traction.terrain.demand import drag_columns, inertial_forces, travel_speed
 
 #: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.
 ROLLING = (0.02, 0.02)

@@ -8,11 +8,11 @@ import numpy as np
 
 from ohmward.traction.calibration.parameter import Parameter
 from ohmward.traction.calibration.regression import regress
-from ohmward.traction.calibration.stretches import Stretches, cut, travel_speed
+from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import static_loads
+from ohmward.traction.terrain.demand import static_loads, travel_speed
 from ohmward.traction.terrain.floor import STIFFNESS
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.terrain.demand import travel_speed
 
 LENGTH_S = 1.0
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
@@ -57,11 +58,6 @@ def cut(
 def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Motion (..., freedoms) of the driven wheels (..., driven), as if none slipped."""
     return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
-
-
-def travel_speed(motion: np.ndarray) -> np.ndarray:
-    """Speed over ground (...,) of a motion (..., freedoms), forward and, where there is one, leftward."""
-    return np.sqrt(np.sum(motion[..., :-1] ** 2, axis=-1))
 
 
 def _of_drive(number: int, drive: CalibrationDrive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
