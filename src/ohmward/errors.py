@@ -1,4 +1,4 @@
-"""The exceptions of ohmward: one family, so that a caller can catch everything that the package refuses."""
+"""Exceptions of ohmward, one family, so that a caller can catch them all."""
 
 
 class OhmwardError(Exception):
@@ -6,7 +6,7 @@ class OhmwardError(Exception):
 
 
 class InputError(OhmwardError):
-    """What the caller or a file gave cannot be used; the message names the thing, the rule, the value and the fix.
+    """Bad input of the caller or a file; the message names the thing, the rule, the value and the fix.
 
     The command line prints the message and ends with status 2.
     """

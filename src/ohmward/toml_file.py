@@ -1,4 +1,4 @@
-"""TOML files that people read and edit: one frozen dataclass each, every key known, every refusal with its fix."""
+"""TOML files that people read and edit: a frozen dataclass each, no unknown key, and a fix with every refusal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class TomlFile(Generic[T]):
         format: name and version, such as "ohmward-battery/1"; the first key of every file.
         header: comments at the head, lines that start with "#".
         digits: significant digits of the numbers written.
-        kinds: where a field may be one of several dataclasses, what the key `kind` of its table says for each.
+        kinds: value of the key `kind` for each class of a field that may hold one of several dataclasses.
     """
 
     cls: type[T]
@@ -40,7 +40,7 @@ class TomlFile(Generic[T]):
 
     @property
     def noun(self) -> str:
-        """What the file holds, in a word."""
+        """Kind of the file in a word, "battery" or "robot"."""
         return _noun(self.format)
 
     def save(self, value: T, path: str | PathLike[str]) -> None:
@@ -52,7 +52,7 @@ class TomlFile(Generic[T]):
         write_text(Path(path), self.dump(value))
 
     def load(self, path: str | PathLike[str]) -> T:
-        """What the file holds.
+        """The value in the file.
 
         Raises:
             InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
@@ -65,7 +65,7 @@ class TomlFile(Generic[T]):
         return "\n".join([self.header, f'format = "{self.format}"', *lines]) + "\n"
 
     def parse(self, text: str) -> T:
-        """What the text of a file holds.
+        """The value in the text of a file.
 
         Raises:
             InputError: not TOML, another format, an unknown or missing key, a value of another kind or out of range.
@@ -191,7 +191,7 @@ def _literal(value: Any) -> str:
 
 
 def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) -> T:
-    """What `parse` finds in the text of a file; what: a file that it should be, in words.
+    """Result of `parse` on the text of a file; what: the kind of file that it should be.
 
     Raises:
         InputError: the file cannot be read, or `parse` refuses; names the file.
@@ -207,7 +207,7 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
 
 
 def noun_of(path: str | PathLike[str]) -> str | None:
-    """What a file says that it holds: "battery", "robot"; None for one that cannot be read or says nothing."""
+    """Kind of a file by its key `format`, "battery" or "robot"; None for one that cannot be read or has no such key."""
     try:
         return _noun(str(tomllib.loads(Path(path).read_text(encoding="utf-8"))["format"]))
     except (OSError, ValueError, KeyError):
@@ -215,5 +215,5 @@ def noun_of(path: str | PathLike[str]) -> str | None:
 
 
 def _noun(format_: str) -> str:
-    """What a file of this format holds: battery, of ohmward-battery/1."""
+    """Kind of a format: battery, of ohmward-battery/1."""
     return format_.removeprefix(_PREFIX).partition("/")[0]

@@ -1,4 +1,4 @@
-"""A battery as the identification leaves it: models, noise, and where each number comes from."""
+"""Battery: its models, noise, and the provenance of its numbers."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class ConfidenceInterval:
 
 @dataclass(frozen=True)
 class LogFit:
-    """How well one log is reproduced.
+    """Quality of the model on one log.
 
     Attributes:
         log: its name.
-        test: what kind of test it is.
+        test: kind of test.
         soc_min, soc_max: the range that it covers.
         residual_rms_V, residual_max_V: measured minus simulated voltage; 0 for a log that only gave the OCV curve.
     """
@@ -47,14 +47,14 @@ class LogFit:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the numbers of a battery come from.
+    """Provenance of the numbers of a battery.
 
     Attributes:
-        capacity_given_Ah: what the user said.
-        capacity_measured_Ah: what the logs say, or 0 when they do not.
+        capacity_given_Ah: of the user.
+        capacity_measured_Ah: from the logs, 0 where they do not tell it.
         logs: one entry for each log.
         confidence: 95 % intervals of the parameters.
-        notes: everything that was assumed or found, warnings included.
+        notes: assumptions and findings, warnings included.
     """
 
     capacity_given_Ah: float
@@ -66,20 +66,20 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Battery:
-    """One battery: cell or pack. All voltages and resistances are those of the whole pack.
+    """Battery, a cell or a pack. All voltages and resistances are those of the whole pack.
 
     Attributes:
-        name: what to call it.
+        name: for people.
         capacity_Ah: charge between full and empty, > 0.
-        chemistry: such as "lfp", or "" when nobody said.
+        chemistry: such as "lfp", "" where unknown.
         n_series: cells in series.
         voltage_min_V, voltage_max_V: range seen in the logs.
-        idle_current_A: what the battery delivers at rest (<= 0; 0 in a laboratory), where the user has declared it:
-            then every rest tells the offset of the current sensor. None when nobody said.
+        idle_current_A: current at rest (<= 0; 0 in a laboratory), where the user has declared it: then every rest
+            shows the offset of the current sensor. None where unknown.
         thevenin, rc: the models that were identified; at least one.
-        noise, rc_noise: what an estimator must assume with the Thevenin and with the RC model.
-        identification: where the numbers come from, or None for numbers from a data sheet.
-        not_identified: what could not be identified, and why.
+        noise, rc_noise: to be assumed by an estimator with the Thevenin and with the RC model.
+        identification: provenance of the numbers, None for those of a data sheet.
+        not_identified: parameters that could not be identified, and why.
     """
 
     name: str

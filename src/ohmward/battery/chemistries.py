@@ -1,8 +1,8 @@
-"""Start values for a battery that nobody has tested: by chemistry and capacity, with a noise that admits it.
+"""Start values for a battery without any test, by chemistry and capacity, with a noise to match.
 
-The curves are what cells of a kind have in common, read off published open-circuit curves and rounded; single cells
-differ by some 10 mV. Resistances scale with 1 / capacity. The filter carries the resistance as a state and is told that
-it may be wrong by half, so it finds its own way; an identified battery is always better.
+The curves are read off published open-circuit curves of such cells and rounded; single cells differ by some 10 mV.
+Resistances scale with 1 / capacity. The filter carries the resistance as a state, with a standard deviation of a half,
+and finds it; an identified battery is always better.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from ohmward.checks import require_one_of, require_positive
 
 #: Points of the uniform SoC grid of an OCV curve made here.
 GRID = 201
+#: Lowest voltage over that of an empty battery, highest over that of a full one; lead-acid is charged further above it.
+_LOWEST, _HIGHEST, _GASSING = 0.9, 1.05, 1.2
 
 
 @dataclass(frozen=True)
 class Chemistry:
-    """What cells of a kind have in common.
+    """Properties common to cells of one chemistry.
 
     Attributes:
         title: in words.
@@ -59,25 +61,8 @@ _NCA = (2.90, 3.20, 3.33, 3.47, 3.55, 3.61, 3.68, 3.78, 3.88, 3.97, 4.06, 4.18)
 _LCO = (3.00, 3.55, 3.66, 3.72, 3.76, 3.79, 3.83, 3.89, 3.96, 4.03, 4.10, 4.19)
 _LFP_SOC = (0.0, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.8, 0.9, 0.96, 0.98, 1.0)
 _LFP = (
-    2.60,
-    2.80,
-    2.95,
-    3.12,
-    3.20,
-    3.22,
-    3.25,
-    3.28,
-    3.290,
-    3.295,
-    3.300,
-    3.31,
-    3.325,
-    3.330,
-    3.335,
-    3.345,
-    3.36,
-    3.50,
-)
+    2.60, 2.80, 2.95, 3.12, 3.20, 3.22, 3.25, 3.28, 3.290, 3.295, 3.300, 3.31, 3.325, 3.330, 3.335, 3.345, 3.36, 3.50,
+)  # fmt: skip
 
 CHEMISTRIES: dict[str, Chemistry] = {
     "nmc": Chemistry("lithium nickel manganese cobalt oxide", _TENTHS, _NMC, 0.005, 0.10, 0.03, 0.04, (20.0, 500.0)),
@@ -121,9 +106,9 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
 
 
 def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str = "") -> Battery:
-    """A battery of this chemistry and capacity that nobody has tested, with what that means for the estimate.
+    """Battery of a chemistry and capacity without any test, and with the noise that follows.
 
-    label: what to call it; by default "generic" and the chemistry.
+    label: its name; by default "generic" and the chemistry.
     """
     c, model = chemistry(name), start_model(name, capacity_Ah, n_series)
     curve_V = model.ocv.voltage_V
@@ -132,8 +117,8 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         capacity_Ah=capacity_Ah,
         chemistry=name,
         n_series=n_series,
-        voltage_min_V=0.9 * curve_V[0],
-        voltage_max_V=(1.2 if name == "lead-acid" else 1.05) * curve_V[-1],
+        voltage_min_V=_LOWEST * curve_V[0],
+        voltage_max_V=(_GASSING if name == "lead-acid" else _HIGHEST) * curve_V[-1],
         thevenin=model,
         noise=start_noise(capacity_Ah, n_series),
         not_identified=(
@@ -145,7 +130,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
 
 
 def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:
-    """What to assume about a battery that nobody has tested; `ocv_known` when its OCV curve was measured."""
+    """Noise of a battery without a test; `ocv_known` where its OCV curve was measured."""
     curve_V = 0.008 if ocv_known else 0.030
     return BatteryNoise(
         voltage_std_V=0.005 * n_series,

@@ -1,4 +1,4 @@
-"""An open-circuit voltage curve as few straight lines: on a microcontroller its table is flash.
+"""Open-circuit voltage curve as few straight lines, since the table of a curve takes flash on a microcontroller.
 
 A line goes on as long as one slope stays within the error of every point of the curve on the way; the next one begins
 where it ends (swing filter: Elmeleegy et al., VLDB 2009). The lines end on a uniform grid, so that a table finds them
@@ -17,7 +17,7 @@ from ohmward.checks import require_positive
 #: Places of the grid, tried in turn.
 GRIDS = (51, 101, 151, 201, 251, 301, 401, 501, 601, 801, 1201, 1601)
 
-#: How many points of the curve are looked at between two places.
+#: Points of the curve that are compared between two places.
 _WITHIN = 16
 
 
@@ -25,8 +25,8 @@ class OnLines(NamedTuple):
     """A curve on lines.
 
     ocv: the curve.
-    error_V: how far its mean is from the one that it stands for, at most, from SoC 0 to 1.
-    lines: how many; 0 where the curve is the one that it stands for.
+    error_V: largest difference of its mean to the original, from SoC 0 to 1.
+    lines: their number; 0 where the original takes less memory.
     """
 
     ocv: OcvCurve
@@ -49,7 +49,7 @@ def on_lines(ocv: OcvCurve, error_V: float) -> OnLines:
 
 
 def _bytes(curve: OnLines) -> int:
-    """Of its tables in single precision: a byte a place and two numbers a line, or four numbers a segment."""
+    """Memory of its tables in single precision: a byte a place and two numbers a line, or four numbers a segment."""
     points = len(curve.ocv.voltage_V)
     return points + 1 + 8 * curve.lines if curve.lines else 16 * (points + 1)
 

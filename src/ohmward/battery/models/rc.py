@@ -14,8 +14,8 @@ output above decays on its own,
 
     d(V - h)/dt = A33 (V - h),   h = output above,   A33 = R_s / (C_b R_b D) - 1 / (C_s D),
 
-so that V as a state is the output plus a disturbance that the battery forgets with time constant -1/A33. This is how
-`next_state_with_voltage` steps it: exactly, and with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 drops.
+so that V as a state is the output plus a disturbance that decays with time constant -1/A33. `next_state_with_voltage`
+steps it so: exactly, and with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 drops.
 """
 
 from __future__ import annotations
@@ -175,8 +175,8 @@ def next_state_with_voltage(
     """
     after = next_state(x[:2], mean_A, p, dt_s)
     disturbance = x[2] - voltage(x[:2], before_A, p)[0]
-    kept = np.exp(minimum(disturbance_rate(p) * dt_s, 0.0))
-    return np.array([*after, voltage(after, now_A, p)[0] + kept * disturbance])
+    decay = np.exp(minimum(disturbance_rate(p) * dt_s, 0.0))
+    return np.array([*after, voltage(after, now_A, p)[0] + decay * disturbance])
 
 
 def disturbance_rate(p: Circuit | RcModel) -> Any:
