@@ -4,11 +4,11 @@
     Q_k = K_k C_k K_k' + Q_floor
     R_k = mean of eps eps' + P_yy(x_k|k) + R_floor   eps_k = y_k - h(x_k|k), residual
 
-What it can do and what it cannot:
+Its limits:
 
 - Q_k has no more rank than y has elements: without the floor the covariance of states that the output hardly shows
-  collapses, and the filter becomes wrong with confidence. The floors are part of the model: what each state may wander
-  in one step, in its own unit squared, and what the sensor's resolution alone amounts to.
+  collapses, and the filter becomes wrong with confidence. The floors are part of the model: the variance of the random
+  walk of each state in one step, and that of the sensor's resolution alone.
 - Matching both at once finds the size of the noise, not the ratio of Q to R: put S = C_k into the formulas, and every
   gain K reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of
   the two is known, match the other alone (`match_Q`, `match_R`): then it is found.
@@ -40,7 +40,7 @@ class NoiseEstimate(NamedTuple):
 
     innovation: (m, m), mean of e e'.
     residual: (m, m), mean of eps eps'.
-    samples: how many are in the means, at most the window.
+    samples: number of samples in the means, at most the window.
     """
 
     innovation: np.ndarray
@@ -54,7 +54,7 @@ class AdaptiveState(NamedTuple):
     belief: of the state.
     Q: (n, n), process noise for the next step.
     R: (m, m), measurement noise for the next step.
-    noise: what they are matched to.
+    noise: moments that they are matched to.
     """
 
     belief: Belief
@@ -108,7 +108,7 @@ class Matching:
 
 
 def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
-    """State before the first sample: the noise Q (n, n), R (m, m) is what the first step uses."""
+    """State before the first sample: the noise Q (n, n), R (m, m) is that of the first step."""
     n, m = len(belief.mean), len(R)
     require_shape("Q", Q, (n, n))
     require_shape("R", R, (m, m))
@@ -214,7 +214,7 @@ def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Match
 def windowed_moments(values: np.ndarray, window: int) -> np.ndarray:
     """Mean of e e' over the last `window` samples at each of T times, [T]'s ring, for comparison offline.
 
-    values: (T, m), innovations or residuals.  Returns: (T, m, m); the first window - 1 are means of what there is.
+    values: (T, m), innovations or residuals.  Returns: (T, m, m); the first window - 1 are means over fewer.
     """
     squares = values[:, :, None] * values[:, None, :]
     return np.array([squares[max(0, k + 1 - window) : k + 1].mean(axis=0) for k in range(len(values))])

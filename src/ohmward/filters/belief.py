@@ -1,4 +1,4 @@
-"""What a filter believes, and what a measurement said about it."""
+"""Beliefs, innovations and corrections of the filters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ohmward.filters.shapes import require_shape
 from ohmward.trace import isfinite, where
 
 Function = Callable[[np.ndarray], np.ndarray]
-"""What a filter needs of a model: f(x), the next state (n,), or h(x), the output (m,), of a state x (n,)."""
+"""A model's function of a state x (n,): f(x), the next state (n,), or h(x), the output (m,)."""
 
 
 class Belief(NamedTuple):
@@ -39,10 +39,10 @@ class PackedBelief(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What a measurement said that the prediction did not.
+    """Innovation nu = y - y_hat and its covariance S.
 
-    value: (m,), measured minus predicted output, nu = y - y_hat.
-    cov: (m, m), its covariance S before the measurement was used.
+    value: (m,), measured minus predicted output.
+    cov: (m, m), before the measurement was used.
     """
 
     value: np.ndarray

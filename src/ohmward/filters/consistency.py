@@ -32,12 +32,12 @@ class Verdict(NamedTuple):
 
     @property
     def consistent(self) -> bool:
-        """Whether the mean lies within the bounds."""
+        """True where the mean lies within the bounds."""
         return self.lower <= self.mean <= self.upper
 
     @property
     def advice(self) -> str:
-        """One sentence on what the verdict means."""
+        """Meaning of the verdict in one sentence."""
         if self.mean > self.upper:
             return "The filter claims less uncertainty than it has: raise Q or R, or look for an unmodelled bias."
         if self.mean < self.lower:

@@ -3,7 +3,7 @@
 - A measurement that is missing, or whose NIS exceeds `gate`, is not used: the prediction stands (`passes`, `choose`).
 - `rejected_s` is the time for which measurements have been rejected without one in between that passed
   (`time_rejected`).
-- Where it exceeds `reset_after_s` the filter has `diverged`: so many measurements are not wrong, the filter is. It then
+- Where it exceeds `reset_after_s` the filter has `diverged`: not the measurements are wrong then, the filter is. It
   admits that it does not know: it inflates a variance (`inflate`), uses the measurement all the same, or distrusts the
   sensor. Which of these is the filter's own choice; the gate, the timer and their names are the same everywhere.
 """
@@ -24,7 +24,7 @@ from ohmward.trace.expression import Condition, Scalar
 
 
 class GateCounts(NamedTuple):
-    """Numbers of measurements by what became of them.
+    """Numbers of measurements that were used, rejected and missing.
 
     accepted: used.
     rejected: finite, but with a NIS above the threshold. Many in a row are the filter's fault, not the sensor's.

@@ -18,7 +18,7 @@ def predict(belief: Belief, F: np.ndarray, Q: np.ndarray, offset: np.ndarray | f
         belief: before the step.
         F: (n, n) transition matrix.
         Q: (n, n) covariance of the process noise over this step.
-        offset: (n,), what the input adds, B u.
+        offset: (n,), contribution of the input, B u.
 
     Raises:
         InputError: F or Q is not (n, n).
@@ -71,7 +71,7 @@ def correct_state(belief: Belief, i: int, y: Scalar, variance: Scalar, used: Sca
     """Belief after the measurement y = x_i + v, v ~ N(0, variance), of a state itself; unchanged where not `used`.
 
     `correct` with H a row of the identity, in a quarter of the operations: the covariance is P - P_i P_i' / S, with
-    P_ij variance / S in the row and column of the state, so that what was measured never falls below zero.
+    P_ij variance / S in the row and column of the state, so that the variance of that state never falls below zero.
 
     Args:
         belief: before the measurement.

@@ -17,11 +17,11 @@ PIVOT_FLOOR = 1e-14
 """Smallest pivot of a Cholesky factor, relative to the variance on the diagonal: some fifty roundings of float64."""
 
 TINY = 2.0**-126
-"""Floor of what is divided by, so that a variance of zero is safe; float32's smallest normal survives the export."""
+"""Floor of a divisor, so that a variance of zero is safe; float32's smallest normal number survives the export."""
 
 
 def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0) -> tuple[np.ndarray, float]:
-    """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` says what it was.
+    """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` tells.
 
     Only the lower triangle of P is read; its structural zeros stay zeros in L. The elimination is that of P = U D U'
     with ones on the diagonal of U, because its columns wait for a division each, not for a square root too: those

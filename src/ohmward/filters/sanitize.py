@@ -23,7 +23,7 @@ class CleanStep(NamedTuple):
 
     dt_s: step [s], >= 0; 0 where it is not credible.
     credible: the condition that the clock can have shown it.
-    gap: the condition that it is longer than a gap, so that nothing is known of what happened in it.
+    gap: the condition that it is longer than a gap: nothing is known of that time.
     """
 
     dt_s: Scalar
@@ -43,7 +43,7 @@ def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
 
 
 def is_step(dt_s: Scalar, longest_s: float) -> Condition:
-    """True where so much time [s] can lie between two samples; false where it is no number.
+    """True where this time [s] can lie between two samples; false where it is no number.
 
     longest_s: infinity where no step is too long.
     """

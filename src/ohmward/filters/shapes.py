@@ -1,4 +1,4 @@
-"""What the filters refuse: arrays of the wrong shape, before they broadcast into something plausible and wrong."""
+"""Check of shapes: an array of the wrong shape is refused before it broadcasts into something plausible and wrong."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class PropagatedPairs(NamedTuple):
 
     mean: (m,), y_hat.
     differences: (m, n), d_k of the pairs; half of them for an element that repeats a state, its offsets.
-    difference_unit: (m,), what these are to be multiplied by, 2 for an element that repeats a state, else 1.
+    difference_unit: (m,), factor of these, 2 for an element that repeats a state, else 1.
     sums: (m, n + 1), s_k of the pairs and s_0 of the central point.
     repeated_state: for each of m elements the index of the state that it is at every sigma point, or None.
     weights: of the points.

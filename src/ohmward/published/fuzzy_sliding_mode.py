@@ -63,7 +63,7 @@ class FuzzySlidingMode:
         if min(self.gain_rules[2]) < 1:
             raise InputError(
                 "fuzzy_sliding_mode.gain_rules must be at least 1 in the row of large sigma, or the sliding condition "
-                f"is lost; got {self.gain_rules[2]}"
+                f"fails; got {self.gain_rules[2]}"
             )
 
     def init(self, zero: Any) -> FuzzyMemory:

@@ -33,7 +33,7 @@ class RcAdaptiveSoc:
 
     Attributes:
         joint: finds C_b, C_s, R_e and R_t.
-        soc: estimates the state of charge with them; its model says what full parameters are.
+        soc: estimates the state of charge with them; its model has those of the battery file.
     """
 
     joint: RcJoint
@@ -62,10 +62,10 @@ class RcAdaptiveSoc:
         )
 
     def ratios(self, p: rc.Circuit) -> tuple[Scalar, Scalar]:
-        """Capacitance and lasting resistance over those of the battery file."""
+        """Capacitance and resistance to a steady current over those of the battery file."""
         file = self.soc.model.circuit
         capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
-        return capacitance, rc.lasting_resistance(p) / rc.lasting_resistance(file)
+        return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
 
 
 def adaptive_soc_of(model: rc.RcModel, noise: BatteryNoise | None = None) -> RcAdaptiveSoc:

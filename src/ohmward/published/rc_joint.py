@@ -12,7 +12,7 @@ and nothing is clipped. Their price is an exponential for each parameter that di
 With `voltage_as="output"` V is no state: six states, no memory of a voltage disturbance, y = h(x, i).
 
 Noise: Q = K C K' + floor and R = residual moment + P_yy + floor over a window of 100 ([T] 3.49-3.50, the missing 1/L
-restored). What the floors and the gate are for is said at the attributes of `RcJoint`. Sigma points are reused for the
+restored). The attributes of `RcJoint` tell the purpose of the floors and the gate. Sigma points are reused for the
 output, with alpha = 0.85, beta = 2, kappa = 0, all as in [T].
 """
 
@@ -73,10 +73,10 @@ def require_nominal(nominal: Nominal) -> None:
 
 
 def nominal_of(model: rc.RcModel) -> Nominal:
-    """The model's elements with R_b = R_s: as they are, or with the same lasting resistance shared by [P]'s rule."""
+    """The model's elements with R_b = R_s: as they are, or with the same DC resistance, shared by [P]'s rule."""
     if model.r_bulk_ohm == model.r_surface_ohm:
         return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
-    r_total_ohm = rc.lasting_resistance(model) / (1 + BRANCH_SHARE / 2)
+    r_total_ohm = rc.dc_resistance(model) / (1 + BRANCH_SHARE / 2)
     return Nominal(model.c_bulk_F, model.c_surface_F, BRANCH_SHARE * r_total_ohm, TERMINAL_SHARE * r_total_ohm)
 
 
@@ -144,7 +144,7 @@ class RcJoint:
         voltage_as: "state" is [T]'s seven states, "output" the six.
         voltage_std_V: white noise of the voltage sensor; floor of R.
         current_std_A: white noise of the current sensor; moves both capacitors.
-        disturbance_V: change in one second of what the circuit leaves unexplained, with V as a state; floor of Q.
+        disturbance_V: change in one second of the voltage beyond the circuit's, with V as a state; floor of Q.
         parameter_walk: change of each parameter in one hour as a share of itself; floor of Q. Without it the filter
             stops learning, believes itself, and is wrong with confidence as soon as the battery warms up.
         match_Q, match_R: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
@@ -296,7 +296,7 @@ class RcJoint:
         return rc.voltage(x[PARAMETERS:], clean.now.current_A, self.circuit(x))
 
     def process_noise(self, state: JointState, clean: CleanSocSample) -> np.ndarray:
-        """Q (n, n) of this step: the floor, and what the innovations of the last steps say."""
+        """Q (n, n) of this step: the floor, and K C K' of the last steps ([T] 3.49)."""
         dt_s = clean.dt_s
         charge_As2 = self.current_std_A**2 * dt_s + where(clean.current_known, 0.0, (self.unknown_A * dt_s) ** 2)
         per_V = 1 / (self.nominal.c_bulk_F + self.nominal.c_surface_F), 0.5 / self.nominal.c_surface_F
@@ -310,7 +310,7 @@ class RcJoint:
         return mirror_lower(Q + K @ C @ K.T)
 
     def measurement_noise(self, state: JointState, before: Belief, clean: CleanSocSample) -> np.ndarray:
-        """R (1, 1) of this step: the floor, and what the residuals of the last steps say."""
+        """R (1, 1) of this step: the floor, or the matched one where it is more ([T] 3.50)."""
         instant_ohm = self.nominal.r_terminal_ohm + 0.5 * self.nominal.r_ohm
         unknown_V2 = where(clean.current_known, 0.0, (self.unknown_A * instant_ohm) ** 2)
         floor = np.array([[self.voltage_std_V**2 + unknown_V2]])

@@ -7,7 +7,7 @@ the parameters being of order one by their nominal values. [T] has them at the e
 the Cholesky factor is triangular: the sigma points along the voltages all share the parameters of the mean.
 
 It trusts the current, assumes di/dt = 0 while V moves, and a sigma point may have a negative capacitance: `RcJoint`
-does all that better. This one is the published filter to compare with, and what fits into a small microcontroller.
+does all that better. This one is the published filter to compare with, and fits into a small microcontroller.
 """
 
 from __future__ import annotations

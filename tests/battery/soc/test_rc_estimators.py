@@ -186,10 +186,10 @@ def test_scheme_tells_capacity_and_resistance():
     assert found.soh_capacity[-1] == pytest.approx(0.85, rel=0.03)
 
 
-def test_scheme_starts_with_the_same_lasting_resistance():
+def test_scheme_starts_with_the_same_dc_resistance():
     nominal = nominal_of(model_of(UNEVEN))
     p = rc.Circuit(nominal.c_bulk_F, nominal.c_surface_F, nominal.r_ohm, nominal.r_ohm, nominal.r_terminal_ohm)
-    assert rc.lasting_resistance(p) == pytest.approx(rc.lasting_resistance(UNEVEN), rel=0.05)
+    assert rc.dc_resistance(p) == pytest.approx(rc.dc_resistance(UNEVEN), rel=0.05)
     assert nominal_of(MODEL) == (*EVEN[:3], EVEN[4])
 
 

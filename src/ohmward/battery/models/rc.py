@@ -150,14 +150,14 @@ def instant_resistance(p: Circuit | RcModel) -> Any:
 
 
 def slow_resistance(p: Circuit | RcModel) -> Any:
-    """R_1 = (R_b - s D)^2 / D [ohm], s = C_s / (C_b + C_s): what a lasting current sees on top."""
+    """R_1 = (R_b - s D)^2 / D [ohm], s = C_s / (C_b + C_s): seen by a steady current in addition."""
     D = p.r_bulk_ohm + p.r_surface_ohm
     uneven = p.r_bulk_ohm - p.c_surface_F / (p.c_bulk_F + p.c_surface_F) * D
     return uneven * uneven / D
 
 
-def lasting_resistance(p: Circuit | RcModel) -> Any:
-    """R_0 + R_1 [ohm], seen by a lasting current."""
+def dc_resistance(p: Circuit | RcModel) -> Any:
+    """R_0 + R_1 [ohm]: the resistance to a steady current."""
     return instant_resistance(p) + slow_resistance(p)
 
 

@@ -187,12 +187,15 @@ class AugmentedThevenin:
         curvature_V = bend[0, 0] * prior.cov[SOC, SOC]
         over = overpotentials(state.circuit, u, self.model, state.health)  # they may cancel, their errors do not
         over_V2 = sum(v * v for v in over)
-        doubt_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share**2 * over_V2
+        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share**2 * over_V2
         resistance_ohm = ohmic_resistance(soc, u, self.model) + sum(pair_resistances(soc, u, self.model))
         unmeasured_V = where(clean.current_measured, 0.0, resistance_ohm * (MOMENTARY_C * self.model.capacity_Ah))
         return VoltageError(
-            model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + doubt_V2),
-            variance=noise.voltage_std_V**2 + doubt_V2 + 0.5 * curvature_V * curvature_V + unmeasured_V * unmeasured_V,
+            model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + uncertain_V2),
+            variance=noise.voltage_std_V**2
+            + uncertain_V2
+            + 0.5 * curvature_V * curvature_V
+            + unmeasured_V * unmeasured_V,
             weight=noise.samples_per_error(clean.dt_s),
         )
 

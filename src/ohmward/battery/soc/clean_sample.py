@@ -22,10 +22,10 @@ HOLD_S = 30.0
 #: A longer step is a clock that was set, not a battery that waited.
 LONGEST_STEP_S = 365 * 86400.0
 
-#: No cell shows more than so many times its highest open-circuit voltage; a sensor without its wire shows 0.
+#: Largest voltage of a cell over its highest open-circuit voltage; a sensor without its wire shows 0.
 HIGHEST_VOLTAGE_RATIO = 2.0
 
-#: No sensor of a battery shows more, even where nobody said what its largest current is.
+#: No sensor of a battery shows more, even where its largest current is not given.
 HIGHEST_CURRENT_A = 1e9
 
 

@@ -1,4 +1,4 @@
-"""Coulomb counting: the baseline. Its sigma grows with what the sensor may hide: offset, gain, noise."""
+"""Coulomb counting: the baseline. Its sigma grows by offset, gain error and noise of the sensor."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CoulombState(NamedTuple):
     """State of coulomb counting.
 
     soc: state of charge.
-    white_variance: of what accumulates at random: start, sensor noise, gaps.
+    white_variance: variance of the errors that accumulate at random: start, sensor noise, gaps.
     moved: net change of SoC since the start; a gain error multiplies it.
     elapsed_s: time since the start; an offset multiplies it.
     current_A, temperature_degC: last credible ones.

@@ -17,10 +17,10 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resist
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
 
-#: Share of the prior that says: the value given is wrong, and nothing is known.
-DOUBT = 0.02
+#: Share of the prior for a wrong value: then nothing is known.
+WRONG_SHARE = 0.02
 
-#: How far the grid goes beyond empty and full. A value at an end is a claim about the end, not about the middle: cut
+#: Extent of the grid beyond empty and full. A value at an end is a claim about the end, not about the middle: cut
 #: off there, "full" would come out as full minus 0.8 sigma.
 MARGIN = 0.2
 
@@ -28,7 +28,7 @@ MARGIN = 0.2
 BEYOND = 0.25
 
 
-#: RC voltages before the first sample, as a share of those of a lasting current of its size: anything from 0 to 1.
+#: RC voltages before the first sample, as a share of those of a steady current of its size: anything from 0 to 1.
 PAST_SHARE = 0.5
 
 #: Smallest standard deviation of the start: no first voltage tells SoC better.
@@ -70,12 +70,12 @@ def _grid_through(soc: float) -> np.ndarray:
 
 
 def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
-    """Density on the grid, up to a factor: around the value, with some doubt; flat without a value."""
+    """Density on the grid, up to a factor: around the value, which may be wrong; flat without a value."""
     possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
     if soc is None:
         return possible
     peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
-    return (1 - DOUBT) * peak / peak.sum() + DOUBT * possible
+    return (1 - WRONG_SHARE) * peak / peak.sum() + WRONG_SHARE * possible
 
 
 def _likelihood(grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
@@ -98,7 +98,7 @@ def _likelihood(grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin
 
 
 def first_voltage_std(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
-    """How far the first voltage [V] may be from OCV + R_0 i: sensor, model, OCV axis, hysteresis, unknown past."""
+    """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV axis, hysteresis, past."""
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)

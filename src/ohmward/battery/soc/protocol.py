@@ -1,4 +1,4 @@
-"""What every estimator of the state of charge offers."""
+"""Protocol of every estimator of the state of charge."""
 
 from __future__ import annotations
 

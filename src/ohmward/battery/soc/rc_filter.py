@@ -3,7 +3,7 @@
     x = [V_cb, V_cs, model_error, offset, resistance(, soc)]
 
 [P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve; [T] has V_cb, V_cs and soc. The others make the sigma
-honest: `offset` [A] is what the current sensor shows at zero current, `resistance` the relative error of all
+honest: `offset` [A] is the reading of the current sensor at zero current, `resistance` the relative error of all
 resistances together; both are random walks, and the voltage is linear in both as long as the current is measured.
 `model_error` is the voltage error of the model in its own standard deviations, a Gauss-Markov state along SoC: it stays
 while SoC stays and is new after `model_soc_length`. Errors of a battery model are not white; as white noise they would
@@ -186,13 +186,13 @@ class RcFilter:
         """F (n, n) and B (n,) of the step x+ = F x + B i_measured; decay: factor of the model error."""
         A, b = rc.transition(p, dt_s)
         B = self.vector(bulk_V=b[0], surface_V=b[1], soc=dt_s / self.model.capacity_As)
-        lasting = self.vector(model_error=decay, offset_A=1.0, resistance=1.0, soc=1.0)
-        F = _block_diagonal(A, np.diag(lasting[MODEL_ERROR:]))
+        diagonal = self.vector(model_error=decay, offset_A=1.0, resistance=1.0, soc=1.0)
+        F = _block_diagonal(A, np.diag(diagonal[MODEL_ERROR:]))
         F[:, OFFSET] -= B  # the true current is the measured one less the offset
         return F, B
 
     def error_decay(self, moved: Scalar) -> Scalar:
-        """Decay factor of the model error after SoC has moved by so much."""
+        """Decay factor of the model error after SoC has moved by this."""
         return exp(-moved / self.noise.model_soc_length)
 
     def process_noise(

@@ -92,8 +92,8 @@ class SocByCurve:
 class SocAsState:
     """SoC is a state that counts charge, d soc/dt = i / Q, and V_cb lies on a straight OCV line ([T] 3.4.2).
 
-    SoC does not change when the circuit's capacitances do, and the voltage corrects it by what the filter knows of
-    their common errors: a wrong start, a wrong current. What bends the OCV curve away from the line is model error.
+    SoC does not change when the circuit's capacitances do, and the voltage corrects it by
+    their common errors: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
     """
 
     model: RcModel

@@ -19,8 +19,8 @@ from ohmward.filters.gate import choose
 from ohmward.trace import clip, linearize, where
 from ohmward.trace.expression import Scalar
 
-#: What the RC pairs still carry when a rest has settled, as the current that would hold it, in multiples of the
-#: capacity per hour: after `settle_s` the pairs of the model have relaxed, the diffusion that it lacks has not.
+#: Overpotential that is left when a rest has settled, as the current through the pairs that would hold it, in multiples
+#: of the capacity per hour: after `settle_s` the pairs of the model have relaxed, the diffusion that it lacks has not.
 REST_CURRENT_C = 0.05
 
 

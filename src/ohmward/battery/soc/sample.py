@@ -1,4 +1,4 @@
-"""What goes into every estimator of the battery and what comes out: plain numbers, one sample at a time."""
+"""Input and output of every estimator of the battery, one sample at a time: plain numbers."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class SocSample(NamedTuple):
 
 
 class SocEstimate(NamedTuple):
-    """What an estimator says after a sample; a quantity that it does not estimate is nan.
+    """Estimate after a sample; a quantity that the estimator does not have is nan.
 
     soc, soc_std: state of charge in [0, 1] and its standard deviation.
-    voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and how far off it may be.
+    voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and its standard deviation.
     innovation_V: measured minus expected voltage [V]; nan when the voltage was not used.
-    current_offset_A: what the current sensor shows at zero current [A].
+    current_offset_A: reading of the current sensor at zero current [A].
     soh_capacity: capacity over the battery file's.
     resistance_ratio: resistance over the battery file's.
     flags: sum of `SocFlag` values; 0 is a sample without incident.
@@ -46,7 +46,7 @@ class SocEstimate(NamedTuple):
 
 
 class SocFlag(SampleFlag):
-    """What happened at a sample. None of it stops an estimator."""
+    """Incidents at a sample. None of them stops an estimator."""
 
     NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
     NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only

@@ -33,7 +33,7 @@ class Score(NamedTuple):
     mean, std: of the error.
     max_error: largest absolute error.
     coverage_95: share of the samples whose truth is inside the estimate's own 95 % band; nan without a sigma.
-    samples: how many had a truth.
+    samples: number of samples with a truth.
     """
 
     rmse: float

@@ -1,9 +1,9 @@
-"""State of charge by a Kalman filter on the Thevenin model that also knows how wrong sensors and model may be.
+"""State of charge by a Kalman filter on the Thevenin model and the errors of sensors and model.
 
 The states are those of `AugmentedThevenin`: the model's, and four that make the sigma honest.
 
 One step works with the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
-Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which is what sets the gain
+Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which sets the gain
 (`ohmward.filters.adaptive`), and the Q here is physical.
 """
 
@@ -210,7 +210,7 @@ class TheveninFilter:
         )
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
-        """True where the voltage contradicts the belief beyond what the variance of a lasting error allows.
+        """True where the voltage contradicts the belief beyond the variance of an error that holds on.
 
         The gate on NIS finds single outliers. R is so large because an error may hold on; one that holds on beyond
         what the variance itself allows is a contradiction although every single sample passes that gate.
@@ -249,7 +249,7 @@ class TheveninFilter:
         """The belief with SoC and hysteresis in their ranges, and the condition that SoC was not.
 
         SoC is projected into [0, 1] along its covariance, hysteresis clipped into [-1, 1]; their standard deviations
-        stay within what it means to know nothing of them.
+        stay at most those of an unknown state.
         """
         mean, P = belief
         hysteresis = self.system.hysteresis_index
