@@ -30,7 +30,7 @@ $(VENV)/%.stamp: pyproject.toml
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
 demo test test-spark check accuracy bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
-demo: $(VENV)/lab,fast.stamp
+demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
 
 test: $(VENV)/test.stamp

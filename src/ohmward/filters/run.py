@@ -12,6 +12,7 @@ import numpy as np
 import ohmward
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
+from ohmward.optional import require
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -59,7 +60,7 @@ class Run(Generic[E]):
         """A row for each sample, indexed by `time_s`; flags are integers, arrays are columns `name_0`, `name_1`, ...
 
         Raises:
-            OhmwardError: pandas is not installed.
+            MissingPackageError: pandas is not installed.
         """
         pandas = require("pandas", "to_pandas")
         data = {**dict(columns(self.estimates)), "flags": self.flags}
