@@ -84,11 +84,11 @@ def test_from_the_command_line(tmp_path, address, capsys, monkeypatch):
 
 def test_an_address_without_scheduler_is_refused():
     with pytest.raises(InputError, match="there is no Dask scheduler at tcp:"):
-        list(on_dask(examples.job(), [["a.csv"]], "tcp://127.0.0.1:9", reset_after_s=0.5))
+        list(on_dask(examples.job(), [["a.csv"]], "tcp://127.0.0.1:9", timeout_s=0.5))
 
 
 def test_a_scheduler_without_workers_is_refused():
     with distributed.LocalCluster(n_workers=0, dashboard_address=":0") as cluster:
         address = cluster.scheduler_address
         with pytest.raises(InputError, match=f"no workers; start them with `dask worker {address}`"):
-            list(on_dask(examples.job(), [["a.csv"]], address, reset_after_s=0.5))
+            list(on_dask(examples.job(), [["a.csv"]], address, timeout_s=0.5))

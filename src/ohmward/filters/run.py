@@ -12,7 +12,6 @@ import numpy as np
 import ohmward
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
-from ohmward.optional import require
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -14,45 +14,60 @@ from ohmward.optional import require
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-#: How long to wait for the scheduler and for its first worker [s].
-PATIENCE_S = 60.0
+#: Time-out for the scheduler, and for its first worker [s].
+TIMEOUT_S = 60.0
+
+#: Batches for each thread of the workers, so that none waits for its next.
+_AHEAD = 2
 
 
 def on_dask(
-    job: Job, batches: Sequence[list[str]], address: str, reset_after_s: float = PATIENCE_S
+    job: Job, batches: Sequence[list[str]], address: str, timeout_s: float = TIMEOUT_S
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch as it is finished; no more batches are under way than keep the workers busy.
 
     Dask gives the batch of a worker that died to another one. A batch that fails there too is done once more log by
-    log. Dask blames all that a dying worker had before it, so the logs that fail then are done once more at the end,
-    each with the cluster to itself; those that fail alone have the reason in `error`.
+    log. Dask blames everything that a dying worker had before it, so the logs that fail then are done once more at the
+    end, each with the cluster to itself; those that fail alone have the reason in `error`.
 
     Raises:
         InputError: no scheduler at this address, no workers, or workers without this version of ohmward.
         OhmwardError: Dask is not installed, or its scheduler was lost.
     """
-    distributed = _distributed()
-    with _connect(address, reset_after_s) as client:
-        left, suspects = iter(batches), []
-        paths_of = {_submit(client, job, batch): batch for batch in islice(left, 2 * sum(client.nthreads().values()))}
+    distributed = require("distributed", "--dask")
+    with _connect(distributed, address, timeout_s) as client:
+        waiting = iter(batches)
+        suspects: list[str] = []
+        first = islice(waiting, _AHEAD * sum(client.nthreads().values()))
+        paths_of = {_submit(client, job, batch): batch for batch in first}
         finished = distributed.as_completed(list(paths_of))
         for future in finished:
-            paths, error = paths_of.pop(future), _error(future, address)
-            again = [[path] for path in paths] if error and len(paths) > 1 else []
-            suspects += paths if error and not again else []
-            more = {_submit(client, job, batch): batch for batch in again or islice(left, 1)}
-            paths_of |= more
-            finished.update(list(more))
+            paths = paths_of.pop(future)
+            error = _error(future, address)
+            if error and len(paths) > 1:
+                following = [[path] for path in paths]
+            else:
+                following = list(islice(waiting, 1))
+            if error and len(paths) == 1:
+                suspects += paths
+            submitted = {_submit(client, job, batch): batch for batch in following}
+            paths_of |= submitted
+            finished.update(list(submitted))
             if not error:
                 yield future.result()
         for path in suspects:
-            future = _submit(client, job, [path])
-            error = _error(future, address)
-            yield [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()
+            yield _alone(client, job, path, address)
+
+
+def _alone(client: Client, job: Job, path: str, address: str) -> list[dict[str, Any]]:
+    """Row of a log that has the cluster to itself; one that fails has its reason."""
+    future = _submit(client, job, [path])
+    error = _error(future, address)
+    return [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()
 
 
 def _error(future: Future, address: str) -> BaseException | None:
-    """What went wrong in a batch; waits for its end."""
+    """Error of a batch, None without one; waits for its end."""
     error = future.exception()
     if future.status in ("cancelled", "lost"):
         raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: what is done is kept")
@@ -60,20 +75,20 @@ def _error(future: Future, address: str) -> BaseException | None:
 
 
 def _submit(client: Client, job: Job, batch: list[str]) -> Future:
-    """pure=False: a file may have changed since Dask saw its path."""
+    """Submit a batch; pure=False, because a file may have changed since Dask saw its path."""
     return client.submit(job.run, batch, pure=False)
 
 
-def _connect(address: str, reset_after_s: float) -> Client:
-    distributed = _distributed()
+def _connect(distributed: Any, address: str, timeout_s: float) -> Client:
+    """A client of the scheduler, once it has a worker with this version of ohmward."""
     try:
-        client = distributed.Client(address, timeout=reset_after_s)
+        client = distributed.Client(address, timeout=timeout_s)
     except (OSError, ValueError) as error:
         raise InputError(
             f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler`"
         ) from error
     try:
-        client.wait_for_workers(1, timeout=reset_after_s)
+        client.wait_for_workers(1, timeout=timeout_s)
         _check_versions(client)
     except TimeoutError as error:
         client.close()
@@ -85,14 +100,10 @@ def _connect(address: str, reset_after_s: float) -> Client:
 
 
 def _check_versions(client: Client) -> None:
-    """InputError where a worker would do something else than this process."""
+    """Raise InputError for a worker with another version of ohmward than this process."""
     here = importlib.metadata.version("ohmward")
     for worker, there in client.run(importlib.metadata.version, "ohmward", on_error="return").items():
         if there != here:
             raise InputError(
                 f"the Dask worker {worker} has ohmward {there}, but this is {here}; install the same on all workers"
             )
-
-
-def _distributed() -> Any:
-    return require("distributed", "--dask")

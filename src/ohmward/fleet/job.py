@@ -1,4 +1,4 @@
-"""What is done with every log of a fleet, and what comes of it: one row for each log."""
+"""Job of a fleet: an estimator for all of its logs, and a row of figures for each of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ohmward.published.registry import make_estimator
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How to read the logs, as `read_log` takes it.
+    """Options of `read_log`, the same for every log.
 
     Attributes:
         current_sign: "auto", "charge" or "discharge".
@@ -39,13 +39,13 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class Job:
-    """The same for every log.
+    """An estimator and its settings, the same for every log.
 
     Attributes:
         battery: text of the battery file, which travels with the job to where the file is not.
         filter: name of the estimator.
         initial_soc, initial_soc_std: at the start of every log; None takes it from the first voltage.
-        reading: how to read the logs.
+        reading: options of the reader.
         estimates: folder for the estimates of every log, one Parquet file each; None writes none.
     """
 
@@ -58,53 +58,52 @@ class Job:
 
     @property
     def digest(self) -> str:
-        """Another one for every job with other results."""
+        """Digest of the settings: another one for every job with other results."""
         return hashlib.sha256(json.dumps(asdict(self)).encode()).hexdigest()[:16]
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
-        """A row for each log, in the order of the paths; a log that cannot be used has its reason in `error`."""
+        """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
         estimator = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
-        logs: list[Log] = []
-        rows: list[dict[str, Any]] = []
+        logs: dict[str, Log] = {}
+        rows: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:
-                logs.append(self._read(path))
-                rows.append({"path": path, "error": None, "log": len(logs) - 1})
+                logs[path] = self._read(path)
             except OhmwardError as error:
-                rows.append(failed(path, str(error)))
-        estimates = estimate_logs(estimator, logs, self.initial_soc, self.initial_soc_std)
-        return [self._finished(row, logs, estimates) for row in rows]
+                rows[path] = failed(path, str(error))
+        estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
+        for (path, log), found in zip(logs.items(), estimates, strict=True):
+            self._write(path, log, found)
+            rows[path] = {"path": path, "error": None, **summary(log, found)}
+        return [rows[path] for path in paths]
 
     def _read(self, path: str) -> Log:
-        how = self.reading
-        columns, units = dict(how.columns), dict(how.units)
+        options = self.reading
         return read_log(
             path,
-            current_sign=how.current_sign,  # type: ignore[arg-type]
-            columns=columns,
-            units=units,
+            current_sign=options.current_sign,  # type: ignore[arg-type]
+            columns=dict(options.columns),
+            units=dict(options.units),
             extra=(),
-            sort_time=how.sort_time,
+            sort_time=options.sort_time,
         )
 
-    def _finished(self, row: dict[str, Any], logs: list[Log], estimates: list[SocEstimate]) -> dict[str, Any]:
-        number = row.pop("log", None)
-        if number is None:
-            return row
-        log, found = logs[number], estimates[number]
-        if self.estimates:
-            write_table(_table(log, found), Path(self.estimates) / f"{Path(row['path']).stem}.estimates.parquet")
-        return row | summary(log, found)
+    def _write(self, path: str, log: Log, found: SocEstimate) -> None:
+        """Write the estimates of one log, where they are wanted."""
+        if not self.estimates:
+            return
+        table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
+        write_table(table, Path(self.estimates) / f"{Path(path).stem}.estimates.parquet")
 
 
-def failed(path: str, why: str) -> dict[str, Any]:
-    """The row of a log that could not be used."""
-    return {"path": path, "error": why}
+def failed(path: str, reason: str) -> dict[str, Any]:
+    """Row of a log that could not be used."""
+    return {"path": path, "error": reason}
 
 
 def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
-    """The figures of one log; None for one that this estimator does not know."""
-    flags = found.flags.astype(int)
+    """Figures of one log; None for one that this estimator does not know."""
+    incidents = found.flags.astype(int) & ~int(SocFlag.REST)
     voltage = score(found.voltage_V, log.voltage_V)
     figures = {
         "samples": len(log),
@@ -118,10 +117,6 @@ def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
         "current_offset_A": float(found.current_offset_A[-1]),
         "soh_capacity": float(found.soh_capacity[-1]),
         "resistance_ratio": float(found.resistance_ratio[-1]),
-        "flagged_share": float(np.mean((flags & ~int(SocFlag.REST)) != 0)),
+        "flagged_share": float(np.mean(incidents != 0)),
     }
     return {name: None if value != value else value for name, value in figures.items()}
-
-
-def _table(log: Log, found: SocEstimate) -> dict[str, np.ndarray]:
-    return {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}

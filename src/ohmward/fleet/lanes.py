@@ -1,8 +1,8 @@
 """Many logs of one battery type through one estimator, a log in each lane.
 
 The logs are sorted by length, the longest first, so those that are still running are always the first lanes. Where one
-ends, the next part goes on without it. Parts are few: a lane runs on for a while after its log's end, on samples that
-say nothing, and what it says there is thrown away.
+ends, the next part goes on without it. Parts are few: a lane runs on for a while after the end of its log, on samples
+without a measurement, and its estimates there are dropped.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten, structure_of, unflatten
 
-#: A batch of logs is run in at most so many parts.
+#: Most parts in which a batch of logs is run.
 _PARTS = 16
 
 
@@ -32,7 +32,7 @@ def estimate_logs(
     initial_soc_std: float = 0.03,
     lowering: str | None = None,
 ) -> list[SocEstimate]:
-    """Estimates for each log, every field (T,); each is what `SocEstimator.run` gives, to rounding.
+    """Estimates for each log, every field (T,): those of `SocEstimator.run`, to rounding.
 
     initial_soc: of every log; None takes it from each log's first voltage.
     lowering: see `ohmward.trace.Kernel`.
@@ -61,7 +61,7 @@ def estimate_logs(
 
 @lru_cache(maxsize=4)
 def _kernel(estimator: Any, lowering: str | None) -> Kernel:
-    """Traced and compiled once for all batches of a process."""
+    """The step of an estimator, compiled once for all batches of a process."""
     example = estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
     return Kernel(estimator.step, example, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
 
@@ -75,7 +75,7 @@ def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
 
 
 def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
-    """First and last step, and how many lanes still run; lengths (B,) falling."""
+    """First and last step of each part, and the number of lanes that still run; lengths (B,) falling."""
     longest = int(lengths[0])
     width = -(-longest // _PARTS)
     first = 0

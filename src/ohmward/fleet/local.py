@@ -35,15 +35,16 @@ def in_processes(job: Job, batches: Sequence[list[str]], processes: int = 1) -> 
 
 
 def _one_thread() -> None:
-    """Processes share the processors; threads of theirs would only fight each other."""
+    """Keep a process to one thread: the processes share the processors, and threads would only fight each other."""
     os.environ["OHMWARD_THREADS"] = "1"
 
 
 def _side_by_side(job: Job, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
-    left = iter(batches)
+    """Rows of each batch from a pool of processes."""
+    waiting = iter(batches)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
-        under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(left, 2 * processes)}
+        under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(waiting, 2 * processes)}
         while under_way:
             finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-            under_way |= {pool.submit(job.run, batch) for batch in islice(left, len(finished))}
+            under_way |= {pool.submit(job.run, batch) for batch in islice(waiting, len(finished))}
             yield from (future.result() for future in finished)

@@ -1,4 +1,4 @@
-"""A fleet's logs, a batch at a time, wherever the batches are worked on; resumable.
+"""Run of a fleet: its logs in batches, on this machine or a cluster; resumable.
 
 Every finished batch is appended to `progress.jsonl` in the output folder before the next is counted, so a run that was
 interrupted goes on where it stopped; logs that failed are tried again. At the end `summary.csv` has one row for each
@@ -24,12 +24,12 @@ PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 #: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
 BATCH = 32
 
-#: The rows of each batch of paths, as they are finished, in any order.
+#: Rows of each batch of paths, as they are finished, in any order.
 Work = Callable[[Job, list[list[str]]], Iterator[list[dict[str, Any]]]]
 
 
 class Finished(NamedTuple):
-    """What came of a fleet.
+    """Result of a fleet.
 
     rows: one for each log that was asked for, sorted by path.
     resumed: how many of them were done before.
@@ -56,13 +56,13 @@ def run_fleet(
 ) -> Finished:
     """Estimate every log and write one row for each.
 
-    work: where the batches are worked on: `partial(in_processes, processes=8)`, `partial(on_dask, address=...)`.
+    work: runs the batches: `partial(in_processes, processes=8)`, `partial(on_dask, address=...)`.
     progress: called with (logs done, all).
     batch: logs that run side by side, one in each lane.
 
     Raises:
         InputError: no logs, or the folder holds the results of another job.
-        OhmwardError: the folder cannot be written, or what `work` cannot get over.
+        OhmwardError: the folder cannot be written, or `work` cannot go on.
     """
     require_positive("batch", batch)
     if not paths:
@@ -82,27 +82,29 @@ def run_fleet(
 
 
 def _begin(folder: Path, job: Job) -> dict[str, dict[str, Any]]:
-    """The rows that an earlier run of the same job has left, by path; those of logs that failed are left out."""
+    """Rows that an earlier run of the same job has left, by path; those of logs that failed are left out."""
+    progress = folder / PROGRESS
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if job.estimates:
             Path(job.estimates).mkdir(parents=True, exist_ok=True)
-        lines = (folder / PROGRESS).read_text(encoding="utf-8").splitlines() if (folder / PROGRESS).exists() else []
+        lines = progress.read_text(encoding="utf-8").splitlines() if progress.exists() else []
     except OSError as error:
         raise OhmwardError(f"{folder}: cannot be used ({error.strerror}); choose another folder") from error
-    head, *rows = [parsed for line in lines if (parsed := _parsed(line)) is not None] or [{"job": job.digest}]
+    if not lines:
+        _append(progress, [{"job": job.digest}])
+        return {}
+    head, *rows = [row for row in map(_parsed, lines) if row is not None] or [{"job": job.digest}]
     if head.get("job") != job.digest:
         raise InputError(
             f"{folder} holds results of another battery file, filter or way of reading; choose another folder or "
-            f"remove {folder / PROGRESS}"
+            f"remove {progress}"
         )
-    if not lines:
-        _append(folder / PROGRESS, [head])
     return {row["path"]: row for row in rows if not row["error"]}
 
 
 def _parsed(line: str) -> dict[str, Any] | None:
-    """The object in a line; None for one that was cut off when the run was interrupted."""
+    """Object in a line; None for one that was cut off when the run was interrupted."""
     try:
         return json.loads(line)
     except json.JSONDecodeError:

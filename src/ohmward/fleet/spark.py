@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame as PandasFrame
     from pyspark.sql import DataFrame
 
-#: What a stream must have; what it gives for each of its rows.
+#: Columns of the samples, and of the estimates.
 MEASURED = ("time_s", "current_A", "voltage_V", "temperature_degC")
 ESTIMATED = ("soc", "soc_std", "current_offset_A", "soh_capacity", "resistance_ratio")
 SCHEMA = f"robot string, time_s double, {', '.join(f'{name} double' for name in ESTIMATED)}, flags int"
@@ -31,16 +31,16 @@ def soc_stream(
     initial_soc: float | None = None,
     initial_soc_std: float = 0.03,
 ) -> DataFrame:
-    """Estimates for every row of a streaming DataFrame, a row each: `SCHEMA`.
+    """Estimates for a streaming DataFrame, a row of `SCHEMA` for each of its rows.
 
     Within a micro-batch the rows of a robot are taken in order of time, because Spark keeps no other; a row that is
-    late for its micro-batch is used as `SocEstimator.update` says. Bad values are flagged, see `battery.Flag`.
+    late for its micro-batch is used as `SocEstimator.update` says. Bad values are flagged, see `SocFlag`.
 
     samples: columns robot and `MEASURED`; null is no measurement.
     battery: text of the battery file of all robots.
 
     Raises:
-        InputError: a column is missing, the battery file is none, or lacks the model that the filter needs.
+        InputError: a column is missing, or the battery file cannot be read or lacks the model that the filter needs.
         OhmwardError: pyspark is older than 4.0 or not installed.
     """
     functions = _functions(samples)
@@ -54,7 +54,7 @@ def soc_stream(
 
 
 class SocOfRobot:
-    """What Spark asks of a `pyspark.sql.streaming.StatefulProcessor`; the state is the estimator's snapshot as JSON."""
+    """A `pyspark.sql.streaming.StatefulProcessor` for each robot; its state is the estimator's snapshot as JSON."""
 
     def __init__(self, battery: str, filter: str, initial_soc: float | None, initial_soc_std: float):
         self.battery, self.filter = battery, filter
