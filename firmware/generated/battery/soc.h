@@ -34,10 +34,10 @@ typedef struct {
 typedef struct {
     float soc; /* state of charge in [0, 1] and its standard deviation */
     float soc_std; /* state of charge in [0, 1] and its standard deviation */
-    float voltage_V; /* terminal voltage [V] expected before the measurement, and how far off it may be */
-    float voltage_std_V; /* terminal voltage [V] expected before the measurement, and how far off it may be */
+    float voltage_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
+    float voltage_std_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
     float innovation_V; /* measured minus expected voltage [V]; nan when the voltage was not used */
-    float current_offset_A; /* what the current sensor shows at zero current [A] */
+    float current_offset_A; /* reading of the current sensor at zero current [A] */
     float soh_capacity; /* capacity over the battery file's */
     float resistance_ratio; /* resistance over the battery file's */
     float flags; /* sum of `SocFlag` values; 0 is a sample without incident */
