@@ -1,1 +1,1 @@
-"""The command line: one thin file per command. Nothing here imports NumPy before a command runs."""
+"""The command line. Each command has a package: arguments (light, for --help), command (run), result, report."""

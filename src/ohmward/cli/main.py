@@ -102,19 +102,18 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     typed = next((word for word in words if word in COMMANDS), None)
     for name, what in COMMANDS.items():
-        command = commands.add_parser(name, help=what, allow_abbrev=False)
+        command = commands.add_parser(
+            name,
+            help=what,
+            description=f"{what[:1].upper()}{what[1:]}.",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
         if name == typed:
-            command.description = f"{what[:1].upper()}{what[1:]}."
-            _complete(command, name)
+            module = _load(name, "arguments")
+            command.epilog = f"examples:\n{module.EXAMPLES}"
+            module.add_arguments(command)
     return parser.parse_args(words)
-
-
-def _complete(command: Parser, name: str) -> None:
-    """Give the parser of a command its arguments and examples."""
-    module = _load(name, "arguments")
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
-    command.epilog = f"examples:\n{module.EXAMPLES}"
-    module.add_arguments(command)
 
 
 def _load(name: str, part: str) -> ModuleType:

@@ -1,1 +1,1 @@
-"""The command `ohmward calibrate` and its report."""
+"""The command `ohmward calibrate`."""

@@ -1,1 +1,1 @@
-"""The command `ohmward compare` and its report."""
+"""The command `ohmward compare`."""

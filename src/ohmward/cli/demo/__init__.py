@@ -1,1 +1,1 @@
-"""The command `ohmward demo` and its report."""
+"""The command `ohmward demo`."""

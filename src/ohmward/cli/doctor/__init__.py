@@ -1,1 +1,1 @@
-"""The command `ohmward doctor` and its report."""
+"""The command `ohmward doctor`."""

@@ -32,6 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--name", default="filter", metavar="WORD", help="prefix of files and symbols (default %(default)s)"
     )
     parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
+    _add_target_options(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def _add_target_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("start and target")
     group.add_argument(
         "--initial-soc",
@@ -64,4 +69,3 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
     group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -1,1 +1,1 @@
-"""The command `ohmward identify` and its report."""
+"""The command `ohmward identify`."""

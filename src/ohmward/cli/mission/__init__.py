@@ -1,1 +1,1 @@
-"""The command `ohmward mission` and its report."""
+"""The command `ohmward mission`."""

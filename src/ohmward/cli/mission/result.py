@@ -130,7 +130,7 @@ def terrain_rows(figures: Mapping[str, Any]) -> list[list[str]]:
 
 
 def split_rows(drive: Mapping[str, Any]) -> list[list[str]]:
-    """Where the energy of the drive went, part by part."""
+    """Terms of the energy balance of the drive, one row each."""
     parts = drive["split_J"] or {}
     whole = parts.get("battery")
     return [

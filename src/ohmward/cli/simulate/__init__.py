@@ -1,1 +1,1 @@
-"""The command `ohmward simulate` and its report."""
+"""The command `ohmward simulate`."""

@@ -97,7 +97,7 @@ def result(found: dict[str, Any]) -> dict[str, str]:
 
 
 def energy_table(found: dict[str, Any]) -> str:
-    """Where the energy went, what is below a millionth left out."""
+    """Terms of the energy balance as a table; those below a millionth of the whole are left out."""
     whole = found["energy_J"]
     parts = {name: value for name, value in found["energy_split_J"].items() if abs(value) > 1e-6 * abs(whole)}
     rows = [[ENERGY[name], f"{value:.4g} J", wording.percent(value / whole, 1)] for name, value in parts.items()]

@@ -1,1 +1,1 @@
-"""The command `ohmward slip` and its report."""
+"""The command `ohmward slip`."""

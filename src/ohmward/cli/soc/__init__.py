@@ -1,1 +1,1 @@
-"""The command `ohmward soc` and its report."""
+"""The command `ohmward soc`."""

@@ -1,0 +1,33 @@
+"""A log is checked against the range of its battery's tests."""
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.log_check import check_log
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+BATTERY = generic_battery("lfp", 12.0, 4)
+TIME_S = np.arange(100.0)
+
+
+def log(voltage_V):
+    return Log("day", TIME_S, 0.0 * TIME_S, np.broadcast_to(voltage_V, TIME_S.shape))
+
+
+def test_a_log_within_the_tests_stays_as_it_is():
+    inside = log(0.5 * (BATTERY.voltage_min_V + BATTERY.voltage_max_V))
+    assert check_log(inside, BATTERY) is inside
+
+
+def test_voltages_beyond_the_tests_are_a_warning():
+    voltage_V = np.where(TIME_S < 5, 1.1 * BATTERY.voltage_max_V, BATTERY.voltage_max_V)
+    (note,) = check_log(log(voltage_V), BATTERY).notes
+    assert note.level == "warning" and note.text.startswith("5.00% of the voltages lie outside")
+
+
+@pytest.mark.parametrize("share", [0.25, 2.0])
+def test_another_battery_is_refused(share):
+    with pytest.raises(InputError, match="is it a log of another battery, of one of its cells, or in another unit"):
+        check_log(log(share * BATTERY.voltage_max_V), BATTERY)

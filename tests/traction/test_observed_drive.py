@@ -1,0 +1,72 @@
+"""A recorded drive in one call, and its figures."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog
+from ohmward.traction import RLMA, ROBOTINO, hard_terrain
+from ohmward.traction.observed_drive import drive_figures, floor_figures, observe_drive, observe_on_floors
+from ohmward.traction.terrain.file import Floors
+from ohmward.traction.terrain.floor import Floor
+
+TIME_S = np.arange(0.0, 3.0, 0.01)
+SPIN_RAD_S = np.where((TIME_S > 1.0) & (TIME_S < 1.5), 9.0, 0.0)
+CARPET = Floor("carpet", friction=1.4, stiffness=3.0, rolling=0.1, roller=0.22, friction_std=0.1, stiffness_std=0.03)
+
+
+def drive(robot, wheel_speed_rad_s, current_A):
+    rng = np.random.default_rng(1)
+    wheels = wheel_speed_rad_s + 0.03 * rng.standard_normal((TIME_S.size, len(robot.places)))
+    currents = current_A + 0.05 * rng.standard_normal((TIME_S.size, robot.driven))
+    return DriveLog("drive", TIME_S, wheels, currents)
+
+
+@pytest.fixture(scope="module")
+def spun():
+    """A drive at 0.36 m/s in which the front wheels spin for half a second."""
+    return observe_drive(RLMA, drive(RLMA, 3.0 + np.outer(SPIN_RAD_S, [1, 1, 0, 0]), 0.6), hard_terrain("dry asphalt"))
+
+
+def test_figures_of_a_drive(spun):
+    figures = drive_figures(spun)
+    assert figures.distance_m == pytest.approx(0.36 * TIME_S[-1], rel=0.05)
+    assert figures.speed_final_m_s == pytest.approx(0.36, abs=0.03)
+    assert [episode.wheel for episode in figures.slip_episodes] == ["front_left", "front_right"]
+    assert figures.immobilised_episodes == []
+    assert 0.0 <= figures.unobserved_share <= 1.0
+
+
+def test_a_number_comes_with_its_std_or_not_at_all(spun):
+    figures = drive_figures(spun)
+    for value, std in (
+        ("friction_ratio", "friction_std"),
+        ("grade_rad", "grade_std_rad"),
+        ("radius_ratio", "radius_std"),
+    ):
+        assert (getattr(figures, value) is None) == (getattr(figures, std) is None)
+
+
+def test_progress_is_told():
+    told = []
+    log = drive(RLMA, np.full((TIME_S.size, 4), 3.0), 0.6)
+    observe_drive(RLMA, log, hard_terrain("dry asphalt"), "ekf", lambda done, total: told.append(done / total))
+    assert told[-1] == 1.0
+
+
+def test_a_drive_on_learnt_floors():
+    log = drive(ROBOTINO, np.array([[-3.0, 0.0, 3.0]]), np.array([[-0.5, 0.0, 0.5]]))
+    observed = observe_on_floors(ROBOTINO, log, Floors("another robot", (CARPET,)))
+    assert observed.on_floors is not None
+    figures = floor_figures(observed.on_floors)
+    assert next(iter(figures.floor_share)) == "carpet"
+    assert sum(figures.floor_share.values()) == pytest.approx(1.0)
+    assert figures.travel_slip_mean is not None
+    assert figures.travel_slip_std is not None and figures.travel_slip_std > 0.0
+    assert any("learnt by 'another robot'" in note.text for note in observed.notes)
+    assert drive_figures(observed).friction_ratio is None
+
+
+def test_an_unknown_filter_is_refused():
+    with pytest.raises(InputError, match="filter must be one of"):
+        observe_drive(RLMA, drive(RLMA, np.full((TIME_S.size, 4), 3.0), 0.6), hard_terrain("dry asphalt"), "pf")
