@@ -6,6 +6,7 @@ import pytest
 from cli.mission_examples import FORCE_N, IDLE_W, PLAN, drive, write_mission_files
 from ohmward.cli.main import main
 from ohmward.energy import load_consumption
+from ohmward.logs.read import open_table
 
 KEYS = {
     "command", "log", "battery", "robot", "drive", "terrains", "idle_W", "idle_std_W", "soc", "soc_std", "reserve_soc",
@@ -165,6 +166,23 @@ def test_bad_requests(words, message, there, refused):
 def test_bad_plans(change, message, table, there, refused):
     (there / "plan.toml").write_text(PLAN.replace(*change))
     assert message in refused(*AHEAD, "--consumption", table)
+
+
+def test_the_file_is_read_once(there, as_json, monkeypatch):
+    loads = []
+
+    def counted(source):
+        file = open_table(source)
+
+        def load(*names):
+            loads.append(names)
+            return file.load(*names)
+
+        return file._replace(load=load)
+
+    monkeypatch.setattr("ohmward.cli.mission.inputs.open_table", counted)
+    as_json(*LOG)
+    assert len(loads) == 1
 
 
 def test_json_has_no_infinity(there, as_json):

@@ -18,6 +18,7 @@ from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
 from ohmward.cli.truth import read_soc_truth
 from ohmward.logs import Log, read_log
+from ohmward.logs.table import TableFile
 from ohmward.published.registry import make_estimator
 
 
@@ -36,19 +37,24 @@ class SocTask(NamedTuple):
 
 
 def read_battery_log(
-    text: str, args: argparse.Namespace, extra: Collection[str] | None = None, report: Report | None = None
+    text: str,
+    args: argparse.Namespace,
+    extra: Collection[str] | None = None,
+    report: Report | None = None,
+    file: TableFile | None = None,
 ) -> Log:
     """The log that an argument names, read as the options of `add_log_options` say.
 
     text: a file, or a file and the rows wanted from it, `ocv.parquet:script=1,temp_C=25`, then part of the log's name.
     extra: further columns to keep; None keeps every numeric one.
+    file: the same file where it is open already.
 
     Raises:
         InputError: the file cannot be read as a log.
     """
     path, where = split_selection(text)
     log = read_log(
-        path,
+        file or path,
         current_sign=args.current_sign,
         columns=dict(args.column),
         units=dict(args.unit),

@@ -14,6 +14,7 @@ from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.truth import truth_column
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
+from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
 from ohmward.traction import RLMA, ROBOTINO, Robot, Terrain, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
@@ -56,19 +57,21 @@ def read_drive_log(
     args: argparse.Namespace,
     extra: Collection[str] | None = None,
     leave: Collection[str] = (),
+    file: TableFile | None = None,
 ) -> DriveLog:
     """The drive that an argument names, read as the options of `add_drive_options` say.
 
     text: a file, or a file and the rows wanted from it, `gray.parquet:exp=5`, then part of the log's name.
     extra: further columns to keep; None keeps every numeric one.
     leave: columns not to take for a sensor by their names: truths.
+    file: the same file where it is open already.
 
     Raises:
         InputError: the file cannot be read as a drive of this robot.
     """
     path, where = split_selection(text)
     log = read_drive(
-        path,
+        file or path,
         robot,
         at_motor_shaft=args.motor_shaft,
         counts_per_turn=args.counts_per_turn,

@@ -42,11 +42,13 @@ class RecordedTable(NamedTuple):
 
 
 def open_table(source: Any) -> TableFile:
-    """The columns of a CSV or Parquet file or of a DataFrame, whatever they mean.
+    """The columns of a CSV or Parquet file or of a DataFrame, whatever they mean; a file that is open stays as it is.
 
     Raises:
         InputError: neither a path nor a DataFrame; no such file, a folder, no permission, neither CSV nor Parquet.
     """
+    if isinstance(source, TableFile):
+        return source
     if is_frame(source):
         return open_frame(source)
     if not isinstance(source, str | PathLike):

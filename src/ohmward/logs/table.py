@@ -82,6 +82,18 @@ class TableFile(NamedTuple):
             stem = stem.removesuffix(suffix)
         return stem
 
+    def read_once(self) -> TableFile:
+        """The same file for several readers: the first load reads all of it, the others nothing."""
+        read: list[Table] = []
+
+        def load(names: Collection[str], progress: Progress | None = None) -> Table:
+            if not read:
+                read.append(self.load(self.names, progress))
+            (table,) = read
+            return table._replace(columns={name: v for name, v in table.columns.items() if name in names})
+
+        return self._replace(load=load)
+
 
 def row_numbers(first: int, count: int) -> np.ndarray:
     """(count,) first, first + 1, ...; of half the size where they are not large."""

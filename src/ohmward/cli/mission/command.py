@@ -11,8 +11,7 @@ from ohmward.cli.mission.inputs import (
     check,
     check_plan,
     earlier_consumption,
-    read_battery,
-    read_wheels,
+    read_logs,
     settings_of,
 )
 from ohmward.cli.mission.report import make_page
@@ -34,8 +33,7 @@ def run(args: argparse.Namespace) -> Outcome:
     robot = make_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args, robot)
-    log, ground = read_battery(args) if args.log else (None, args.terrain)
-    drive = read_wheels(args, robot, log) if log else None
+    log, drive, ground = read_logs(args, robot)
     check_plan(args, plan, before, ground)
     settings = settings_of(args, robot)
     with progress() as report:

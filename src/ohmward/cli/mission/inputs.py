@@ -20,6 +20,7 @@ from ohmward.logs.clock import nanosecond_column, read_clock
 from ohmward.logs.columns import find_columns
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import select_rows
+from ohmward.logs.table import TableFile
 from ohmward.traction import Robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
 
@@ -96,37 +97,44 @@ def check_plan(args: argparse.Namespace, plan: Plan | None, c: Consumption, grou
             )
 
 
-def read_battery(args: argparse.Namespace) -> tuple[Log, Ground]:
+def read_logs(args: argparse.Namespace, robot: Robot | None) -> tuple[Log | None, DriveLog | None, Ground]:
+    """Logs of battery and wheels and the ground, all from one file that is read once."""
+    if args.log is None:
+        return None, None, args.terrain
+    file = open_table(split_selection(args.log)[0]).read_once()
+    log, ground = read_battery(args, file)
+    return log, read_wheels(args, file, robot, log), ground
+
+
+def read_battery(args: argparse.Namespace, file: TableFile) -> tuple[Log, Ground]:
     """The battery's log with all further columns, and the ground under its samples."""
-    log = read_battery_log(args.log, _with_kinds(args, BATTERY_KINDS.__contains__))
-    ground = read_ground(args, log)
+    log = read_battery_log(args.log, _with_kinds(args, BATTERY_KINDS.__contains__), file=file)
+    ground = read_ground(args, file, log)
     if isinstance(ground, str):
         return log.with_notes(Note(f"the whole drive on {ground!r}")), ground
     names = ", ".join(sorted(set(ground)))
     return log.with_notes(Note(f"ground from column {TERRAIN_COLUMN!r}: {names}")), ground
 
 
-def read_wheels(args: argparse.Namespace, robot: Robot | None, log: Log) -> DriveLog | None:
+def read_wheels(args: argparse.Namespace, file: TableFile, robot: Robot | None, log: Log) -> DriveLog | None:
     """Wheels and motors in the same file; None where there are none and a speed tells enough."""
     if robot is None:
         return None
     try:
-        return read_drive_log(args.log, robot, _with_kinds(args, _is_of_drive), extra=())
+        return read_drive_log(args.log, robot, _with_kinds(args, _is_of_drive), extra=(), file=file)
     except InputError:
         if _speed_column(args) in log.extra:
             return None
         raise
 
 
-def read_ground(args: argparse.Namespace, log: Log) -> Ground:
+def read_ground(args: argparse.Namespace, file: TableFile, log: Log) -> Ground:
     """Name of the ground under each sample (T,), from a column of the file; else that of --terrain for all."""
-    path, where = split_selection(args.log)
-    rows = dict(args.where) | where
-    file = open_table(path)
     if TERRAIN_COLUMN not in file.names:
         return args.terrain
     battery = _with_kinds(args, BATTERY_KINDS.__contains__)
     time = find_columns(file.source, file.names, dict(battery.column), dict(battery.unit))["time"]
+    rows = dict(args.where) | split_selection(args.log)[1]
     wanted = {time.name, TERRAIN_COLUMN, *rows, nanosecond_column(file.names, time.name) or ""}
     table = select_rows(file.load(wanted & set(file.names)), rows)
     clock = read_clock(table, time)
