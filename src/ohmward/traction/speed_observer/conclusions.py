@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import every, some
+from ohmward.filters.sanitize import every
 from ohmward.trace import linearize, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
@@ -67,20 +67,9 @@ def driven_wheels(belief: Belief, model: Model) -> DrivenWheels:
 
 
 def advance(
-    timers: MotionTimers,
-    wheels: DrivenWheels,
-    used: list[Scalar],
-    body_observable: Scalar,
-    dt_s: Scalar,
-    alarm: SlipAlarm,
+    timers: MotionTimers, wheels: DrivenWheels, observable: Scalar, dt_s: Scalar, alarm: SlipAlarm
 ) -> MotionTimers:
-    """The timers after a step.
-
-    used: (driven,) the conditions that the encoder of a wheel was used.
-    body_observable: the condition that another sensor showed the speed.
-    """
-    gripping = [agrees & (grip > LEAST_GRIP) for agrees, grip in zip(used, wheels.grip, strict=True)]
-    observable = some([*gripping, body_observable])
+    """The timers after a step; observable: the condition that something showed the speed in it."""
     motions = zip(wheels.travel_m_s, wheels.travel_std_m_s, wheels.rim_m_s, strict=True)
     stands = every(alarm.stands(travel, travel_std, rim) for travel, travel_std, rim in motions)
     return MotionTimers(

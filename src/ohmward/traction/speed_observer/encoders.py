@@ -48,23 +48,6 @@ class EncoderGate(NamedTuple):
     jumps_teach: bool
 
 
-class EncoderSample(NamedTuple):
-    """Speed of one driven wheel as a measurement of the state.
-
-    wheel: its number.
-    y: speed at the end of the step [rad/s].
-    R: variance of its noise.
-    torque_noise_rad_s: standard deviation of the predicted speed by the error of the torque.
-    rejected_s: time for which the encoder has been outside its gate before.
-    """
-
-    wheel: int
-    y: Scalar
-    R: Scalar
-    torque_noise_rad_s: Scalar
-    rejected_s: Scalar
-
-
 class MatchedNoise(NamedTuple):
     """Residuals that R of the encoders is matched to ([T] 3.50), each (driven,).
 
@@ -120,28 +103,17 @@ def correct_wheels(
 ) -> EncoderCorrection:
     """The prior corrected with the speeds of the driven wheels, one after the other.
 
-    Args:
-        prior: belief before it.
-        lag: (wheels,) [rad/s], `Model.encoder_lag`.
-        step: that the mean of the belief made.
-        clean: sanitised sample.
-        matched: what R is matched to.
-        rejected_s: (driven,) time for which each encoder has been outside its gate.
-        model: of the robot.
-        gate: of the encoders.
+    lag: (wheels,) [rad/s], `Model.encoder_lag`.
+    step: that the mean of the belief made.
+    rejected_s: (driven,) time for which each encoder has been outside its gate.
     """
     belief = prior
     wheels: list[WheelCorrection] = []
     torque_noise = model.torque_noise_rad_s(step, clean)
     for k in range(model.driven):
-        encoder = EncoderSample(
-            wheel=k,
-            y=clean.wheel_speed_rad_s[k] + lag[k],
-            R=encoder_variance(matched, k, model),
-            torque_noise_rad_s=torque_noise[k],
-            rejected_s=rejected_s[k],
-        )
-        wheels.append(correct_wheel(belief, encoder, clean, model, gate))
+        y = clean.wheel_speed_rad_s[k] + lag[k]
+        R = encoder_variance(matched, k, model)
+        wheels.append(correct_wheel(belief, k, y, R, torque_noise[k], rejected_s[k], clean, model, gate))
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
     doubted = some(s > gate.reset_after_s for s in rejected_s)
@@ -149,10 +121,22 @@ def correct_wheels(
 
 
 def correct_wheel(
-    prior: Belief, encoder: EncoderSample, clean: CleanSlipSample, model: Model, gate: EncoderGate
+    prior: Belief,
+    k: int,
+    y: Scalar,
+    R: Scalar,
+    torque_noise: Scalar,
+    rejected_s: Scalar,
+    clean: CleanSlipSample,
+    model: Model,
+    gate: EncoderGate,
 ) -> WheelCorrection:
-    """The prior corrected with the encoder of one wheel; one that is not believed leaves it as it is, but wider."""
-    k, y, R, torque_noise_rad_s, rejected_s = encoder
+    """The prior corrected with the speed y of driven wheel k; an encoder that is not believed only widens it.
+
+    R: variance of the encoder.
+    torque_noise: standard deviation of the predicted speed by the error of the torque.
+    rejected_s: time for which the encoder has been outside its gate before.
+    """
     i = model.layout.wheel(k)
     nu = y - prior.mean[i]
     S = prior.cov[i, i] + R
@@ -166,7 +150,7 @@ def correct_wheel(
     posterior = correct_state(opened, i, y, R, believed)
     if model.states.stiffness:
         j = model.layout.index("log_stiffness")
-        share = true_share(opened, i, j, torque_noise_rad_s)
+        share = true_share(opened, i, j, torque_noise)
         posterior = with_part_of_gain(opened, posterior, j, share)
     square = (y - posterior.mean[i]) ** 2 + posterior.cov[i, i]
     doubt = where(believed, 0.0, doubted_variance(prior, k, clean.modelled_s, model))

@@ -40,7 +40,14 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_standstill,
 )
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, hold_still, sanitize
-from ohmward.traction.speed_observer.conclusions import UNOBSERVED_S, MotionTimers, advance, conclude, driven_wheels
+from ohmward.traction.speed_observer.conclusions import (
+    LEAST_GRIP,
+    UNOBSERVED_S,
+    MotionTimers,
+    advance,
+    conclude,
+    driven_wheels,
+)
 from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
     EncoderGate,
@@ -297,9 +304,11 @@ class SpeedObserver:
     ) -> tuple[MotionTimers, SlipEstimate]:
         """The timers, and the estimate still without flags."""
         driven = driven_wheels(belief, self.model)
-        used = [wheel.used for wheel in wheels.wheels]
+        encoders = zip(wheels.wheels, driven.grip, strict=True)
+        gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
+        observable = some([*gripping, body.observable])
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
-        timers = advance(timers, driven, used, body.observable, clean.dt_s, self.alarm)
+        timers = advance(timers, driven, observable, clean.dt_s, self.alarm)
         return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
 
     def flags(

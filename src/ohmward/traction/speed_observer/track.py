@@ -173,13 +173,13 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
 def considered_step(
     observer: SpeedObserver, state: ObserverState, sample: SlipSample
 ) -> tuple[ObserverState, SlipEstimate]:
-    """A step of the observer, and its estimate with what the radius is not known by."""
+    """A step of the observer, with the uncertainty of the wheel radius in its estimate."""
     after, estimate = observer.step(state, sample)
     return after, consider_radius(estimate, observer)
 
 
 def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEstimate:
-    """The estimate with what the radius is not known by in the sigmas of speed and slip, where it is no state."""
+    """The estimate with its std of speed and slip inflated by that of the wheel radius, where it is not a state."""
     if observer.states.radius:
         return estimate
     std_m_s = observer.noise.radius_std * observer.scene.robot.wheel.radius_m * abs(estimate.wheel_speed_rad_s)
@@ -190,18 +190,18 @@ def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEsti
 
 
 def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
-    """(T, freedoms) the motion of the body that estimates (T, ...) hold in the speeds of the wheels' centres."""
+    """Motion (T, freedoms) of the body from the speeds of the wheels' centres in estimates (T, ...)."""
     rim = robot.wheel.radius_m * estimates.radius_ratio[:, None] * estimates.wheel_speed_rad_s
     return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
 def first_of(samples: SlipSample) -> SlipSample:
-    """A sample to start from: of every wheel and motor the first value that was measured."""
+    """Sample to start from: the first measured value of every wheel and motor."""
     wheels, currents = _first_known(samples.wheel_speed_rad_s), _first_known(samples.current_A)
     return SlipSample(0.0, wheels, currents)
 
 
 def _first_known(values: np.ndarray) -> np.ndarray:
-    """(N,) of each column of (T, N) the first finite value, nan where there is none."""
+    """First finite value (N,) of each column of (T, N), nan where there is none."""
     rows = np.argmax(np.isfinite(values), axis=0)
     return values[rows, np.arange(values.shape[1])]
