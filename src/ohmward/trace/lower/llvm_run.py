@@ -37,6 +37,8 @@ _GAP = 8
 Progress = Callable[[int, int], None]
 Report = Callable[[int], None]
 
+Columns = Sequence[np.ndarray]
+
 
 @dataclass(frozen=True)
 class MachineStep:
@@ -86,13 +88,7 @@ class MachineStep:
         target = Target(PRECISIONS[self.precision], width, self.contract)
         return scan_source(self.expanded, self.state_size, target, own, _NAME)
 
-    def one(
-        self,
-        state: np.ndarray,
-        columns: Sequence[np.ndarray],
-        outputs: Sequence[np.ndarray],
-        progress: Progress | None,
-    ) -> None:
+    def one(self, state: np.ndarray, columns: Columns, outputs: Columns, progress: Progress | None) -> None:
         """Step through one log; state (n,) is changed, outputs are filled; columns and outputs (T,) of float64."""
         count = len(columns[0])
         run = self.function(1, (False,) * self.columns)
@@ -103,14 +99,7 @@ class MachineStep:
             if progress:
                 progress(last, count)
 
-    def many(
-        self,
-        state: np.ndarray,
-        columns: Sequence[np.ndarray],
-        outputs: Sequence[np.ndarray],
-        report: Report | None,
-        threads: int,
-    ) -> None:
+    def many(self, state: np.ndarray, columns: Columns, outputs: Columns, report: Report | None, threads: int) -> None:
         """Step through logs of one length, a log in each lane; state (n, B), columns (T, B) or (T,), outputs (T, B)."""
         lanes = state.shape[1]
         full = lanes - lanes % self.width
@@ -127,12 +116,7 @@ class MachineStep:
         state[:] = rows
 
     def _blocks(
-        self,
-        state: np.ndarray,
-        columns: Sequence[np.ndarray],
-        outputs: Sequence[np.ndarray],
-        part: slice,
-        report: Report | None,
+        self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None
     ) -> None:
         count = len(columns[0])
         run = self.function(self.width, tuple(c.ndim == 2 for c in columns))
@@ -145,14 +129,7 @@ class MachineStep:
             if report:
                 report((last - first) * (part.stop - part.start))
 
-    def _rest(
-        self,
-        state: np.ndarray,
-        columns: Sequence[np.ndarray],
-        outputs: Sequence[np.ndarray],
-        part: slice,
-        report: Report | None,
-    ) -> None:
+    def _rest(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None) -> None:
         """Step the last lanes, too few for a vector, in one that repeats the last of them."""
         lanes = part.stop - part.start
         count = len(columns[0])
