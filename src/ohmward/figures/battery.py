@@ -226,7 +226,7 @@ def fit_figures(log: LogDetails) -> list[Figure]:
 
 
 def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 80) -> Figure:
-    """How often each value occurs, beside the normal distribution of the same mean and deviation.
+    """Frequency of the values, beside the normal distribution of the same mean and deviation.
 
     values: (N,) in the unit of `x_label`; nan is left out, and the outermost 0.1 % on either side are not drawn.
     """

@@ -1,4 +1,4 @@
-"""What the figures share: bands of 95 %, and stretches of time in which something holds."""
+"""Parts that the figures share: bands of 95 %, and stretches of time in which a condition holds."""
 
 from __future__ import annotations
 

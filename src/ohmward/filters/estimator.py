@@ -204,7 +204,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         return self.__copy__()
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is pickled; the other process compiles the step again, or finds it in its cache."""
+        """State to pickle; the other process compiles the step again, or finds it in its cache."""
         return self.__dict__ | {"_state": self.state, "_live": None, "_kernel": None}
 
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntFlag
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-import ohmward
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+#: Module that draws a run. It stands above and knows all kinds; it is loaded by its name, as a command is, so that a
+#: robot that never plots loads none of it.
+FIGURES = "ohmward.figures.plot"
 
 E = TypeVar("E", bound=tuple[Any, ...])
 
@@ -43,7 +47,7 @@ class Run(Generic[E]):
         return getattr(self.estimates, name)
 
     def __dir__(self) -> list[str]:
-        """What there is, the fields of the estimates included."""
+        """Names of the attributes, with the fields of the estimates."""
         return sorted({*super().__dir__(), *_fields(self.estimates)})
 
     @property
@@ -67,7 +71,7 @@ class Run(Generic[E]):
 
     def plot(self) -> Any:
         """Figures of the estimates with their 95 % bands: shown by a notebook, written by `plot().save("x.html")`."""
-        return ohmward.plot(self)
+        return import_module(FIGURES).plot(self)
 
 
 def columns(estimates: Any, prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
