@@ -7,7 +7,6 @@ from importlib import import_module
 import pytest
 
 from markdown_pages import ROOT
-from test_readme import fill_readme
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 accuracy = import_module("accuracy")
@@ -66,18 +65,3 @@ def test_an_unknown_part_is_refused_with_those_that_exist(monkeypatch, page_file
 
 def test_the_battery_and_the_robot_have_parts():
     assert {"a123", "panasonic", "inr20r", "vrla", "ornl", *accuracy.TRACTION} == set(accuracy.all_parts())
-
-
-def test_the_readme_takes_the_first_goal_of_each_plant_and_every_one_that_was_missed():
-    again = RUN._replace(quantity="another")
-    rows = list(
-        fill_readme.read_rows("\n".join(accuracy.table([RUN, again, SLOW, SLOW._replace(method="ukf"), PLAIN])))
-    )
-    excerpt = fill_readme.motion_excerpt(rows)
-    assert "2 of 4 goals" in excerpt[1]
-    assert excerpt[6:] == [
-        "| sand | brush | RMSE [N] | 1.5 | <= 2 |  |",
-        "| car | ekf | coverage | 0.5 | >= 0.9 | **missed** |",
-        "| car | ukf | coverage | 0.5 | >= 0.9 | **missed** |",
-    ]
-    assert fill_readme.motion_excerpt([rows[-1]]) == []

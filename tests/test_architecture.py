@@ -1,10 +1,10 @@
-"""Imports point one way, the on-board core needs NumPy alone, and importing is quick."""
+"""Imports point one way, between rooms and between files; the on-board core needs NumPy alone; importing is quick."""
 
 import ast
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -79,15 +79,23 @@ def text_of(module: str) -> str:
     return (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text(encoding="utf-8")
 
 
-def imported(module: str) -> Iterator[str]:
-    """The modules of ohmward that a module imports, anywhere in its text, without the leading `ohmward.`."""
-    for node in ast.walk(ast.parse(text_of(module))):
+def imported(module: str, tree: ast.AST | None = None) -> set[str]:
+    """The modules of ohmward that a module, or a part of it, imports, without the leading `ohmward.`."""
+    nodes = list(ast.walk(tree or ast.parse(text_of(module))))
+    names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    for node in nodes:
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: imports are absolute here"
-            names = [node.module or ""] if node.module != "ohmward" else [f"ohmward.{a.name}" for a in node.names]
-        else:
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-        yield from (name.removeprefix("ohmward.") for name in names if name.startswith("ohmward."))
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    own = {name.removeprefix("ohmward.") for name in names if name.startswith("ohmward.")}
+    return {name if name in MODULES else name.rpartition(".")[0] or name for name in own}
+
+
+def imported_late(module: str) -> set[str]:
+    """The modules of ohmward that are imported inside the functions of a module."""
+    nodes = ast.walk(ast.parse(text_of(module)))
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return {name for function in functions for name in imported(module, function)}
 
 
 def allowed(module: str, target: str) -> bool:
@@ -96,11 +104,14 @@ def allowed(module: str, target: str) -> bool:
     return any(target == name or target.startswith(f"{name}.") for name in permitted)
 
 
+MODULES = frozenset(modules())
+
+
 def run(code: str) -> str:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 
 
-@pytest.mark.parametrize("module", modules())
+@pytest.mark.parametrize("module", sorted(MODULES))
 def test_imports_point_downwards(module):
     room = module.split(".")[0]
     assert room in BELOW, (
@@ -111,6 +122,19 @@ def test_imports_point_downwards(module):
 
 def test_modules_are_loaded_by_name_in_few_places():
     assert [module for module in modules() if "import_module" in text_of(module)] == BY_NAME
+
+
+def test_the_files_form_no_circle():
+    below = {module: imported(module) & MODULES - {module} for module in MODULES}
+    try:
+        TopologicalSorter(below).prepare()
+    except CycleError as circle:
+        pytest.fail(f"these files import each other: {' -> '.join(circle.args[1])}")
+
+
+def test_own_modules_are_imported_at_the_top():
+    """Optional packages are imported inside functions, and the main program loads a command by its name."""
+    assert {module: late for module in MODULES if (late := imported_late(module))} == {}
 
 
 def test_the_rooms_form_no_circle():

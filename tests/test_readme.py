@@ -14,19 +14,6 @@ from ohmward.cli.main import main
 from ohmward.traction import RLMA
 
 README = ROOT / "README.md"
-BENCHMARK = """\
-# Accuracy
-
-| data | method | start | RMSE | MAE | max | coverage of 95 % | us/step | to reach | |
-|---|---|---|---|---|---|---|---|---|---|
-| A, 25 degC | coulomb | right | 1.50 | 1.00 | 3.00 | 90 % | 1 |  |  |
-| A, 25 degC | ekf | right | 0.40 | 0.30 | 1.00 | 99 % | 20 | RMSE <= 0.6 % | met |
-| A, 25 degC | ukf | right | 0.41 | 0.30 | 1.00 | 99 % | 40 |  |  |
-| A, 5 degC | coulomb | right | 1.60 | 1.00 | 3.00 | 90 % | 1 |  |  |
-| A, 5 degC | ekf | right | 0.50 | 0.30 | 1.00 | 99 % | 20 | RMSE <= 0.6 % | met |
-| B | coulomb | right | 1.70 | 1.00 | 3.00 | 90 % | 1 |  |  |
-| B | ekf | right | 2.60 | 0.30 | 1.00 | 70 % | 20 | RMSE <= 2.0 % | **missed** |
-"""
 
 
 def load_script(name: str) -> ModuleType:
@@ -41,8 +28,17 @@ def load_script(name: str) -> ModuleType:
 fill_readme = load_script("fill_readme")
 
 
-def test_it_has_programs_commands_and_links():
-    assert len(programs(README)) == 2
+def words() -> list[str]:
+    """The words of the page, without code, tables, comments and the targets of links."""
+    text = README.read_text(encoding="utf-8")
+    for part in (r"```.*?```", r"<!--.*?-->", r"^\|.*?$", r"\]\([^)]*\)"):
+        text = re.sub(part, " ", text, flags=re.DOTALL | re.MULTILINE)
+    return re.findall(r"[\w'-]*\w", text)
+
+
+def test_it_is_short_and_has_a_program_commands_and_links():
+    assert 600 <= len(words()) <= 900
+    assert len(programs(README)) == 1
     assert [words[0] for words in command_lines(README, "ohmward")] == [
         "demo",
         "doctor",
@@ -51,12 +47,16 @@ def test_it_has_programs_commands_and_links():
         "simulate",
         "slip",
         "mission",
-        "mission",
-        "mission",
         "export",
-        "twin",
     ]
     assert "CONTRIBUTING.md" in links(README)
+
+
+def test_its_program_runs_and_ends_in_a_plot(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(programs(README)[0], {})
+    assert "points" in capsys.readouterr().out
+    assert "<html" in (tmp_path / "day.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -76,18 +76,23 @@ def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch, c
 def test_its_make_targets_exist():
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     wanted = re.findall(r"(?:^|`)make (\w+)", README.read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(wanted) >= {"demo", "test", "accuracy", "docs"}
+    assert set(wanted) >= {"check", "test", "accuracy", "bench", "docs"}
     assert set(wanted) <= set(targets)
 
 
 @pytest.mark.parametrize(
-    "name, other, time", [("robot-day", "coulomb counting", "Time [h]"), ("drive-home", "driven wheels", "Time [s]")]
+    "name, texts",
+    [
+        ("robot-day", {"coulomb counting", "its 95 % band", "Time [h]"}),
+        ("drive-home", {"driven wheels", "its 95 % band", "Time [s]"}),
+        ("range-left", {"P10 to P90", "Distance driven [km]"}),
+    ],
 )
-def test_its_pictures_are_whole(name, other, time):
+def test_its_pictures_are_whole(name, texts):
     root = ElementTree.parse(ROOT / "docs" / "pictures" / f"{name}.svg").getroot()
-    texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
-    assert {"truth", other, "ohmward", time} <= set(texts)
-    assert len([e for e in root.iter() if "line" in e.get("class", "").split()]) >= 5
+    found = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"truth", "ohmward", *texts} <= set(found)
+    assert len([e for e in root.iter() if "line" in e.get("class", "").split()]) >= 2
     assert f"docs/pictures/{name}.svg" in README.read_text(encoding="utf-8")
 
 
@@ -116,17 +121,26 @@ def test_its_numbers_are_those_of_the_benchmark():
     assert fill_readme.filled(text) == text, "run `python docs/fill_readme.py`"
 
 
-def test_the_excerpt_shows_met_and_missed_goals_alike():
-    lines = fill_readme.excerpt(list(fill_readme.read_rows(BENCHMARK)))
-    assert lines[4:] == ["| A, 25 degC | right | 1.50 | 0.40 | 99 % |", "| B | right | 1.70 | 2.60 | 70 % |"]
-
-
-def test_without_a_benchmark_there_is_no_excerpt(monkeypatch, tmp_path):
-    monkeypatch.setattr(fill_readme, "ACCURACY", tmp_path / "absent.md")
+def test_its_tables_have_five_rows_each():
     text = README.read_text(encoding="utf-8")
-    emptied = fill_readme.filled(text)
-    assert f"{fill_readme.BEGIN}{fill_readme.END}" in emptied
+    for name in ("accuracy", "speed"):
+        block = text.partition(f"<!-- {name}:")[2].partition(f"<!-- /{name} -->")[0]
+        assert len([line for line in block.splitlines() if line.startswith("|")]) == 2 + 5
+
+
+def test_without_a_benchmark_there_is_no_table(monkeypatch, tmp_path):
+    monkeypatch.setattr(fill_readme, "BENCHMARKS", tmp_path)
+    emptied = fill_readme.filled(README.read_text(encoding="utf-8"))
+    assert "<!-- accuracy: written by docs/fill_readme.py -->\n<!-- /accuracy -->" in emptied
     assert fill_readme.filled(emptied) == emptied
+
+
+@pytest.mark.slow
+def test_its_range_holds_the_truth():
+    day = load_script("make_pictures").range_of_a_day(asked_every_s=900)
+    inside = (day.p10_m <= day.truth_m) & (day.truth_m <= day.p90_m)
+    assert 0.5 <= inside.mean() <= 1.0
+    assert np.abs(day.p50_m - day.truth_m).max() < 0.15 * day.truth_m[0]
 
 
 def test_the_version_is_the_same_everywhere():

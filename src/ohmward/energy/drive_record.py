@@ -31,7 +31,7 @@ class ObservedWheels(NamedTuple):
     scene: Scene
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """Motion at the samples of the battery's log.
 
     speed_m_s: (T,) forward.
@@ -83,7 +83,7 @@ def observe_motion(
     terrain: Terrain,
     time_s: np.ndarray,
     progress: Callable[[int, int], None] | None = None,
-) -> Motion:
+) -> BodyMotion:
     """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
 
     terrain: ground that is believed at first.
@@ -94,10 +94,10 @@ def observe_motion(
     grade = np.interp(time_s, drive.time_s, track.estimates.grade_rad)
     level = not chosen.observer.states.grade and "pitch_rad" not in drive.channels
     wheels = ObservedWheels(drive, track, chosen.observer.scene)
-    return Motion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
+    return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))
 
 
-def measured_motion(log: Log, speed_column: str = "speed_m_s") -> Motion:
+def measured_motion(log: Log, speed_column: str = "speed_m_s") -> BodyMotion:
     """Speed and slope from columns of a log, in m/s and rad.
 
     Raises:
@@ -111,11 +111,11 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s") -> Motion:
     slope = next((name for name in SLOPE_COLUMNS if name in log.extra), None)
     ground = f"slope from {slope!r}" if slope else "ground taken as level"
     note = Note(f"speed from column {speed_column!r} in m/s, {ground}")
-    return Motion(log.extra[speed_column], log.extra[slope] if slope else None, None, (note,))
+    return BodyMotion(log.extra[speed_column], log.extra[slope] if slope else None, None, (note,))
 
 
 def record_drive(
-    log: Log, motion: Motion, ground: str | Sequence[str] | np.ndarray, payload_kg: float = 0.0
+    log: Log, motion: BodyMotion, ground: str | Sequence[str] | np.ndarray, payload_kg: float = 0.0
 ) -> DriveRecord:
     """Cut a drive into stretches and balance its energy.
 

@@ -21,7 +21,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import EstimatorSettings
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
-from ohmward.energy.drive_record import DriveRecord, Motion, measured_motion, observe_motion, record_drive
+from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.get_home import MissionForecast, get_home
 from ohmward.energy.leg import Stretch, stretch_of
 from ohmward.energy.plan_file import Plan
@@ -225,7 +225,7 @@ def _motion(
     robot: Robot | None,
     settings: MissionSettings,
     progress: Callable[[int, int], None] | None,
-) -> Motion:
+) -> BodyMotion:
     """Motion of wheels that are observed, else of a measured speed."""
     if robot is None or drive is None:
         return measured_motion(log, settings.speed_column)

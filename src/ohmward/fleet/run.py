@@ -25,7 +25,7 @@ PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 BATCH = 32
 
 #: Rows of each batch of paths, as they are finished, in any order.
-Work = Callable[[Job, list[list[str]]], Iterator[list[dict[str, Any]]]]
+Executor = Callable[[Job, list[list[str]]], Iterator[list[dict[str, Any]]]]
 
 
 class Finished(NamedTuple):
@@ -50,7 +50,7 @@ def run_fleet(
     paths: Sequence[str],
     job: Job,
     folder: Path,
-    work: Work = in_processes,
+    work: Executor = in_processes,
     progress: Callable[[int, int], None] | None = None,
     batch: int = BATCH,
 ) -> Finished:

@@ -92,9 +92,9 @@ def _repair(
     path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]
 ) -> tuple[list[list[str]], np.ndarray]:
     """The rows without empty lines, comments, surplus empty cells and a last line that was cut off."""
-    kept = [i for i, row in enumerate(rows) if any(row) and not row[0].startswith("#")]
-    rows = [_trimmed(rows[i], width) for i in kept]
-    line = line[kept]
+    filled = [i for i, row in enumerate(rows) if any(row) and not row[0].startswith("#")]
+    rows = [_trimmed(rows[i], width) for i in filled]
+    line = line[filled]
     if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
         notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
         rows = rows[:-1]

@@ -20,8 +20,8 @@ FINEST: Final = 8000
 def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     """Indices (k,) of the samples to keep, ascending, k <= 5 columns.
 
-    x: (n,) ascending; y: (n,), NaN is a gap: the first NaN of a column is kept too.
-    A series of at most 4 columns samples is kept whole.
+    x: (n,) ascending; y: (n,), NaN is a gap: the first NaN of a column is visible too.
+    A series of at most 4 columns samples is taken whole.
     """
     if x.size <= 4 * columns:
         return np.arange(x.size)
@@ -34,11 +34,11 @@ def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     If `FINEST` is 2^k times the number of columns drawn, `m4` finds the same samples in it as in all.
     """
-    kept = m4(x, y, FINEST)
-    if kept.size == x.size:
+    visible = m4(x, y, FINEST)
+    if visible.size == x.size:
         return x, y
-    kept = np.union1d(kept, [0, x.size - 1])
-    return x[kept], y[kept]
+    visible = np.union1d(visible, [0, x.size - 1])
+    return x[visible], y[visible]
 
 
 def envelope(
@@ -62,7 +62,7 @@ def envelope(
 def scatter(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> np.ndarray:
     """Indices (k,) of samples with dots in the same cells of a grid as all, the lowest and the highest included.
 
-    x, y: (n,), samples whose y is NaN are left out; k <= columns rows + 2. No more samples than cells are all kept.
+    x, y: (n,), samples whose y is NaN are left out; k <= columns rows + 2. No more samples than cells are all taken.
     """
     seen = np.flatnonzero(~np.isnan(y))
     if seen.size <= columns * rows:

@@ -54,8 +54,8 @@ def _figure(figure: Figure, unit: float, per_x: float) -> dict[str, Any]:
 
 
 def _series(series: Series, colour: str, per_x: float, log_y: bool, height_px: int) -> dict[str, Any]:
-    kept = series.visible(COLUMNS, height_px, log_y)
-    x, y = series.x[kept], series.y[kept]
+    rows = series.visible(COLUMNS, height_px, log_y)
+    x, y = series.x[rows], series.y[rows]
     places = None if log_y and series.axis == "left" else value_decimals(y)
     return {
         "label": series.label,

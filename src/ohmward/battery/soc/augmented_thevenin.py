@@ -48,7 +48,7 @@ from ohmward.trace.expression import Scalar
 #: Standard deviation [V] that an RC voltage has at the start at least, so that no variance is zero: far below a sensor.
 LEAST_PAIR_STD_V = 1e-5
 
-#: The bend of the curve is taken this far inside its ends at least, because it is continued there as a straight line.
+#: The curvature is taken at least this far inside the ends of the curve, which goes on there as a straight line.
 END_MARGIN = 0.01
 
 #: Index of the state of charge in the state.
@@ -183,8 +183,8 @@ class AugmentedThevenin:
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
         soc = state.circuit[SOC]
         inside = np.array([clip(soc, END_MARGIN, 1 - END_MARGIN)])
-        slope, bend = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
-        curvature_V = bend[0, 0] * prior.cov[SOC, SOC]
+        slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
+        curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
         over = overpotentials(state.circuit, u, self.model, state.health)  # they may cancel, their errors do not
         over_V2 = sum(v * v for v in over)
         uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share**2 * over_V2

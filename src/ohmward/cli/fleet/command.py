@@ -16,7 +16,7 @@ from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
-from ohmward.fleet.run import Work
+from ohmward.fleet.run import Executor
 from ohmward.published.registry import make_estimator
 
 
@@ -51,7 +51,7 @@ def _progress_of(report: Report | None) -> Callable[[int, int], None] | None:
     return lambda done, total: report(f"{done:,} of {total:,} logs", done / total)
 
 
-def work(args: argparse.Namespace) -> Work:
+def work(args: argparse.Namespace) -> Executor:
     """Executor of the batches: processes here, or the workers of a Dask scheduler."""
     if args.dask:
         return partial(on_dask, address=args.dask)

@@ -23,8 +23,8 @@ def make_page(run: ClosedLoopRun) -> Page:
     found = summary(run)
     what = f"{found['robot']}, plant {found['plant']!r}, simulated for {duration(found['duration_s'])}"
     values = result(found)
-    shown = ("drive", "energy per metre", "slip reached after", "slip error, RMS", "speed error, RMS")
-    page = Page(found["scenario"], what, FOOTER).numbers({k: values[k] for k in shown if k in values})
+    chosen = ("drive", "energy per metre", "slip reached after", "slip error, RMS", "speed error, RMS")
+    page = Page(found["scenario"], what, FOOTER).numbers({k: values[k] for k in chosen if k in values})
     for warning in run.warnings:
         page = page.callout("warning", warning)
     page = page.plot(*plots(run))
