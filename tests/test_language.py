@@ -105,5 +105,5 @@ def function_lengths() -> Iterator[tuple[str, int]]:
                 docstring = len(text.splitlines()) if text else 0
                 yield (
                     f"{path.relative_to(SOURCE)}:{node.lineno} {node.name}",
-                    node.end_lineno - node.lineno + 1 - docstring,
+                    (node.end_lineno or 0) - node.lineno + 1 - docstring,
                 )
