@@ -124,14 +124,14 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
-    record, estimates = None, None
+    log = None if log is None else check_log(log, battery)
+    estimates = _estimates(battery, log, settings)
+    record = None
     if log is not None:
-        log = check_log(log, battery)
-        estimates = None if settings.soc is not None else _estimates(battery, log, settings)
         motion = _motion(log, drive, robot, settings, progress)
         record = record_drive(log, motion, ground, settings.payload_kg)
-    consumption, notes = learn_drive(before, record) if record else (begin_drive(before), [])
-    consumption, guessed = _with_plan(consumption, plan)
+    learned, notes = learn_drive(before, record)
+    consumption, guessed = _with_plan(learned, plan)
     state, assumed = battery_state(battery, settings, plan, log, estimates)
     ahead = stretches_ahead(plan, record)
     return MissionResult(
@@ -147,8 +147,10 @@ def analyse(
     )
 
 
-def learn_drive(before: Consumption, record: DriveRecord) -> tuple[Consumption, list[Note]]:
-    """Consumption after a drive, and the days since the last one where both had a wall clock."""
+def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consumption, list[Note]]:
+    """Consumption after a new drive, and the days since the last one where both had a wall clock."""
+    if record is None:
+        return begin_drive(before), []
     notes = []
     days = 0.0
     if record.log.start_unix_s is not None and before.last_drive_unix_s is not None:
@@ -173,7 +175,8 @@ def battery_state(
         InputError: no state of charge, or one below the reserve.
     """
     noise = battery.noise if battery.thevenin else battery.rc_noise
-    soc, soc_std = settings.soc, settings.soc_std
+    soc = settings.soc
+    soc_std = settings.soc_std
     health: dict[str, float] = {}
     if estimates is not None:
         soc = min(max(float(estimates.soc[-1]), 0.0), 1.0)
@@ -213,8 +216,10 @@ def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvic
     return advice
 
 
-def _estimates(battery: Battery, log: Log, settings: MissionSettings) -> SocEstimate:
-    """State of charge along the log."""
+def _estimates(battery: Battery, log: Log | None, settings: MissionSettings) -> SocEstimate | None:
+    """State of charge along the log; None without one, and where the settings say it."""
+    if log is None or settings.soc is not None:
+        return None
     estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
     return SocEstimator(estimator, settings.initial_soc, settings.initial_soc_std).run(log).estimates
 

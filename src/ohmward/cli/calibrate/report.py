@@ -1,4 +1,4 @@
-"""The report of `ohmward calibrate`."""
+"""Report of `ohmward calibrate`."""
 
 from __future__ import annotations
 

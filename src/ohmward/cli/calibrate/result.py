@@ -29,7 +29,7 @@ def summary(found: Calibration) -> dict[str, Any]:
 
 
 def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     title = (
         f"robot {found.robot.name!r}: {figures['drives']} drive{'s' if figures['drives'] > 1 else ''}, "
         f"{wording.duration(figures['duration_s'])}"

@@ -1,4 +1,4 @@
-"""The report of `ohmward compare`."""
+"""Report of `ohmward compare`."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def summary(task: SocTask, answers: Mapping[str, SocRun]) -> dict[str, Any]:
 
 
 def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     tables = (wording.table(header, rows) for header, rows in tables_of(task, figures))
     title = f"{figures['log']} with battery {figures['battery']!r}: {figures['steps']:,} samples"
     return wording.paragraphs(title, *tables, wording.assumptions(task.notes))
@@ -93,10 +93,14 @@ _WITHOUT_TRUTH: dict[str, Column] = {
 
 
 def _table(estimators: Mapping[str, Any], columns: Mapping[str, Column]) -> tuple[list[str], list[list[str]]]:
-    rows = [[name, *(cell(figures) for cell in columns.values())] for name, figures in estimators.items()]
+    rows = []
+    for name, figures in estimators.items():
+        rows.append([name, *(cell(figures) for cell in columns.values())])
     return ["estimator", *columns], rows
 
 
 def _difference_table(differences: Mapping[str, Mapping[str, float]]) -> tuple[list[str], list[list[str]]]:
-    rows = [[a, *(wording.percent(row.get(b)) for b in differences)] for a, row in differences.items()]
+    rows = []
+    for name, row in differences.items():
+        rows.append([name, *(wording.percent(row.get(other)) for other in differences)])
     return ["SoC difference, RMS", *differences], rows

@@ -91,7 +91,9 @@ def work_through(chemistry: str, day: RobotDay, folder: Path) -> dict[str, Outco
 
 def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list[DemoStep]:
     """Command lines of a user with this battery."""
-    test, day, battery = str(pulse_test), str(mission), str(folder / f"{chemistry}.toml")
+    test = str(pulse_test)
+    day = str(mission)
+    battery = str(folder / f"{chemistry}.toml")
 
     def report(command: str) -> str:
         return str(folder / f"{chemistry}-{command}.html")
@@ -128,7 +130,9 @@ def drive_steps(folder: Path, soc: float, soc_std: float) -> list[DemoStep]:
     def path(name: str) -> str:
         return str(folder / name)
 
-    log, robot, battery = path("drive.csv"), ("--robot", path("robot.toml")), ("--battery", path(f"{DRIVEN}.toml"))
+    log = path("drive.csv")
+    robot = ("--robot", path("robot.toml"))
+    battery = ("--battery", path(f"{DRIVEN}.toml"))
     start = ("--current-sign", "charge", "--initial-soc", f"{soc:.3f}", "--initial-soc-std", f"{soc_std:.3f}")
     ahead = ("--terrain", "floor", "--plan", path("home.toml"), "-o", path("consumption.toml"))
     return [
@@ -152,7 +156,9 @@ def describe(results: Mapping[str, Any], folder: Path) -> str:
 
 def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     """Figures that the commands found, by name."""
-    evening, slip, mission = results[DRIVEN]["soc"], results["slip"], results["mission"]
+    evening = results[DRIVEN]["soc"]
+    slip = results["slip"]
+    mission = results["mission"]
     p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"].values())
     return {
         "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",

@@ -1,4 +1,4 @@
-"""The report of `ohmward demo`: what every command shows first, on one page."""
+"""Report of `ohmward demo`: what every command shows first, on one page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of `ohmward doctor`."""
+"""Report of `ohmward doctor`."""
 
 from __future__ import annotations
 

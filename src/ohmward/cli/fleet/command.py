@@ -99,7 +99,7 @@ def _most(function: Callable, rows: list[dict[str, Any]], name: str) -> float | 
 
 
 def describe(figures: dict[str, Any], finished: Finished) -> str:
-    """The same for people."""
+    """Text for people."""
     rows = {
         "logs": f"{figures['logs']:,}, {figures['resumed']:,} of them done before",
         "hours": f"{figures['hours']:,.1f} in {figures['samples']:,} samples",

@@ -56,5 +56,7 @@ def _notes(logs: Sequence[Log]) -> list[str]:
 
 def _starts(logs: Sequence[Log], given: Sequence[tuple[str, float]]) -> dict[str, float]:
     """Initial SoC by the log's name; a value without a name holds for all that are not named."""
-    everywhere = {log.name: soc for name, soc in given if not name for log in logs}
-    return everywhere | {name: soc for name, soc in given if name}
+    starts: dict[str, float] = {}
+    for soc in (soc for name, soc in given if not name):
+        starts |= dict.fromkeys((log.name for log in logs), soc)
+    return starts | {name: soc for name, soc in given if name}

@@ -1,4 +1,4 @@
-"""The report of `ohmward identify`."""
+"""Report of `ohmward identify`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def _numbers(battery: Battery) -> dict[str, str]:
 
 def _circuit(page: Page, found: Identified) -> Page:
     """Open-circuit voltage and resistances."""
-    model, rests = found.battery.thevenin, [rest for log in found.logs for rest in log.rests]
+    model = found.battery.thevenin
+    rests = [rest for log in found.logs for rest in log.rests]
     ocv = model.ocv if model else found.battery.rc.ocv if found.battery.rc else found.first_ocv
     page = page.heading("Open-circuit voltage").plot(pictures.ocv_figure(ocv, found.branches, rests, found.fit))
     if model and any(model.r0_discharge_ohm):

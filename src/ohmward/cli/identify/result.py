@@ -32,7 +32,7 @@ def summary(battery: Battery, model: str, seconds: float) -> dict[str, Any]:
 
 
 def describe(battery: Battery, figures: dict[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     measured = wording.quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
     capacity = f"{battery.capacity_Ah:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
     title = f"battery {battery.name!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"

@@ -1,4 +1,4 @@
-"""The report of `ohmward mission`."""
+"""Report of `ohmward mission`."""
 
 from __future__ import annotations
 
@@ -75,13 +75,15 @@ def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]
 
 def power_figure(balance: RecordedBalance) -> Figure:
     """Losses on each other, and the battery's power over them."""
-    t, p = balance.time_s, balance.power
-    lower, bands = np.zeros(len(t)), []
+    t = balance.time_s
+    bands = []
+    lower = np.zeros(len(t))
     for label, (names, role) in _STACK.items():
-        upper = lower + np.maximum(_smooth(t, sum(getattr(p, name) for name in names)), 0.0)
+        losses_W = sum(getattr(balance.power, name) for name in names)
+        upper = lower + np.maximum(_smooth(t, losses_W), 0.0)
         bands.append(Band(t, lower, upper, label, role))
         lower = upper
-    line = Series(t, _smooth(t, p.battery), "battery", role="reference")
+    line = Series(t, _smooth(t, balance.power.battery), "battery", role="reference")
     title = "Power: losses on each other; what is left to the battery's line climbs, accelerates or is unexplained"
     return Figure(title, TIME, "Power [W]", [line], bands, height_px=320)
 

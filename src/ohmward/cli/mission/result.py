@@ -19,7 +19,9 @@ def summary(result: MissionResult, robot: Robot | None, notes: Sequence[str]) ->
 
     notes: everything that was assumed.
     """
-    c, record, forecast = result.consumption, result.record, result.forecast
+    c = result.consumption
+    record = result.record
+    forecast = result.forecast
     return {
         "command": "mission",
         "log": record.log.name if record else None,
@@ -69,7 +71,7 @@ def _plan(forecast: MissionForecast) -> dict[str, Any]:
 
 
 def describe(figures: Mapping[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     return wording.paragraphs(
         _title(figures),
         wording.fields(result(figures)),

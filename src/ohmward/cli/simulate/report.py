@@ -1,4 +1,4 @@
-"""The report of `ohmward simulate`."""
+"""Report of `ohmward simulate`."""
 
 from __future__ import annotations
 

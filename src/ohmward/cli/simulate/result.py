@@ -24,7 +24,9 @@ ENERGY = {
 
 def summary(answer: ClosedLoopRun) -> dict[str, Any]:
     """The object of --json."""
-    f, history, scenario = figures(answer), answer.history, answer.scenario
+    f = figures(answer)
+    history = answer.history
+    scenario = answer.scenario
     return {
         "command": "simulate",
         "scenario": scenario.name,
@@ -66,7 +68,7 @@ def _scores(f: Figures) -> dict[str, float | None]:
 
 
 def describe(answer: ClosedLoopRun, found: dict[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     title = f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}"
     observer = "the true speed" if found["observer"] == "true" else f"observer {found['observer']!r}"
     return wording.paragraphs(

@@ -45,8 +45,10 @@ def _numbers(figures: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:
-    robot, run, truth = task.robot, observed.track, task.reference.truth if task.reference else None
+    robot = task.robot
+    run = observed.track
     e = run.estimates
+    truth = task.reference.truth if task.reference else None
     wheels = driven_wheels(robot)
     rolled_m_s = robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven])[0]
     plots = [speed_figure(run, rolled_m_s, truth.speed_m_s if truth else None)]

@@ -75,7 +75,7 @@ def _floors(observed: ObservedDrive) -> dict[str, Any]:
 
 
 def describe(task: SlipTask, figures: Mapping[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     title = f"{figures['log']} with robot {figures['robot']!r}: {figures['filter']} on {figures['terrain']}"
     return wording.paragraphs(
         title,

@@ -1,4 +1,4 @@
-"""The report of `ohmward soc`."""
+"""Report of `ohmward soc`."""
 
 from __future__ import annotations
 

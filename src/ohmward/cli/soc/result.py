@@ -43,7 +43,7 @@ def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
 
 
 def describe(task: SocTask, figures: dict[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
     return wording.paragraphs(
         title + title_of(figures["filter"]),

@@ -31,7 +31,7 @@ def summary(
 
 
 def describe(figures: dict[str, Any]) -> str:
-    """The same for people."""
+    """Text for people."""
     rows = {name: f"{value:.6g}" for name, value in figures["final"].items()}
     step_s = figures["seconds"] / max(figures["steps"], 1)
     rows |= {
