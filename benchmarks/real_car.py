@@ -18,9 +18,9 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Differential, Motor, Robot, RollingResistance, Wheel, hard_terrain
 from ohmward.traction.score import DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
-from ohmward.traction.speed_observer.track import observe
 from real_data import alarm_share, columns, false_alarms, held, once
 
 DATA = "comma2k19 car, no slip"

@@ -16,8 +16,8 @@ from figure import Figure, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.estimator import SlipRun, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import SlipRun, observe
 from real_data import columns
 
 DATA = "BorealTC Husky"

@@ -33,8 +33,8 @@ from ohmward.report import TIME, Band, Figure, Series
 from ohmward.simulate.closed_loop import drive_log, run
 from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
+from ohmward.traction.speed_observer.estimator import SlipRun, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import SlipRun, observe
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import energy_world

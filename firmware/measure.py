@@ -38,8 +38,8 @@ from ohmward.logs import DriveLog
 from ohmward.simulate import closed_loop, make_robot_day
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
 OPTIONS = ("-O2", "-Os")

@@ -28,8 +28,8 @@ from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
 from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"
 STEPS = 100_000

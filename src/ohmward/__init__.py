@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from ohmward.traction.speed_observer.estimate import SlipEstimate as SlipEstimate
     from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
     from ohmward.traction.speed_observer.estimate import SlipSample as SlipSample
-    from ohmward.traction.speed_observer.track import SlipEstimator as SlipEstimator
+    from ohmward.traction.speed_observer.estimator import SlipEstimator as SlipEstimator
 
 __version__ = "0.1.0"
 
@@ -72,7 +72,7 @@ _HOMES = {
     "save_consumption": "energy.consumption_file",
     "Leg": "energy.leg",
     "SocEstimator": "battery.soc.estimator",
-    "SlipEstimator": "traction.speed_observer.track",
+    "SlipEstimator": "traction.speed_observer.estimator",
     "RangeEstimator": "energy.range_estimator",
     "SocSample": "battery.soc.sample",
     "SocEstimate": "battery.soc.sample",

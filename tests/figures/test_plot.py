@@ -12,11 +12,11 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
+from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
-from ohmward.traction.speed_observer.track import SlipEstimator
+from ohmward.traction.terrain.estimator import FloorSlipEstimator
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.live import FloorSlipEstimator
 from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 
 T = 40

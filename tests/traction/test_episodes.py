@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.traction.episodes import immobilised_episodes, slip_episodes
 from ohmward.traction.speed_observer.estimate import SlipEstimate
-from ohmward.traction.speed_observer.track import SlipRun
+from ohmward.traction.speed_observer.estimator import SlipRun
 
 TIME = 0.1 * np.arange(100)
 

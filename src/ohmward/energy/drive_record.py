@@ -16,8 +16,8 @@ from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimator import SlipRun, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import SlipRun, observe
 
 #: Columns that hold the slope of the ground [rad], the first that is there.
 SLOPE_COLUMNS = ("grade_rad", "pitch_rad")

@@ -10,7 +10,7 @@ from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, range, slip, terrain
 from ohmward.report import Plot
-from ohmward.traction.speed_observer.track import SlipRun
+from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 

@@ -12,7 +12,7 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.report.palette import Meaning
 from ohmward.traction.speed_observer.estimate import SlipFlag
-from ohmward.traction.speed_observer.track import SlipRun
+from ohmward.traction.speed_observer.estimator import SlipRun
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
 SHOWN: Mapping[SampleFlag, Meaning] = {

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.traction.speed_observer.track import SlipRun
+from ohmward.traction.speed_observer.estimator import SlipRun
 
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5

@@ -19,8 +19,8 @@ from ohmward.traction.episodes import ImmobilisedEpisode, SlipEpisode, immobilis
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.track import SlipRun, motion_of, observe
 from ohmward.traction.terrain.as_estimates import as_estimates
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.file import Floors

@@ -9,6 +9,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
+from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.sensor_noise import (
@@ -18,7 +19,6 @@ from ohmward.traction.speed_observer.sensor_noise import (
     quantum,
     speed_std_m_s,
 )
-from ohmward.traction.speed_observer.track import observe
 
 TERRAIN = hard_terrain("dry asphalt")
 TIME = 0.01 * np.arange(1000)

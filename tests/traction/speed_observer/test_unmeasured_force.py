@@ -10,8 +10,8 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, RollingResistance, Terrain
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import UNMEASURED_TRACTION, make_observer, unmeasured_force_walk
-from ohmward.traction.speed_observer.track import observe
 
 SLOPE_S_PER_M = 5.0
 GROUND = Terrain("creep", CoulombCreep(0.8, SLOPE_S_PER_M), RollingResistance(a3_s_per_m=0.0), "tests")

@@ -20,8 +20,8 @@ from ohmward.export.traction import observer_export
 from ohmward.export.twin import Twin, first_of, output_columns
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.traction.dynamics.forces import scene
+from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward.traction.speed_observer.track import samples_of as drive_samples_of
 
 #: A member of the sample that only a battery's, or only a drive's has.
 _BATTERY, _DRIVE = "voltage_V", "wheel_speed_rad_s"

@@ -13,10 +13,10 @@ from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.robot.robot import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward.traction.speed_observer.estimator import SlipEstimator, first_of, motion_of, observe, samples_of
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
-from ohmward.traction.speed_observer.track import SlipEstimator, first_of, motion_of, observe, samples_of
 from traction.speed_observer.examples import FLOOR
 
 OBSERVER = SpeedObserver(scene(RLMA, FLOOR), method="ekf")

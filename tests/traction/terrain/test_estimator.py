@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.live import FloorSlipEstimator
+from ohmward.traction.terrain.estimator import FloorSlipEstimator
 from ohmward.traction.terrain.slip_on_floors import slip_on_floors, wheel_samples
 from ohmward.traction.terrain.wheel_filter import WheelSample
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
