@@ -214,6 +214,8 @@ def number(name: str, value: Any) -> float:
     Raises:
         InputError: it is something else.
     """
+    if type(value) is float:
+        return value
     if value is None:
         return math.nan
     if not isinstance(value, str | bytes) and np.ndim(value) == 0:

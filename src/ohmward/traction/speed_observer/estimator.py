@@ -69,6 +69,7 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         observer = robot if isinstance(robot, SpeedObserver) else default_observer(robot, terrain, filter)
         super().__init__(observer, lowering)
         self.observer = observer
+        self._counts = len(observer.scene.robot.places), observer.scene.robot.driven
 
     @classmethod
     def restore(cls, robot: Robot | SpeedObserver | str, snapshot: Mapping[str, Any], **options: Any) -> Self:
@@ -102,21 +103,18 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         Raises:
             InputError: something else than a number, or not one for each wheel or motor.
         """
-        robot = self.observer.scene.robot
-        others = {
-            "yaw_rate_rad_s": yaw_rate_rad_s,
-            "acceleration_m_s2": acceleration_m_s2,
-            "pitch_rad": pitch_rad,
-            "speed_m_s": speed_m_s,
-            "speed_std_m_s": speed_std_m_s,
-            "speed_age_s": speed_age_s,
-        }
+        wheels, driven = self._counts
         time_s = number("time_s", time_s)
         sample = SlipSample(
             self._since_last(time_s),
-            numbers("wheel_speed_rad_s", wheel_speed_rad_s, len(robot.places), robot.driven),
-            numbers("current_A", current_A, robot.driven),
-            *(number(name, value) for name, value in others.items()),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, wheels, driven),
+            numbers("current_A", current_A, driven),
+            number("yaw_rate_rad_s", yaw_rate_rad_s),
+            number("acceleration_m_s2", acceleration_m_s2),
+            number("pitch_rad", pitch_rad),
+            number("speed_m_s", speed_m_s),
+            number("speed_std_m_s", speed_std_m_s),
+            number("speed_age_s", speed_age_s),
         )
         return self._advance(sample, self._clock(time_s))
 

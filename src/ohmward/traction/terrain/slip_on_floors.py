@@ -6,8 +6,8 @@ is their terrain mixture, and wide on a floor that was never met.
 
     lambda_i = sum over floors p_i lambda_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
-All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the body,
-which is in the forces besides the drag, is that of the rims, filtered.
+All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the
+body, which is in the forces besides the drag, is that of the rims, filtered.
 """
 
 from __future__ import annotations
