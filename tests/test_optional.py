@@ -5,10 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import threadpoolctl
 
 import ohmward
 from ohmward.errors import OhmwardError
-from ohmward.optional import MissingPackageError, require
+from ohmward.optional import MissingPackageError, one_blas_thread, require
 
 SOURCE = Path(ohmward.__file__).parent
 
@@ -29,3 +30,16 @@ def test_a_package_that_is_missing_is_named_as_on_the_index(module, package, mon
 def test_no_message_names_an_extra_of_a_package_that_is_not_on_the_index():
     texts = {path: path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py")}
     assert [str(path) for path, text in texts.items() if "ohmward[" in text] == []
+
+
+def test_blas_keeps_to_one_thread_and_gets_its_own_back():
+    before = [pool["num_threads"] for pool in threadpoolctl.threadpool_info()]
+    with one_blas_thread():
+        assert {pool["num_threads"] for pool in threadpoolctl.threadpool_info()} <= {1}
+    assert [pool["num_threads"] for pool in threadpoolctl.threadpool_info()] == before
+
+
+def test_without_threadpoolctl_blas_is_left_alone(monkeypatch):
+    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
+    with one_blas_thread() as limits:
+        assert limits is None

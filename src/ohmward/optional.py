@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from typing import Any
 
@@ -31,3 +32,12 @@ def require(module: str, user: str) -> Any:
     except ImportError as error:
         package = _ON_THE_INDEX.get(name, name)
         raise MissingPackageError(f"{user} needs {package}, which is not installed: pip install {package}") from error
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS on one thread: on small matrices its threads wait for each other, and take ten times as long."""
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:
+        return nullcontext()
+    return threadpool_limits(1)

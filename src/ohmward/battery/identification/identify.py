@@ -40,6 +40,7 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
+from ohmward.optional import one_blas_thread
 
 MODELS = ("thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
 DEFAULT_MODEL = "thevenin-2rc"
@@ -131,13 +132,14 @@ def identify_in_detail(
     report("charge, rests and pulses", 0.0)
     records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
     report("open-circuit voltage", 0.05)
-    prepared = prepare(records, settings)
-    if not prepared.fast:
-        return _curve_alone(prepared, settings)
-    report("circuit", 0.1)
-    if settings.model == "rc":
-        return _rc(prepared, settings)
-    return _thevenin(prepared, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
+    with one_blas_thread():
+        prepared = prepare(records, settings)
+        if not prepared.fast:
+            return _curve_alone(prepared, settings)
+        report("circuit", 0.1)
+        if settings.model == "rc":
+            return _rc(prepared, settings)
+        return _thevenin(prepared, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
 
 
 def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
