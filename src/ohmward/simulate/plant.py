@@ -28,6 +28,8 @@ from ohmward.simulate.cells import SimulatedBattery
 from ohmward.simulate.profile import Profile
 from ohmward.trace import Kernel, exp, maximum, minimum, where
 
+#: Index of the state of charge in the state of the circuit.
+SOC = 0
 #: Newton converges quadratically from one side: four steps reach rounding.
 _NEWTON_STEPS = 4
 #: Parts of the integral over SoC in `stored_energy_J`.
@@ -119,15 +121,21 @@ def step(state: PlantState, demand: Demand, battery: SimulatedBattery) -> tuple[
     ahead = next_state(state.x, CircuitInput(state.current_A, T), p, demand.dt_s)
     current_A = within_limits(ahead, demand.current_A, T, battery)
     mean = CircuitInput(0.5 * (state.current_A + current_A), T)
-    x = next_state(state.x, mean, p, demand.dt_s)
-    x[0] = state.x[0] + accepted_share(state.x[0], mean.current_A, battery) * (x[0] - state.x[0])
+    x = next_circuit(state.x, mean, battery, demand.dt_s)
     heat_W = heat(x, CircuitInput(current_A, T), battery)
     mean_heat_W = 0.5 * (state.heat_W + heat_W)
     T = next_temperature(T, mean_heat_W, demand, battery)
     after = PlantState(x, T, current_A, heat_W, state.heat_J + mean_heat_W * demand.dt_s)
     return after, BatteryTruth(
-        current_A, terminal_voltage(x, CircuitInput(current_A, T), battery), x[0], T, after.heat_J
+        current_A, terminal_voltage(x, CircuitInput(current_A, T), battery), x[SOC], T, after.heat_J
     )
+
+
+def next_circuit(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery, dt_s: Any) -> np.ndarray:
+    """State of the circuit after a step of constant current; near full only a share of the charge is stored."""
+    after = next_state(x, u, battery.circuit, dt_s)
+    after[SOC] = x[SOC] + accepted_share(x[SOC], u.current_A, battery) * (after[SOC] - x[SOC])
+    return after
 
 
 def terminal_voltage(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
@@ -142,16 +150,23 @@ def transfer_overpotential(u: CircuitInput, battery: SimulatedBattery) -> Any:
     )
 
 
+def rest_voltage(x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
+    """Voltage [V] without current."""
+    return voltage(x, CircuitInput(0.0, temperature_degC), battery.circuit)[0]
+
+
 def within_limits(x: np.ndarray, current_A: Any, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """The demanded current, limited so that the voltage stays in its range, as by a charger at constant voltage."""
+    charge = minimum(current_A, current_at_limit(x, temperature_degC, 1.0, battery))
+    return where(current_A > 0, charge, maximum(current_A, current_at_limit(x, temperature_degC, -1.0, battery)))
 
-    def most(limit_V: float, direction: float) -> Any:
-        u = CircuitInput(direction, temperature_degC)
-        at_rest_V = voltage(x, CircuitInput(0.0, temperature_degC), battery.circuit)[0]
-        return current_at(limit_V - at_rest_V, u, x[0], battery)
 
-    charge = minimum(current_A, maximum(most(battery.voltage_max_V, 1.0), 0.0))
-    return where(current_A > 0, charge, maximum(current_A, minimum(most(battery.voltage_min_V, -1.0), 0.0)))
+def current_at_limit(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
+    """Current [A] at the voltage limit of charging (direction 1, >= 0) or discharging (-1, <= 0)."""
+    limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
+    overpotential_V = limit_V - rest_voltage(x, temperature_degC, battery)
+    current_A = current_at(overpotential_V, CircuitInput(direction, temperature_degC), x[SOC], battery)
+    return maximum(current_A, 0.0) if direction > 0 else minimum(current_A, 0.0)
 
 
 def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
@@ -20,7 +21,6 @@ from ohmward.traction.robot.robot import Robot
 
 #: Rubber on a hard floor, as in `mujoco_plant`.
 SLIP_STIFFNESS_S_PER_M = 6.25
-STEEPEST_RAD, ROUGHEST = 0.7, 3.0
 _EDGES = ("from_m", "to_m", "from_s", "to_s")
 
 

@@ -14,22 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.models.thevenin import CircuitInput, next_state, ohmic_resistance, voltage
+from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward.simulate.plant import (
+    SOC,
     Demand,
     PlantState,
-    accepted_share,
-    current_at,
+    current_at_limit,
     heat,
+    next_circuit,
     next_temperature,
+    rest_voltage,
     resting_state,
     terminal_voltage,
 )
 from ohmward.simulate.robot_day import CHEMISTRIES
-from ohmward.trace import Kernel, maximum, minimum, where
+from ohmward.trace import Kernel, maximum, where
 
 #: Newton starts near the root and converges quadratically: five steps reach rounding.
 _NEWTON_STEPS = 5
@@ -115,19 +117,18 @@ def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> 
     current_A = current_for_power(drawn_W, x, T, battery)
     u = CircuitInput(current_A, T)
     voltage_V = terminal_voltage(x, u, battery)
-    after = next_state(x, u, battery.circuit, load.dt_s)
-    after[0] = x[0] + accepted_share(x[0], current_A, battery) * (after[0] - x[0])
+    after = next_circuit(x, u, battery, load.dt_s)
     heat_W = heat(after, u, battery)
     T_after = next_temperature(T, heat_W, Demand(load.dt_s, current_A, load.ambient_degC), battery)
     available_W = largest_power(after, T_after, -1.0, battery)
     state = PlantState(after, T_after, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
-    return state, Supplied(current_A, voltage_V, -voltage_V * current_A, after[0], T_after, available_W)
+    return state, Supplied(current_A, voltage_V, -voltage_V * current_A, after[SOC], T_after, available_W)
 
 
 def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
     u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
-    U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[0], u, battery.circuit)
+    U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[SOC], u, battery.circuit)
     exchange_A = battery.exchange_A / battery.circuit.arrhenius_factor(u.temperature_degC)
     i = -power_W / U
     for _ in range(_NEWTON_STEPS):
@@ -140,12 +141,4 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
 def largest_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
     """Power [W], >= 0, at the voltage limit of charging (direction 1) or discharging (-1)."""
     limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
-    u = CircuitInput(direction, temperature_degC)
-    overpotential_V = limit_V - rest_voltage(x, temperature_degC, battery)
-    overpotential_V = maximum(overpotential_V, 0.0) if direction > 0 else minimum(overpotential_V, 0.0)
-    return limit_V * abs(current_at(overpotential_V, u, x[0], battery))
-
-
-def rest_voltage(x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
-    """Voltage [V] without current."""
-    return voltage(x, CircuitInput(0.0, temperature_degC), battery.circuit)[0]
+    return limit_V * abs(current_at_limit(x, temperature_degC, direction, battery))

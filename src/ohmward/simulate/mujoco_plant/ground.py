@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from ohmward.checks import require_between, require_finite
 from ohmward.errors import InputError
 
+#: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.
 STEEPEST_RAD = 0.7
+#: Largest adhesion of a simulation, above that of any tyre.
 ROUGHEST = 3.0
 
 
