@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from ohmward.battery import identification
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
 from ohmward.logs import Log, read_log
+from ohmward.trace import Kernel
 
 RESISTANCE_GRID = np.linspace(0, 1, 21)
 OCV_GRID = np.linspace(0, 1, 201)
@@ -49,15 +51,23 @@ def play(
 
     time_s, current_A: (T,); between samples the current is linear, as everywhere in this project.
     """
-    x = np.array([soc, *np.zeros(p.pairs), 0.0])
-    seen_V = []
-    for k in range(time_s.size):
-        if k:
-            mean_A = 0.5 * (current_A[k] + current_A[k - 1])
-            x = next_state(x, CircuitInput(mean_A, 25.0), p, time_s[k] - time_s[k - 1])
-        seen_V.append(float(voltage(x, CircuitInput(current_A[k], 25.0), p)[0]))
+    dt_s = np.diff(time_s, prepend=time_s[0])
+    mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
+    _, seen_V = stepper(p).scan(np.array([soc, *np.zeros(p.pairs), 0.0]), (mean_A, current_A, dt_s))
     noise_V = np.random.default_rng(seed).normal(0.0, std_V, time_s.size) if std_V else 0.0
-    return Log(name, time_s, current_A, np.array(seen_V) + noise_V)
+    return Log(name, time_s, current_A, seen_V + noise_V)
+
+
+@cache
+def stepper(p: Thevenin) -> Kernel:
+    """The model's own step (state, (mean current, current, dt)) -> (state, voltage), compiled."""
+
+    def step(x: np.ndarray, sample: tuple) -> tuple:
+        mean_A, now_A, dt_s = sample
+        x = next_state(x, CircuitInput(mean_A, 25.0), p, dt_s)
+        return x, voltage(x, CircuitInput(now_A, 25.0), p)[0]
+
+    return Kernel(step, np.zeros(p.pairs + 2), (0.0, 0.0, 0.0))
 
 
 def steps(phases: Sequence[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
@@ -81,10 +91,12 @@ def pulse_phases(capacity_Ah: float = 2.0, count: int = 10, rest_s: float = 3600
     return first + once * count
 
 
+@cache
 def pulse_log(p: Thevenin, *, std_V: float = 0.0, seed: int = 0, **how) -> Log:
     return play(p, *steps(pulse_phases(p.capacity_Ah, **how)), soc=1.0, std_V=std_V, seed=seed, name="pulses")
 
 
+@cache
 def low_rate_logs(p: Thevenin) -> tuple[Log, Log]:
     """A discharge from full and a charge from empty at C/30."""
     current_A, sweep_s = p.capacity_Ah / 30, 30 * 3600.0
