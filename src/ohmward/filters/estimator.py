@@ -6,6 +6,7 @@ An estimator proper is a frozen dataclass with pure `init` and `step`. The shell
 from __future__ import annotations
 
 import math
+import os
 import struct
 import time
 from abc import ABC, abstractmethod
@@ -28,6 +29,10 @@ PerWheel = Sequence[float | None] | np.ndarray
 
 #: A sample that is late by more than this is not late: the clock was set.
 CLOCK_SET_S = 60.0
+
+#: Compiled steps that are kept for further estimators, those used last; each takes some megabytes.
+MOST_KERNELS = 8
+_KERNELS: dict[tuple[Any, ...], Kernel] = {}
 
 S = TypeVar("S", bound=tuple[Any, ...])
 E = TypeVar("E", bound=tuple[Any, ...])
@@ -80,9 +85,13 @@ class LiveEstimator(ABC, Generic[S, E]):
 
     @property
     def kernel(self) -> Kernel:
-        """The step, compiled when it is first asked for."""
+        """The step, compiled when it is first asked for; estimators of equal settings share it."""
         if self._kernel is None:
-            self._kernel = self.compiled()
+            key = (type(self), self.settings, self.lowering, os.environ.get("OHMWARD_LOWERING"))
+            self._kernel = _KERNELS.pop(key, None) or self.compiled()
+            _KERNELS[key] = self._kernel
+            if len(_KERNELS) > MOST_KERNELS:
+                del _KERNELS[next(iter(_KERNELS))]
         return self._kernel
 
     @property
