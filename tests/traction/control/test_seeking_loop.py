@@ -60,7 +60,7 @@ def test_the_peak_is_climbed_and_held_from_both_sides(name, start):
 @pytest.mark.slow
 def test_the_slip_of_least_energy_is_below_that_of_most_traction():
     share = 0.05
-    slip, set_point, speed = seek(SetPointSeeker("energy", resistance_ratio=share), "dry asphalt", 0.15, 10.0)
+    slip, set_point, speed = seek(SetPointSeeker("energy", resistance_coefficient=share), "dry asphalt", 0.15, 10.0)
     best = best_slip(LAWS["dry asphalt"], WHEEL.load_N, share * WHEEL.load_N, speed)
     assert set_point.identified
     assert slip == pytest.approx(best.slip_ratio, abs=0.02)

@@ -54,7 +54,7 @@ def test_on_a_plateau_all_of_the_force_is_found():
 @pytest.mark.parametrize("name", LAWS)
 def test_the_slip_of_least_energy_is_found(name, start):
     best = best_slip(LAWS[name], LOAD_N, 5.0, SPEED)
-    found = seek(SetPointSeeker("energy", resistance_ratio=0.05), LAWS[name], start)
+    found = seek(SetPointSeeker("energy", resistance_coefficient=0.05), LAWS[name], start)
     assert found.identified
     assert found.centre == pytest.approx(best.slip_ratio, abs=0.01)
 
@@ -106,7 +106,7 @@ def test_the_set_point_stays_in_its_range_and_keeps_its_pace():
     "make, message",
     [
         (lambda: SetPointSeeker("speed"), "objective must be one of"),
-        (lambda: SetPointSeeker("energy"), "resistance_ratio must be > 0"),
+        (lambda: SetPointSeeker("energy"), "resistance_coefficient must be > 0"),
         (lambda: SetPointSeeker(lowest=0.3, highest=0.2), "highest must be between 0.3"),
     ],
 )

@@ -55,7 +55,7 @@ class SetPointSeeker:
 
     Attributes:
         objective: "traction" or "energy".
-        resistance_ratio: rho, for "energy" > 0: force that the wheel has to give without accelerating, over its load.
+        resistance_coefficient: rho, for "energy" > 0: force of the wheel at constant speed over its load.
         lowest, highest: range of the set-point, within (0, 1).
         dither: amplitude of the sine, >= 0.
         dither_Hz: its frequency, > 0.
@@ -68,7 +68,7 @@ class SetPointSeeker:
     """
 
     objective: str = "traction"
-    resistance_ratio: float = 0.0
+    resistance_coefficient: float = 0.0
     lowest: float = 0.01
     highest: float = 0.5
     dither: float = 0.01
@@ -84,7 +84,7 @@ class SetPointSeeker:
         if self.objective not in OBJECTIVES:
             raise InputError(f"set_point_seeker.objective must be one of {OBJECTIVES}, got {self.objective!r}")
         if self.objective == "energy":
-            require_positive("set_point_seeker.resistance_ratio", self.resistance_ratio)
+            require_positive("set_point_seeker.resistance_coefficient", self.resistance_coefficient)
         for name in ("dither_Hz", "window_s", "least_std", "pace_per_s", "full_pace"):
             require_positive(f"set_point_seeker.{name}", getattr(self, name))
         for name in ("dither", "least_slope"):
@@ -131,5 +131,5 @@ class SetPointSeeker:
         """Derivative of the objective with respect to slip."""
         if self.objective == "traction":
             return slope - self.least_slope
-        mu, rho = maximum(learned.adhesion, _LEAST_ADHESION), self.resistance_ratio
+        mu, rho = maximum(learned.adhesion, _LEAST_ADHESION), self.resistance_coefficient
         return (1 - learned.slip) * rho * slope / (mu * mu) - (1 - rho / mu)

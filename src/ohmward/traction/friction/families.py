@@ -59,7 +59,7 @@ class Family:
 
 ADHESION = Free("adhesion", 1e-3, 5.0, (0.5,))
 #: Share of the load that a free wheel takes to pull; soil in front of a locked wheel weighs more than the wheel.
-RESISTANCE = Free("resistance_ratio", -1.0, 3.0, (0.05,))
+RESISTANCE = Free("resistance_coefficient", -1.0, 3.0, (0.05,))
 
 
 def ward_iagnemma() -> Family:

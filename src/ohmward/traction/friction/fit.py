@@ -56,26 +56,26 @@ class LawFit(NamedTuple):
 
     family: its name.
     law: with the best parameters.
-    resistance_ratio: c.
+    resistance_coefficient: c.
     intervals: of the family's parameters and of c.
     rmse_N: of the measurements that it was fitted to.
     """
 
     family: str
     law: TractionLaw
-    resistance_ratio: float
+    resistance_coefficient: float
     intervals: tuple[Interval, ...]
     rmse_N: float
 
     def force_N(self, contact: Contact) -> np.ndarray:
         """Drawbar pull (n,) [N]."""
-        return drawbar_N(self.law, self.resistance_ratio, contact)
+        return drawbar_N(self.law, self.resistance_coefficient, contact)
 
 
-def drawbar_N(law: TractionLaw, resistance_ratio: float, contact: Contact) -> np.ndarray:
+def drawbar_N(law: TractionLaw, resistance_coefficient: float, contact: Contact) -> np.ndarray:
     """Traction (n,) [N] less the resistance of the wheel itself."""
     direction, _ = direction_and_size(contact.travel_speed_m_s)
-    return law.force_N(contact) - resistance_ratio * direction * contact.load_N
+    return law.force_N(contact) - resistance_coefficient * direction * contact.load_N
 
 
 def fit_law(data: ForceSlip, family: Family) -> LawFit:
