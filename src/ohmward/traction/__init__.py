@@ -1,9 +1,8 @@
 """Wheel, ground and robot: traction laws, slip, dynamics and power; see docs/traction-models.md."""
 
-from ohmward.traction.dynamics.energy_balance import EnergyBalance, power
-from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, rates, scene
-from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, Step, next_state, step
-from ohmward.traction.dynamics.slip import driving_slip_ratio, slip_ratio, slip_speed
+from ohmward.traction.dynamics.forces import RobotInput, forces, rates, scene
+from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, next_state, step
+from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
@@ -18,29 +17,22 @@ __all__ = [
     "ROBOTINO",
     "CompactionResistance",
     "Differential",
-    "EnergyBalance",
-    "Forces",
     "Motor",
     "Omni",
     "Robot",
     "RobotInput",
     "RollingResistance",
-    "Scene",
     "SkidSteer",
-    "Step",
     "Terrain",
     "Wheel",
-    "driving_slip_ratio",
     "forces",
     "hard_terrain",
     "load_robot",
     "next_state",
-    "power",
     "rates",
     "save_robot",
     "scene",
     "slip_ratio",
-    "slip_speed",
     "soft_terrain",
     "step",
 ]

@@ -5,8 +5,15 @@ import pytest
 
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.power_limit import affordable_share, available_torque
-from ohmward.simulate.closed_loop.supply import ElectricalLoad, Pack, Supply, current_for_power, step
+from ohmward.simulate.closed_loop.supply import (
+    ElectricalLoad,
+    Pack,
+    Supply,
+    affordable_share,
+    available_torque,
+    current_for_power,
+    step,
+)
 from ohmward.simulate.plant import heat, resting_state
 from ohmward.traction import RLMA
 from simulate.examples import simple_battery

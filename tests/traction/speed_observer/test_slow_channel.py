@@ -6,9 +6,8 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
-from ohmward.traction.speed_observer.estimator import observe
+from ohmward.traction.speed_observer.estimator import held, observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.slow_channel import held
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 from .examples import RLMA_ON_FLOOR

@@ -2,40 +2,28 @@
 
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, Patch
-from ohmward.simulate.closed_loop.loop import ClosedLoopDrive, run
-from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
+from ohmward.simulate.closed_loop.loop import run
 from ohmward.simulate.closed_loop.observing import Observing
 from ohmward.simulate.closed_loop.run import ClosedLoopRun, columns, drive_log
 from ohmward.simulate.closed_loop.scenario import Scenario
-from ohmward.simulate.closed_loop.scenario_file import (
-    find_scenario,
-    load_scenario,
-    packaged,
-    parse_scenario,
-    save_scenario,
-)
+from ohmward.simulate.closed_loop.scenario_file import find_scenario, packaged, parse_scenario, save_scenario
 from ohmward.simulate.closed_loop.sensing import ExternalSpeed, Sensing
 from ohmward.simulate.closed_loop.supply import Pack
-from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 
 __all__ = [
-    "ClosedLoopDrive",
     "ClosedLoopRun",
     "Command",
     "Control",
     "ExternalSpeed",
     "Grade",
-    "MujocoRobot",
     "Observing",
     "Pack",
     "Patch",
     "Scenario",
     "Sensing",
-    "TractionPlant",
     "columns",
     "drive_log",
     "find_scenario",
-    "load_scenario",
     "packaged",
     "parse_scenario",
     "run",

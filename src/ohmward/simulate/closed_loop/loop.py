@@ -21,13 +21,11 @@ from ohmward.simulate.closed_loop.control import WheelCommand, make_controller, 
 from ohmward.simulate.closed_loop.drive_warnings import DriveWarnings
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward.simulate.closed_loop.observing import Observation, make_observer
-from ohmward.simulate.closed_loop.pack_sensors import PackSensors
-from ohmward.simulate.closed_loop.power_limit import available_torque
 from ohmward.simulate.closed_loop.records import Records
 from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant, RunRow
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.closed_loop.sensing import SensorSuite
-from ohmward.simulate.closed_loop.supply import Supplied, Supply
+from ohmward.simulate.closed_loop.supply import PackSensors, Supplied, Supply, available_torque
 from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel

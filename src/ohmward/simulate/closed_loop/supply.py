@@ -1,13 +1,18 @@
-"""A simulated battery as a supply of power: current and voltage under a load of given power.
+"""A simulated battery as a supply of power: current and voltage under a load, their sensors, and the torque it feeds.
 
 V(i) i = -P,   V(i) = U + R_0 i + B arcsinh(i / i_x)          U: without current, i > 0 charges, P > 0 is drawn
 
 The voltage is that at the beginning of a step and the current is constant in it, so the energy V i dt at the terminals
 is exact.
+
+The voltage limits each motor's current, the power all of them together:
+
+|R I + n K_m omega| <= V      and      sum (R I^2 + n K_m omega I) <= P_most - P_idle
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -31,10 +36,16 @@ from ohmward.simulate.plant import (
     terminal_voltage,
 )
 from ohmward.simulate.robot_day import CHEMISTRIES
+from ohmward.simulate.sensors import Sensor
 from ohmward.trace import Kernel, maximum, where
+from ohmward.traction.robot.robot import Robot
 
 #: Newton starts near the root and converges quadratically: five steps reach rounding.
 _NEWTON_STEPS = 5
+
+#: A Hall sensor and a voltage divider.
+PACK_CURRENT = Sensor(low=-150.0, high=150.0, resolution=0.012, noise_std=0.02, offset=0.02)
+PACK_VOLTAGE = Sensor(low=0.0, high=60.0, resolution=0.004, noise_std=0.004)
 
 
 @dataclass(frozen=True)
@@ -110,6 +121,34 @@ class Supply:
         return self.now
 
 
+class PackSensors:
+    """Current and voltage of a battery, averaged between two samples.
+
+    Args:
+        first: output of the battery before the first step.
+        rng: draws the noise.
+    """
+
+    def __init__(self, first: Supplied, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._sum, self._count = np.zeros(2), 0
+        self.add_step(first)
+
+    def add_step(self, supplied: Supplied) -> None:
+        """Take one step of the battery into the mean."""
+        self._sum = self._sum + np.array([supplied.current_A, supplied.voltage_V])
+        self._count += 1
+
+    def sample(self) -> tuple[float, float]:
+        """Measured mean current [A] and voltage [V] since the last sample; at least one step must lie between."""
+        mean = self._sum / self._count
+        self._sum, self._count = np.zeros(2), 0
+        now = np.zeros(1)
+        current_A = PACK_CURRENT.measure(mean[:1], now, self._rng)
+        voltage_V = PACK_VOLTAGE.measure(mean[1:], now, self._rng)
+        return float(current_A[0]), float(voltage_V[0])
+
+
 def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
     """State after a step of constant power, and the battery's output."""
     x, T = state.x, state.temperature_degC
@@ -142,3 +181,27 @@ def largest_power(x: np.ndarray, temperature_degC: Any, direction: float, batter
     """Power [W], >= 0, at the voltage limit of charging (direction 1) or discharging (-1)."""
     limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
     return limit_V * abs(current_at_limit(x, temperature_degC, direction, battery))
+
+
+def available_torque(torque_Nm: np.ndarray, omega_rad_s: np.ndarray, robot: Robot, now: Supplied) -> np.ndarray:
+    """Torques (driven,) [N m] that the battery can feed, in the demanded proportions where its power limits them.
+
+    torque_Nm: (driven,) demanded.  omega_rad_s: (driven,) speeds of the wheels.
+    """
+    motor = robot.motor
+    back_V = motor.wheel_constant_Nm_per_A * omega_rad_s
+    lowest_A = (-now.voltage_V - back_V) / motor.resistance_ohm
+    highest_A = (now.voltage_V - back_V) / motor.resistance_ohm
+    current = np.clip(torque_Nm / motor.wheel_constant_Nm_per_A, lowest_A, highest_A)
+    heat_W = motor.resistance_ohm * float(current @ current)
+    moving_W = float(back_V @ current)
+    share = affordable_share(heat_W, moving_W, max(now.available_W - robot.idle_W, 0.0))
+    return share * motor.wheel_constant_Nm_per_A * current
+
+
+def affordable_share(heat_W: float, moving_W: float, most_W: float) -> float:
+    """The largest share s <= 1 with heat_W s^2 + moving_W s <= most_W."""
+    if heat_W + moving_W <= most_W:
+        return 1.0
+    root = math.sqrt(moving_W * moving_W + 4 * heat_W * most_W)
+    return 2 * most_W / (moving_W + root) if moving_W + root > 0 else 0.0

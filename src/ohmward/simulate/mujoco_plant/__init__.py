@@ -4,11 +4,10 @@ Needs the extra `sim`; MuJoCo is imported when a plant is made, not before.
 """
 
 from ohmward.simulate.mujoco_plant.ground import Ground, switching, uniform, zones
-from ohmward.simulate.mujoco_plant.parameters import FRONT, FRONT_AND_REAR, RlmaParameters
+from ohmward.simulate.mujoco_plant.parameters import FRONT_AND_REAR, RlmaParameters
 from ohmward.simulate.mujoco_plant.plant import RlmaPlant, drive
 
 __all__ = [
-    "FRONT",
     "FRONT_AND_REAR",
     "Ground",
     "RlmaParameters",

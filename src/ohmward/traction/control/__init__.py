@@ -1,9 +1,9 @@
 """Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
 
-from ohmward.traction.control.driven_wheel import DrivenWheel, driven_wheel
+from ohmward.traction.control.driven_wheel import driven_wheel
 from ohmward.traction.control.force_filter import ForceFilter
 from ohmward.traction.control.limits import Limits
-from ohmward.traction.control.set_point_seeker import SetPoint, SetPointSeeker
+from ohmward.traction.control.set_point_seeker import SetPointSeeker
 from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
@@ -14,12 +14,10 @@ from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
 
 __all__ = [
     "ControlFlag",
-    "DrivenWheel",
     "ForceFilter",
     "Limits",
     "Measurement",
     "Report",
-    "SetPoint",
     "SetPointSeeker",
     "SlidingMode",
     "SlipCommand",
