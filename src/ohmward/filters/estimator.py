@@ -10,7 +10,7 @@ import os
 import struct
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -18,8 +18,9 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag, flag_table
 from ohmward.filters.sanitize import is_step
-from ohmward.trace import Kernel, snapshot
+from ohmward.trace import Kernel
 from ohmward.trace.live import Live
+from ohmward.trace.snapshot import resume, take
 from ohmward.trace.structure import check, flatten, structure_of
 
 Progress = Callable[[int, int], None]
@@ -67,21 +68,33 @@ class LiveEstimator(ABC, Generic[S, E]):
         self._kernel: Kernel | None = None
         self._no_flags = flag_table(self.flag_type)[0.0]
 
-    @abstractmethod
-    def init(self, first: S) -> Any:
-        """State before the first sample, which it looks at."""
+    @classmethod
+    def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot; settings, options: as those of the one that took it.
 
-    def init_again(self, sample: S) -> Any:
-        """State before a sample after the last state was lost."""
-        return self.init(sample)
+        Raises:
+            InputError: the snapshot is of another version, another estimator or other settings, or damaged.
+        """
+        estimator = cls(settings, **options)
+        example = estimator.init(estimator.no_sample())
+        estimator.state, estimator.time_s = resume(estimator.settings, example, snapshot)
+        return estimator
 
     @abstractmethod
     def compiled(self) -> Kernel:
         """The step, compiled."""
 
-    @abstractmethod
+    def init(self, first: S) -> Any:
+        """State before the first sample, which it looks at."""
+        return self.settings.init(first)
+
+    def init_again(self, sample: S) -> Any:
+        """State before a sample after the last state was lost."""
+        return self.init(sample)
+
     def no_sample(self) -> S:
         """A sample in which nothing was measured."""
+        return self.settings.no_sample()
 
     @property
     def kernel(self) -> Kernel:
@@ -121,13 +134,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         Raises:
             InputError: there is no state before the first sample.
         """
-        return snapshot.take(self.settings, self.state, self.time_s)
-
-    def _resume(self, taken: Any) -> Self:
-        """This estimator with the state of a snapshot."""
-        example = self.init(self.no_sample())
-        self.state, self.time_s = snapshot.resume(self.settings, example, taken)
-        return self
+        return take(self.settings, self.state, self.time_s)
 
     def _since_last(self, time_s: float) -> float:
         """Time since the sample before [s]; 0 for the first."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -59,15 +58,6 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
         self.title = _title(battery, filter)
-
-    @classmethod
-    def restore(cls, battery: Battery | Estimator, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; options: as those of the one that took it.
-
-        Raises:
-            InputError: the snapshot is of another version, another estimator or other settings, or damaged.
-        """
-        return cls(battery, **options)._resume(snapshot)
 
     def update(
         self,

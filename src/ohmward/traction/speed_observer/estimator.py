@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial, reduce
-from typing import Any, Self
 
 import numpy as np
 
@@ -73,15 +71,6 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         self.observer = observer
         self._counts = len(observer.scene.robot.places), observer.scene.robot.driven
 
-    @classmethod
-    def restore(cls, robot: Robot | SpeedObserver | str, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; options: as those of the one that took it.
-
-        Raises:
-            InputError: the snapshot is of another version, another robot, ground or other settings, or damaged.
-        """
-        return cls(robot, **options)._resume(snapshot)
-
     def update(
         self,
         time_s: float,
@@ -130,14 +119,6 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         """
         samples = samples_of(log, self.observer, self.time_s)
         return SlipRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
-
-    def init(self, first: SlipSample) -> ObserverState:
-        """State before the first sample."""
-        return self.observer.init(first)
-
-    def no_sample(self) -> SlipSample:
-        """A sample in which nothing was measured."""
-        return self.observer.no_sample()
 
     def compiled(self) -> Kernel:
         """The step, compiled."""

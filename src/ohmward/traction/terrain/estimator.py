@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Self
-
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.slip_on_floors import FloorRun, FloorState, SlipOnFloors, first_of, wheel_samples
+from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: With more combinations of floors the step is not compiled to machine code by itself: it would take half a minute.
@@ -41,15 +38,6 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         super().__init__(floors, lowering)
         self.floors = floors
 
-    @classmethod
-    def restore(cls, floors: SlipOnFloors, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; options: as those of the one that took it.
-
-        Raises:
-            InputError: the snapshot is of another version, another robot, other floors or settings, or damaged.
-        """
-        return cls(floors, **options)._resume(snapshot)
-
     def update(self, time_s: float, wheel_speed_rad_s: PerWheel, current_A: PerWheel) -> FloorEstimate:
         """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
 
@@ -78,14 +66,6 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         """
         samples = wheel_samples(log, self.floors.wheels.robot.driven, self.time_s)
         return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
-
-    def init(self, first: WheelSample) -> FloorState:
-        """State before the first sample."""
-        return self.floors.init(first)
-
-    def no_sample(self) -> WheelSample:
-        """A sample in which nothing was measured."""
-        return self.floors.no_sample()
 
     def compiled(self) -> Kernel:
         """The step, compiled."""
