@@ -5,11 +5,13 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import Any
 
+import numpy as np
+
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, range, slip, terrain
-from ohmward.report import Plot
+from ohmward.figures import battery, slip, terrain
+from ohmward.report import TIME, Band, Figure, Plot, Series
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
@@ -43,4 +45,22 @@ def _(result: FloorRun) -> Plot:
 
 @plot.register
 def _(result: RangeRun) -> Plot:
-    return Plot("Range", range.run_figures(result))
+    return Plot("Range", range_figures(result))
+
+
+def range_figures(run: RangeRun) -> list[Figure]:
+    """Range left with its band from P10 to P90, and the probability of coming home where it was asked for."""
+    figures = [_range_left(run)]
+    if np.isfinite(run.home_probability).any():
+        line = [Series(run.time_s, 100 * run.home_probability, "probability", role="estimate")]
+        figures.append(
+            Figure("Coming home with the reserve left", TIME, "Probability [%]", line, y_limits=(-2.0, 102.0))
+        )
+    return figures
+
+
+def _range_left(run: RangeRun) -> Figure:
+    """Range left, P50 and the band from P10 to P90."""
+    p10, p50, p90 = (1e-3 * np.asarray(values) for values in run.distance_m)
+    line = [Series(run.time_s, p50, "P50", role="estimate")]
+    return Figure("Range left", TIME, "Range [km]", line, [Band(run.time_s, p10, p90, "P10 to P90")], height_px=300)

@@ -3,7 +3,6 @@
 from ohmward.fleet.dask import on_dask
 from ohmward.fleet.job import Job, ReadOptions
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.fleet.local import in_processes
-from ohmward.fleet.run import Finished, run_fleet
+from ohmward.fleet.run import Finished, in_processes, run_fleet
 
 __all__ = ["Finished", "Job", "ReadOptions", "estimate_logs", "in_processes", "on_dask", "run_fleet"]

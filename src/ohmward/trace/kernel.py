@@ -1,9 +1,8 @@
 """Compiled functions: one call, live samples, one log, many logs, with the best lowering that is installed."""
 
 import os
-import warnings
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -152,7 +151,7 @@ class Kernel:
         except llvm_machine_code.NoMachineCodeError as error:
             if self.lowering == "machine":
                 raise
-            _say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
+            llvm_machine_code.say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
             return otherwise()
 
     def _worth(self, samples: Any, steps_worth: int) -> bool:
@@ -184,8 +183,3 @@ def _rebuild(
     function: Callable[..., Any], examples: tuple[Any, ...], constants: tuple[Any, ...], lowering: str
 ) -> Kernel:
     return Kernel(function, *examples, constants=constants, lowering=lowering)
-
-
-@cache
-def _say_once(what: str) -> None:
-    warnings.warn(what, RuntimeWarning, stacklevel=2)

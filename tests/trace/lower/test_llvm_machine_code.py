@@ -47,7 +47,7 @@ def test_a_folder_that_cannot_be_written_is_said_once(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
     monkeypatch.setenv("OHMWARD_CACHE", str(blocked))
-    machine_code._say_once.cache_clear()
+    machine_code.say_once.cache_clear()
     with pytest.warns(RuntimeWarning, match="OHMWARD_CACHE"):
         assert counted(SOURCE)[1]
     assert counted(SOURCE)[1]  # a second warning would be an error here

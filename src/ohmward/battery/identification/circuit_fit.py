@@ -64,7 +64,9 @@ def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float],
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
-    starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in _starts(problem, pairs)]
+    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
+    first = [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
+    starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in first]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
         tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
@@ -109,11 +111,6 @@ def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[
     slowest = [(s.rates.tau_s or (1.0,))[-1] for s in tried]
     apart = [k for k in order if abs(np.log(slowest[k] / slowest[order[0]])) > _APART]
     return [starts[k] for k in (order[0], *apart[:1])]
-
-
-def _starts(problem: CircuitProblem, pairs: int) -> list[Rates]:
-    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    return [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
 
 
 def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:

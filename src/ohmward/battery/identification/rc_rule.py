@@ -79,7 +79,9 @@ def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
             f"the log has no edge of current above C/20 = {_EDGE_RATE * capacity_Ah:.3g} A, so no resistance can be "
             "found; record a few pulses"
         )
-    window_s = _window_s(samples)
+    typical_s = _typical_step_s(samples)
+    enough = typical_s * _FEWEST_POINTS <= FIRST_S
+    window_s = FIRST_S if enough else 2 * _FEWEST_POINTS * typical_s  # ten samples where the log is slower
     before, after = _around(samples, edges)
     r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
     if not r_total > 0:
@@ -117,12 +119,6 @@ def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float
     stays = slice(first, first + (int(np.argmax(moved)) if moved.any() else last - first))
     rise_ohm = (samples.voltage_V[stays] - samples.voltage_V[first]) / change_A
     return samples.time_s[stays] - samples.time_s[first], rise_ohm
-
-
-def _window_s(samples: RcSamples) -> float:
-    """Length of the window: 500 ms, or ten samples where the log is slower."""
-    typical_s = _typical_step_s(samples)
-    return FIRST_S if typical_s * _FEWEST_POINTS <= FIRST_S else 2 * _FEWEST_POINTS * typical_s
 
 
 def _typical_step_s(samples: RcSamples) -> float:

@@ -98,18 +98,14 @@ def require_rc(battery: Battery) -> RcModel:
 
 def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
     """The function that makes the Thevenin filter of this method."""
-
-    def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
-        return TheveninFilter(
-            require_thevenin(battery),
-            battery.noise,
-            method=method,
-            matching=matching,
-            idle_current_A=settings.idle_current_A,
-            gap_s=settings.gap_s,
-        )
-
-    return make
+    return lambda battery, settings: TheveninFilter(
+        require_thevenin(battery),
+        battery.noise,
+        method=method,
+        matching=matching,
+        idle_current_A=settings.idle_current_A,
+        gap_s=settings.gap_s,
+    )
 
 
 def rc_filter(soc_as: str) -> Callable[[Battery, EstimatorSettings], RcFilter]:
@@ -121,12 +117,8 @@ def _textbook(method: str) -> Callable[[Battery, EstimatorSettings], Estimator]:
     return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, method)
 
 
-def _coulomb(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return CoulombCounting(require_thevenin(battery), battery.noise, settings.gap_s)
-
-
-def _rest_ocv(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return RestOcv(require_thevenin(battery), battery.noise, settings.gap_s)
+def _counting(cls: type[CoulombCounting] | type[RestOcv]) -> Callable[[Battery, EstimatorSettings], Estimator]:
+    return lambda battery, settings: cls(require_thevenin(battery), battery.noise, gap_s=settings.gap_s)
 
 
 #: The estimators for use; `ohmward.published.registry` adds those that reproduce a publication.
@@ -136,6 +128,6 @@ ESTIMATORS: dict[str, Choice] = {
     "rc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", rc_filter("state")),
     "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
     "textbook-ukf": Choice("the same, unscented Kalman filter, as in [P]", _textbook("ukf")),
-    "coulomb": Choice("coulomb counting", _coulomb),
-    "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _rest_ocv),
+    "coulomb": Choice("coulomb counting", _counting(CoulombCounting)),
+    "ocv": Choice("coulomb counting, corrected by the open-circuit voltage at rests", _counting(RestOcv)),
 }

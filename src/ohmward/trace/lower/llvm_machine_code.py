@@ -175,7 +175,10 @@ def _write(path: Path, code: bytes) -> None:
         temporary.replace(path)
         _prune(path.parent)
     except OSError as error:
-        _say_once(f"compiled programs cannot be written to {path.parent} ({error.strerror}); name another folder in")
+        say_once(
+            f"compiled programs cannot be written to {path.parent} ({error.strerror}); name another folder in "
+            "OHMWARD_CACHE; until then every start compiles anew"
+        )
 
 
 def _prune(folder: Path) -> None:
@@ -196,5 +199,6 @@ def _written(path: Path) -> float:
 
 
 @cache
-def _say_once(what: str) -> None:
-    warnings.warn(f"{what} OHMWARD_CACHE; until then every start compiles anew", RuntimeWarning, stacklevel=2)
+def say_once(what: str) -> None:
+    """Warn, but of the same only once in a process."""
+    warnings.warn(what, RuntimeWarning, stacklevel=2)

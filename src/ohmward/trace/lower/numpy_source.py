@@ -115,7 +115,8 @@ def _write_operations(loop: _LaneLoop) -> None:
         if last.get(symbol.serial, -1) < 0:
             loop.arrays.give(loop.place[symbol.serial])
     for position, node in enumerate(program.nodes):
-        dying = [a for a in _unique(node.args) if last[a.serial] == position]
+        taken = {a.serial: a for a in node.args if isinstance(a, Expression)}
+        dying = [a for a in taken.values() if last[a.serial] == position]
         if node.operation.name not in _STEPWISE:
             _release(loop, dying)
         target = targets.get(node.serial) or loop.arrays.take(_kind(node))
@@ -128,10 +129,6 @@ def _write_operations(loop: _LaneLoop) -> None:
 def _release(loop: _LaneLoop, nodes: list[Expression]) -> None:
     for node in nodes:
         loop.arrays.give(loop.place[node.serial])
-
-
-def _unique(args: tuple[Any, ...]) -> list[Expression]:
-    return list({a.serial: a for a in args if isinstance(a, Expression)}.values())
 
 
 def _last_uses(program: Program) -> dict[int, int]:
