@@ -49,16 +49,14 @@ class Sensor:
 
     def measure(self, true: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Measured values of `true` (T,) at the times [s]: disturbed, rounded, limited, NaN where missing."""
-        signal = (1.0 + self.gain_error) * true + self.offset + self._drift(time_s, rng)
+        hours = np.diff(time_s, prepend=time_s[0]) / 3600.0
+        drift = np.cumsum(self.offset_walk_std * np.sqrt(hours) * rng.standard_normal(time_s.size))
+        signal = (1.0 + self.gain_error) * true + self.offset + drift
         signal = signal + self.noise_std * rng.standard_normal(true.size)
         hit = rng.random(true.size) < self.spike_share
         signal = signal + np.where(hit, self.spike_std * rng.standard_normal(true.size), 0.0)
         measured = np.clip(self.resolution * np.round(signal / self.resolution), self.low, self.high)
         return np.where(rng.random(true.size) < self.missing_share, np.nan, measured)
-
-    def _drift(self, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        hours = np.diff(time_s, prepend=time_s[0]) / 3600.0
-        return np.cumsum(self.offset_walk_std * np.sqrt(hours) * rng.standard_normal(time_s.size))
 
 
 class BatterySensors(NamedTuple):

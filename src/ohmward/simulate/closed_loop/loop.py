@@ -142,7 +142,8 @@ class ClosedLoopDrive:
         self.sample()
         wheel_speed, travel = self.sensors.drive_speeds(self.truth), self.truth.wheel_centre_speed_m_s[:n]
         measurement = self.observation.measurement(wheel_speed, travel, self.truth.time_s)
-        self._state, demanded, report = self._control(self._state, self._command_now(), measurement, dt_s)
+        command = self._commands[bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1]
+        self._state, demanded, report = self._control(self._state, command, measurement, dt_s)
         torque = available_torque(demanded, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
         self.truth = self.plant.step(torque, dt_s)
         supplied = self.supply.draw(self.plant.energy.electrical / dt_s + self.robot.idle_W, dt_s)
@@ -150,10 +151,6 @@ class ClosedLoopDrive:
         self.pack.add_step(supplied)
         self.warnings.add_step(report, demanded, torque, dt_s)
         self._record(report, supplied)
-
-    def _command_now(self) -> WheelCommand:
-        """The command that holds now."""
-        return self._commands[bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1]
 
     def _energy_step(self, supplied: Supplied, dt_s: float) -> EnergyBalance:
         """Balance [J] of the step with battery and electronics; a resistor burns what the battery does not take."""

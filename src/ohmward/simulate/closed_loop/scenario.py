@@ -17,7 +17,6 @@ from ohmward.simulate.closed_loop.observing import Observing
 from ohmward.simulate.closed_loop.sensing import Sensing
 from ohmward.simulate.closed_loop.supply import Pack
 from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
 
 PLANTS = ("own", "mujoco")
@@ -110,7 +109,7 @@ def _check_speed(command: Command, robot: Robot, pack: Pack) -> None:
     """Refuse a speed at which the motors would need more than the battery's voltage."""
     if command.speed_m_s is None:
         return
-    most = no_load_speed(robot.motor, robot.wheel.radius_m, pack)
+    most = pack.battery.voltage_min_V / robot.motor.wheel_constant_Nm_per_A * robot.wheel.radius_m
     motion = np.zeros(robot.freedoms)
     motion[0], motion[-1] = command.speed_m_s, command.yaw_rate_rad_s or 0.0
     fastest = float(np.max(np.abs(robot.rolling[: robot.driven] @ motion)))
@@ -120,8 +119,3 @@ def _check_speed(command: Command, robot: Robot, pack: Pack) -> None:
             f"{pack.battery.voltage_min_V:.3g} V of an empty battery; {command.speed_m_s:g} with yaw_rate_rad_s = "
             f"{command.yaw_rate_rad_s or 0.0:g} takes {fastest:.3g} m/s; ask for less"
         )
-
-
-def no_load_speed(motor: Motor, radius_m: float, pack: Pack) -> float:
-    """Speed of the rim [m/s] at which the motor's own voltage is the lowest of the battery."""
-    return pack.battery.voltage_min_V / motor.wheel_constant_Nm_per_A * radius_m

@@ -29,6 +29,7 @@ def robot_xml(p: RlmaParameters) -> str:
 
     Bodies, joints, geoms, motors and pairs of the wheels come in the order of `WHEELS`.
     """
+    axle_height_m = p.wheel_radius_m - 0.5 * float(np.mean(static_depth_m(p)))
     return f"""
 <mujoco model="rlma">
   <option cone="elliptic" impratio="{FRICTION_RATIO}" gravity="0 0 {-GRAVITY}"/>
@@ -39,7 +40,7 @@ def robot_xml(p: RlmaParameters) -> str:
   </default>
   <worldbody>
     <geom name="ground" type="plane" size="0 0 1"/>
-    <body name="body" pos="0 0 {_axle_height_m(p)}">
+    <body name="body" pos="0 0 {axle_height_m}">
       <freejoint/>
       {_body(p)}
       <site name="imu"/>
@@ -98,10 +99,6 @@ def _wheel(i: int, p: RlmaParameters) -> str:
         {_inertial((0.0, 0.0, 0.0), p.wheel_mass_kg, (across, spin, across))}
         <geom name="{name}" type="sphere" size="{p.wheel_radius_m + 0.5 * static_depth_m(p)[i]}"/>
       </body>"""
-
-
-def _axle_height_m(p: RlmaParameters) -> float:
-    return p.wheel_radius_m - 0.5 * float(np.mean(static_depth_m(p)))
 
 
 def _inertial(centre_m: tuple[float, ...], mass_kg: float, moments_kg_m2: tuple[float, ...]) -> str:

@@ -64,7 +64,8 @@ def calibrate_motor(
     stretches = cut(drives, robot, steady=False, length_s=_LENGTH_S)
     row = rows(stretches, robot)
     prior, prior_std = _prior(row, robot, rolling)
-    if not _speeds_differ(stretches):
+    slow, fast = np.quantile(travel_speed(stretches.rim), [0.1, 0.9])
+    if not fast >= _SPEED_RATIO * slow:
         prior_std[DAMPING] = _HELD
     fit = _fit(row, prior, prior_std)
     kappa = fit.beta[KAPPA]
@@ -94,11 +95,6 @@ def rows(s: Stretches, robot: Robot) -> RegressionRow:
     if not known.any():
         raise InputError("the motor cannot be calibrated without motor currents; the log has none")
     return RegressionRow(torque[known], columns[known], np.repeat(s.drive, n).reshape(known.shape)[known])
-
-
-def _speeds_differ(s: Stretches) -> bool:
-    slow, fast = np.quantile(travel_speed(s.rim), [0.1, 0.9])
-    return bool(fast >= _SPEED_RATIO * slow)
 
 
 def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

@@ -69,7 +69,8 @@ def wheel_slip(motion: np.ndarray, u: RobotInput, p: Scene) -> WheelSlip:
     f = forces_at(x, u, p, normal_loads(u, robot, np.zeros(2)))
     turning = robot.inertia[robot.freedoms :] * wheel_speeds(robot, motion_rates(motion, u, p))[: robot.driven]
     traction = (f.torque_Nm - f.friction_Nm - turning) / robot.wheel.radius_m
-    load_N = normal_loads(u, robot, force_on_plane(f._replace(traction_N=_padded(traction, robot)), robot))
+    of_all = np.concatenate([traction, np.zeros(len(robot.places) - robot.driven)])
+    load_N = normal_loads(u, robot, force_on_plane(f._replace(traction_N=of_all), robot))
     share = np.broadcast_to(np.asarray(u.adhesion_share), load_N.shape)
     travel = robot.rolling @ motion
     slip = np.array([
@@ -95,7 +96,3 @@ def slip_at_force(law: TractionLaw, force_N: Any, travel_speed_m_s: Any, load_N:
 def gripping(motion: np.ndarray, robot: Robot) -> np.ndarray:
     """The state (n,) of a robot that moves so on wheels without slip."""
     return np.concatenate([motion, wheel_speeds(robot, motion)[: robot.driven]])
-
-
-def _padded(traction: np.ndarray, robot: Robot) -> np.ndarray:
-    return np.concatenate([traction, np.zeros(len(robot.places) - robot.driven)])

@@ -112,7 +112,7 @@ def correct_wheels(
     torque_noise = model.torque_noise_rad_s(step, clean)
     for k in range(model.driven):
         y = clean.wheel_speed_rad_s[k] + lag[k]
-        R = encoder_variance(matched, k, model)
+        R = maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
         wheels.append(correct_wheel(belief, k, y, R, torque_noise[k], rejected_s[k], clean, model, gate))
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
@@ -192,11 +192,6 @@ def possible_jump(k: int, clean: CleanSlipSample, model: Model) -> Scalar:
     motor_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A[k])
     noise = NOISE_SIGMAS * model.noise.encoder_std_rad_s
     return noise + clean.dt_s * (motor_Nm + ground_Nm) / robot.inertia[robot.freedoms + k]
-
-
-def encoder_variance(matched: MatchedNoise, k: int, model: Model) -> Scalar:
-    """R of an encoder: its floor, or that of the residuals where it is more."""
-    return maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
 
 
 def match(matched: MatchedNoise, wheels: list[WheelCorrection], window: float) -> MatchedNoise:

@@ -102,7 +102,9 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"
         )
     method, matching = FILTERS[name]
-    rolling, force = free_sideways(robot), knows_force(robot, log)
+    rolling = free_sideways(robot)
+    # The motor currents tell the force that drives the robot; those of wheels that scrub mostly do not.
+    force = not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
     disturbance_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
     noise = sensor_noise(rolling, log, force)
     noise = with_unknown_motion(noise, rolling, log, terrain, force, robot.chassis.scrubs)
@@ -114,11 +116,6 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     gap_s = max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log))
     observer = SpeedObserver(scene(rolling, terrain), states, noise, method, matching, gap_s=gap_s)
     return Chosen(observer, notes_of(observer, log, robot, disturbance_g))
-
-
-def knows_force(robot: Robot, log: DriveLog) -> bool:
-    """True where the motor currents tell the force that drives the robot; those of wheels that scrub mostly do not."""
-    return not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
 
 
 def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
