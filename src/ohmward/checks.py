@@ -44,3 +44,15 @@ def require_one_of(name: str, value: object, known: Iterable[str]) -> None:
     known = tuple(known)
     if value not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+
+
+def require_each_positive(prefix: str, owner: object, *names: str) -> None:
+    """Raise InputError unless these attributes are finite and > 0; the message has the prefix before the name."""
+    for name in names:
+        require_positive(prefix + name, getattr(owner, name))
+
+
+def require_each_not_negative(prefix: str, owner: object, *names: str) -> None:
+    """Raise InputError unless these attributes are finite and >= 0; the message has the prefix before the name."""
+    for name in names:
+        require_between(prefix + name, getattr(owner, name), 0.0, np.inf)

@@ -54,7 +54,7 @@ def test_the_deviation_of_the_saving_against_random_draws():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("ice", 0.5, WIDE), "terrain must be one of grass; got 'ice'"),
+        (("ice", 0.5, WIDE), "terrain must be one of grass, got 'ice'"),
         (("grass", 0.0, WIDE), "speed_m_s must be > 0"),
         (("grass", 0.5, (1.0, 0.5)), "limits_m_s must ascend"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Rolling resistance over load, as in handbooks of vehicles, taken for the small wheels of robots.
@@ -76,20 +76,10 @@ class ConsumptionPrior:
     terrain_force_N: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb"):
-            require_positive(f"prior.{name}", getattr(self, name))
-        for name in (
-            "idle_W",
-            "idle_std_W",
-            "speed_std_N_s_per_m",
-            "climb_std",
-            "regeneration_std",
-            "drift_std",
-            "model_std",
-        ):
-            require_between(f"prior.{name}", getattr(self, name), 0.0, math.inf)
-        for name in ("regeneration", "speed_N_s_per_m", "heat_W_per_N2", "heat_std_W_per_N2"):
-            require_between(f"prior.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive("prior.", self, "mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb")
+        require_each_not_negative("prior.", self, "idle_W", "idle_std_W", "heat_W_per_N2", "heat_std_W_per_N2")
+        require_each_not_negative("prior.", self, "speed_N_s_per_m", "speed_std_N_s_per_m", "drift_std", "model_std")
+        require_each_not_negative("prior.", self, "climb_std", "regeneration", "regeneration_std")
         require_between("prior.dof", self.dof, 3.0, math.inf)
         for name, force_N in self.terrain_force_N.items():
             require_positive(f"prior.terrain_force_N.{name}", force_N)

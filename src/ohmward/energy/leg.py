@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.errors import InputError
 
 #: Steepest slope [rad] that a plan for a wheeled robot may have: 45 degrees.
@@ -65,8 +65,7 @@ class Leg:
             raise InputError("leg.terrain must be a name, got an empty text")
         require_positive("leg.speed_m_s", self.speed_m_s)
         require_between("leg.grade_rad", self.grade_rad, -STEEPEST_RAD, STEEPEST_RAD)
-        for name in ("distance_m", "stop_s", "payload_kg"):
-            require_between(f"leg.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("leg.", self, "distance_m", "stop_s", "payload_kg")
 
 
 def stretch_of(leg: Leg) -> Stretch:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from os import PathLike
 
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.leg import Leg
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
@@ -61,8 +60,7 @@ class Plan:
         if self.reserve_soc is not None:
             require_between("reserve_soc", self.reserve_soc, 0.0, 0.99)
         require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
-        for name in ("cutoff_V", "payload_kg"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("", self, "cutoff_V", "payload_kg")
 
     @property
     def legs(self) -> tuple[Leg, ...]:

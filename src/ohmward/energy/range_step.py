@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
@@ -141,8 +141,7 @@ class RangeSettings:
         if not isinstance(self.battery, Battery):
             raise InputError(f"battery must be a Battery, got {type(self.battery).__name__}; load_battery reads one")
         require_between("reserve_soc", self.reserve_soc, 0.0, 1.0)
-        for name in ("cutoff_V", "payload_kg"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("", self, "cutoff_V", "payload_kg")
         require_positive("refresh_s", self.refresh_s)
         if not self.terrain:
             raise InputError("terrain must be the name of a ground, got an empty text")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.energy.integral import running_integral
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
@@ -54,10 +54,8 @@ class Cut:
     height_s: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("longest_s", "gap_s", "height_s"):
-            require_positive(f"cut.{name}", getattr(self, name))
-        for name in ("standing_m_s", "standing_s"):
-            require_between(f"cut.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_positive("cut.", self, "longest_s", "gap_s", "height_s")
+        require_each_not_negative("cut.", self, "standing_m_s", "standing_s")
 
 
 def cut_drive(

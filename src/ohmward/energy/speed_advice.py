@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_one_of, require_positive
 from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
@@ -88,8 +88,7 @@ def best_speed(standing_W: float, drag_N_s_per_m: float, limits_m_s: tuple[float
 
 
 def _check(c: Consumption, terrain: str, speed_m_s: float, limits_m_s: tuple[float, float]) -> None:
-    if terrain not in c.terrains:
-        raise InputError(f"terrain must be one of {', '.join(c.terrains)}; got {terrain!r}")
+    require_one_of("terrain", terrain, c.terrains)
     require_positive("speed_m_s", speed_m_s)
     require_positive("limits_m_s", limits_m_s)
     if not limits_m_s[0] < limits_m_s[1]:

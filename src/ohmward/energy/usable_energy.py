@@ -11,7 +11,6 @@ open-circuit voltage of the discharge branch, R the resistance after all RC pair
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models import thevenin
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.energy.integral import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
@@ -59,10 +58,8 @@ class BatteryState:
     def __post_init__(self) -> None:
         for name in ("soc", "reserve_soc"):
             require_between(name, getattr(self, name), 0.0, 1.0)
-        for name in ("soc_std", "capacity_std", "resistance_std", "cutoff_V"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
-        for name in ("soh_capacity", "resistance_ratio"):
-            require_positive(name, getattr(self, name))
+        require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V")
+        require_each_positive("", self, "soh_capacity", "resistance_ratio")
         require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
         if self.reserve_soc >= self.soc:
             raise InputError(

@@ -16,7 +16,7 @@ from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.registry import require_thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.checks import require_positive
+from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.loops import joint_loops, textbook_loops
@@ -103,8 +103,7 @@ def curve_error_of_pack_V(battery: Battery, cell_mV: float | None) -> float | No
 
 def require_style(style: str, filter_name: str) -> None:
     """Raise InputError for an unknown style, or one that this filter does not have."""
-    if style not in get_args(Style):
-        raise InputError(f"style must be one of {', '.join(get_args(Style))}, got {style!r}")
+    require_one_of("style", style, get_args(Style))
     if style == "loops" and filter_name not in WITH_LOOPS:
         raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.trace import trace
@@ -95,8 +96,7 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
         "slip-controller": (SlipController(wheel, law, limits), SlipCommand(0.0, 1.0)),
         "speed-controller": (SpeedController(wheel, law, limits), SpeedCommand(0.0, 0.12)),
     }
-    if controller not in makers:
-        raise InputError(f"controller must be one of {', '.join(makers)}, got {controller!r}")
+    require_one_of("controller", controller, makers)
     settings, command = makers[controller]
     example = ControlSample(command, Measurement(0.0, 0.0), 0.001)
     state = settings.init(example.measurement)

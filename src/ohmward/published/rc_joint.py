@@ -31,7 +31,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, unpack
@@ -179,8 +179,7 @@ class RcJoint:
     def __post_init__(self) -> None:
         require_nominal(self.nominal)
         require_positive("voltage_std_V", self.voltage_std_V)
-        for name in ("start_std", "current_std_A", "disturbance_V", "parameter_walk"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("", self, "start_std", "current_std_A", "disturbance_V", "parameter_walk")
         if self.voltage_as not in ("state", "output"):
             raise InputError(f'voltage_as must be "state" (seven states) or "output" (six), got {self.voltage_as!r}')
         if not self.window >= 1:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.trace import clip, maximum, minimum
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.sliding_mode import Uncertainty
@@ -52,8 +52,7 @@ class SlipRatioSlidingMode:
     floor_m_s: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("reaching_per_s", "layer", "floor_m_s"):
-            require_positive(f"slip_ratio_sliding_mode.{name}", getattr(self, name))
+        require_each_positive("slip_ratio_sliding_mode.", self, "reaching_per_s", "layer", "floor_m_s")
 
     def init(self, zero: Any) -> NoMemory:
         """The law has no memory."""

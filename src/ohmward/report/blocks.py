@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final, Literal, get_args
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.report.figure import Figure
 from ohmward.report.payload import stack
@@ -35,8 +36,7 @@ def paragraphs(text: str) -> str:
 
 def callout(level: Level, text: str) -> str:
     """A note that stands out; its level is written, not only coloured."""
-    if level not in get_args(Level):
-        raise InputError(f"level must be one of {', '.join(get_args(Level))}, got {level!r}")
+    require_one_of("level", level, get_args(Level))
     return f'<div class="callout {level}" role="note"><b>{level.capitalize()}</b><div>{paragraphs(text)}</div></div>'
 
 

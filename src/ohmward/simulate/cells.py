@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive, require_positive
 
 #: 2 R T / F at 25 degC [V]: overpotential of one electrode reaction per unit of arcsinh(i / 2 i_0), symmetry 1/2.
 TRANSFER_V = 0.0514
@@ -58,8 +58,9 @@ class SimulatedBattery:
     cooling_W_per_K: float
 
     def __post_init__(self) -> None:
-        for name in ("exchange_A", "charge_current_A", "heat_capacity_J_per_K", "cooling_W_per_K"):
-            require_positive(f"battery.{name}", getattr(self, name))
+        require_each_positive(
+            "battery.", self, "exchange_A", "charge_current_A", "heat_capacity_J_per_K", "cooling_W_per_K"
+        )
         require_between("battery.transfer_V", self.transfer_V, 0.0, np.inf)
         require_between("battery.full_width", self.full_width, 0.0, 1.0)
         require_between("battery.voltage_min_V", self.voltage_min_V, 0.0, self.voltage_max_V)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.simulate.profile import Profile, join
 
 _GRAVITY_M_S2 = 9.81
@@ -50,10 +50,8 @@ class MissionRobot:
     nominal_V: float = 12.5
 
     def __post_init__(self) -> None:
-        for name in ("mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V"):
-            require_positive(f"robot.{name}", getattr(self, name))
-        for name in ("payload_kg", "rolling", "grade_std", "idle_W", "tool_W"):
-            require_between(f"robot.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_positive("robot.", self, "mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V")
+        require_each_not_negative("robot.", self, "payload_kg", "rolling", "grade_std", "idle_W", "tool_W")
         for name in ("efficiency", "regeneration"):
             require_between(f"robot.{name}", getattr(self, name), 0.0, 1.0)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.errors import InputError
+from ohmward.checks import require_one_of
 from ohmward.logs import Log, Note, write_log
 from ohmward.simulate import mission
 from ohmward.simulate.bench_profiles import bench_times, pulse_test
@@ -43,8 +43,7 @@ def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
     Raises:
         InputError: another chemistry.
     """
-    if chemistry not in CHEMISTRIES:
-        raise InputError(f"chemistry must be one of {', '.join(CHEMISTRIES)}, got {chemistry!r}")
+    require_one_of("chemistry", chemistry, CHEMISTRIES)
     battery = BATTERIES[chemistry]
     rng = np.random.default_rng(seed)
     sensors = low_cost_sensors(rng)

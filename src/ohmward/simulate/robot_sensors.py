@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.simulate.sensors import Sensor
@@ -60,10 +60,8 @@ class RobotSensors:
     pitch: Sensor | None = None
 
     def __post_init__(self) -> None:
-        for name in ("interval_s", "counts_per_turn", "torque_constant_N_m_per_A"):
-            require_positive(f"robot_sensors.{name}", getattr(self, name))
-        for name in ("delay_s", "jitter_s"):
-            require_between(f"robot_sensors.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
+        require_each_not_negative("robot_sensors.", self, "delay_s", "jitter_s")
         require_between("robot_sensors.drop_share", self.drop_share, 0.0, 1.0)
         for name in ("encoder_wheels", "motor_wheels"):
             if min(getattr(self, name), default=0) < 0:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_positive
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,7 @@ class Sensor:
     def __post_init__(self) -> None:
         require_positive("sensor.resolution", self.resolution)
         require_positive("sensor.high - sensor.low", self.high - self.low)
-        for name in ("noise_std", "offset_walk_std", "spike_std"):
-            require_between(f"sensor.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_not_negative("sensor.", self, "noise_std", "offset_walk_std", "spike_std")
         for name in ("spike_share", "missing_share"):
             require_between(f"sensor.{name}", getattr(self, name), 0.0, 1.0)
 

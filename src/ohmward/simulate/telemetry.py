@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_positive
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,7 @@ class Telemetry:
 
     def __post_init__(self) -> None:
         require_positive("telemetry.interval_s", self.interval_s)
-        for name in ("jitter_std_s", "dropouts_per_hour", "dropout_mean_s"):
-            require_between(f"telemetry.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_not_negative("telemetry.", self, "jitter_std_s", "dropouts_per_hour", "dropout_mean_s")
 
     def times(self, duration_s: float, rng: np.random.Generator) -> np.ndarray:
         """(T,) strictly increasing sample times [s] in [0, duration_s]; the first sample always arrives."""

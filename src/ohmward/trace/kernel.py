@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import scan
 from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
@@ -50,8 +51,7 @@ class Kernel:
     ):
         self.function, self.examples, self.constants = function, examples, constants
         self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
-        if self.lowering not in LOWERINGS:
-            raise InputError(f"lowering must be one of {', '.join(LOWERINGS)}, got {self.lowering!r}")
+        require_one_of("lowering", self.lowering, LOWERINGS)
         self.program: Program = trace(function, *examples, constants=constants)
 
     def __call__(self, *args: Any) -> Any:

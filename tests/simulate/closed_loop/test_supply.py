@@ -68,7 +68,7 @@ def test_losses_warm_the_battery():
 @pytest.mark.parametrize(
     "values, message",
     [
-        ({"kind": "nuclear"}, "battery.kind must be one of lfp, lead-acid; got 'nuclear'"),
+        ({"kind": "nuclear"}, "battery.kind must be one of lfp, lead-acid, got 'nuclear'"),
         ({"start_soc": 80.0}, "battery.start_soc must be > 0 and at most 1 \\(0.8 is 80 %\\), got 80"),
         ({"temperature_degC": 300.0}, "battery.temperature_degC must be between"),
     ],

@@ -37,8 +37,7 @@ from ohmward.battery.soc.rc_soc_link import (
     line_slope_V,
 )
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_positive
-from ohmward.errors import InputError
+from ohmward.checks import require_one_of, require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -116,8 +115,7 @@ class RcFilter:
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
-        if self.soc_as not in LINKS:
-            raise InputError(f"soc_as must be one of {', '.join(LINKS)}, got {self.soc_as!r}")
+        require_one_of("soc_as", self.soc_as, LINKS)
         require_positive("gap_s", self.gap_s)
         require_positive("current_limit_C", self.current_limit_C)
         require_gate(self.gate, self.reset_after_s)

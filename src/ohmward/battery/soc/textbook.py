@@ -27,7 +27,7 @@ from ohmward.battery.models.thevenin import (
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.errors import InputError
+from ohmward.checks import require_one_of
 from ohmward.filters import conditionally_linear, extended, kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -79,8 +79,7 @@ class TextbookFilter:
     method: str = "ukf"
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+        require_one_of("method", self.method, METHODS)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
         """State before the first sample; a SoC that is None comes from its voltage."""

@@ -23,8 +23,7 @@ from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_between, require_finite, require_positive
-from ohmward.errors import InputError
+from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -108,8 +107,7 @@ class TheveninFilter:
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+        require_one_of("method", self.method, METHODS)
         require_positive("gap_s", self.gap_s)
         require_positive("current_limit_C", self.current_limit_C)
         require_gate(self.gate, self.reset_after_s)

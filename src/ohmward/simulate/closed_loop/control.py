@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_finite, require_positive
+from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
 from ohmward.errors import InputError
 from ohmward.filters.gate import choose
 from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
@@ -103,12 +103,11 @@ class Control:
     interval_s: float = 0.001
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise InputError(f"controller.mode must be one of {', '.join(MODES)}; got {self.mode!r}")
-        if self.law not in LAWS:
-            raise InputError(f"controller.law must be one of {', '.join(LAWS)}; got {self.law!r}")
-        for name in ("acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"):
-            require_positive(f"controller.{name}", getattr(self, name))
+        require_one_of("controller.mode", self.mode, MODES)
+        require_one_of("controller.law", self.law, LAWS)
+        require_each_positive(
+            "controller.", self, "acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"
+        )
         require_between("controller.slip_bound", self.slip_bound, 0.001, 0.999)
         require_between("controller.interval_s", self.interval_s, 1e-4, CASCADE_S)
 

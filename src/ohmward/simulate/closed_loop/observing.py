@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.ground import Patch
 from ohmward.simulate.closed_loop.sensing import Arrival, Sensing
@@ -47,8 +47,7 @@ class Observing:
     slip_stiffness_s_per_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"observer.method must be one of {', '.join(METHODS)}; got {self.method!r}")
+        require_one_of("observer.method", self.method, METHODS)
         if self.slip_stiffness_s_per_m is not None:
             require_positive("observer.slip_stiffness_s_per_m", self.slip_stiffness_s_per_m)
         try:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
@@ -63,8 +63,7 @@ class Scenario:
     def __post_init__(self) -> None:
         require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)
         require_between("seed", self.seed, 0, 2**32)
-        if self.plant not in PLANTS:
-            raise InputError(f"plant must be one of {', '.join(PLANTS)}; got {self.plant!r}")
+        require_one_of("plant", self.plant, PLANTS)
         self._check_commands()
         self.sensors.encoder_wheels(self.model)
         _ = self.surface

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.simulate.robot_sensors import (
     GYRO,
@@ -50,8 +50,7 @@ class ExternalSpeed:
 
     def __post_init__(self) -> None:
         require_positive("sensors.speed.std_m_s", self.std_m_s)
-        for name in ("interval_s", "delay_s", "jitter_s"):
-            require_between(f"sensors.speed.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("sensors.speed.", self, "interval_s", "delay_s", "jitter_s")
         require_between("sensors.speed.drop_share", self.drop_share, 0.0, 1.0)
 
 
@@ -84,10 +83,8 @@ class Sensing:
     speed: ExternalSpeed = field(default_factory=ExternalSpeed)
 
     def __post_init__(self) -> None:
-        for name in ("interval_s", "counts_per_turn", "drive_speed_std_rad_s"):
-            require_positive(f"sensors.{name}", getattr(self, name))
-        for name in ("current_noise_A", "delay_s", "jitter_s"):
-            require_between(f"sensors.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive("sensors.", self, "interval_s", "counts_per_turn", "drive_speed_std_rad_s")
+        require_each_not_negative("sensors.", self, "current_noise_A", "delay_s", "jitter_s")
         require_between("sensors.drop_share", self.drop_share, 0.0, 1.0)
 
     def encoder_wheels(self, robot: Robot) -> tuple[int, ...]:

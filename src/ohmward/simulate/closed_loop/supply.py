@@ -20,7 +20,7 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward.simulate.plant import (
@@ -63,8 +63,7 @@ class Pack:
     temperature_degC: float = ROOM_DEGC
 
     def __post_init__(self) -> None:
-        if self.kind not in CHEMISTRIES:
-            raise InputError(f"battery.kind must be one of {', '.join(CHEMISTRIES)}; got {self.kind!r}")
+        require_one_of("battery.kind", self.kind, CHEMISTRIES)
         if not 0 < self.start_soc <= 1:
             raise InputError(f"battery.start_soc must be > 0 and at most 1 (0.8 is 80 %), got {self.start_soc:g}")
         require_between("battery.temperature_degC", self.temperature_degC, -30.0, 60.0)

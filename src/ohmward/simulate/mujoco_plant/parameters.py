@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.robot import GRAVITY, RLMA
@@ -64,8 +64,7 @@ class RlmaParameters:
     def __post_init__(self) -> None:
         for name in _POSITIVE:
             require_positive(f"rlma.{name}", getattr(self, name))
-        for name in ("rotor_inertia_kg_m2", "rolling_resistance", "drag_N_s2_per_m2"):
-            require_between(f"rlma.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_not_negative("rlma.", self, "rotor_inertia_kg_m2", "rolling_resistance", "drag_N_s2_per_m2")
         if not self.body_mass_kg > 0:
             raise InputError(f"rlma.mass_kg must exceed that of the 4 wheels, {4 * self.wheel_mass_kg:g} kg")
         if not self.driven or not set(self.driven) <= set(FRONT_AND_REAR) or len(set(self.driven)) < len(self.driven):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.trace import where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.signals import Measurement
@@ -62,8 +62,7 @@ class ForceFilter:
     largest_std_m_s: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("force_lag_s", "acceleration_lag_s", "oldest_s", "largest_std_m_s"):
-            require_positive(f"force_filter.{name}", getattr(self, name))
+        require_each_positive("force_filter.", self, "force_lag_s", "acceleration_lag_s", "oldest_s", "largest_std_m_s")
 
     def init(self, first: Measurement) -> WheelEstimate:
         """Estimate before the first step: no force and no acceleration; a wheel that is not measured is at rest."""

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import clip, isfinite, maximum, sin, where
 
@@ -85,10 +85,10 @@ class SetPointSeeker:
             raise InputError(f"set_point_seeker.objective must be one of {OBJECTIVES}, got {self.objective!r}")
         if self.objective == "energy":
             require_positive("set_point_seeker.resistance_coefficient", self.resistance_coefficient)
-        for name in ("dither_Hz", "window_s", "least_std", "pace_per_s", "full_pace"):
-            require_positive(f"set_point_seeker.{name}", getattr(self, name))
-        for name in ("dither", "least_slope"):
-            require_between(f"set_point_seeker.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive(
+            "set_point_seeker.", self, "dither_Hz", "window_s", "least_std", "pace_per_s", "full_pace"
+        )
+        require_each_not_negative("set_point_seeker.", self, "dither", "least_slope")
         require_between("set_point_seeker.reach", self.reach, self.dither, 1.0)
         require_between("set_point_seeker.lowest", self.lowest, 1e-3, 0.99)
         require_between("set_point_seeker.highest", self.highest, self.lowest, 0.99)

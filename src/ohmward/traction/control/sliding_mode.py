@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.trace import clip, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.limits import limited
@@ -72,8 +72,7 @@ class SlidingMode:
     integral_per_s: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("reaching_m_s2", "time_constant_s"):
-            require_positive(f"sliding_mode.{name}", getattr(self, name))
+        require_each_positive("sliding_mode.", self, "reaching_m_s2", "time_constant_s")
         require_between("sliding_mode.integral_per_s", self.integral_per_s, 0.0, math.inf)
 
     def init(self, zero: Any) -> SlidingMemory:

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, logical_not, maximum, where
@@ -72,8 +72,9 @@ class SlipController:
     unreachable_after_s: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("target_rate_per_s", "floor_m_s", "stop_m_s", "tolerance", "unreachable_after_s"):
-            require_positive(f"slip_controller.{name}", getattr(self, name))
+        require_each_positive(
+            "slip_controller.", self, "target_rate_per_s", "floor_m_s", "stop_m_s", "tolerance", "unreachable_after_s"
+        )
         require_between("slip_controller.launch", self.launch, 1.0, math.inf)
 
     def init(self, first: Measurement) -> SlipState:

@@ -8,11 +8,10 @@ while the torque is limited and the error would wind it up.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.trace import where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.limits import limited
@@ -45,8 +44,7 @@ class SlipPid:
     derivative_lag_s: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("proportional_Nm", "integral_Nm_per_s", "derivative_Nm_s"):
-            require_between(f"slip_pid.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_not_negative("slip_pid.", self, "proportional_Nm", "integral_Nm_per_s", "derivative_Nm_s")
         require_positive("slip_pid.derivative_lag_s", self.derivative_lag_s)
 
     def init(self, zero: Any) -> PidMemory:

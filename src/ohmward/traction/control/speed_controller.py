@@ -23,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
@@ -89,8 +89,9 @@ class SpeedController:
     stop_m_s: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("acceleration_m_s2", "easing_m_s", "bandwidth_rad_s", "creep_m_s", "stop_m_s"):
-            require_positive(f"speed_controller.{name}", getattr(self, name))
+        require_each_positive(
+            "speed_controller.", self, "acceleration_m_s2", "easing_m_s", "bandwidth_rad_s", "creep_m_s", "stop_m_s"
+        )
 
     def init(self, first: Measurement) -> SpeedState:
         """State before the first step: no torque, and the ramp starts from the present speed."""

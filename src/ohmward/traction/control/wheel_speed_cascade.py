@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
@@ -52,8 +52,7 @@ class WheelSpeedCascade:
     stop_m_s: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("floor_m_s", "wheel_acceleration_rad_s2", "stop_m_s"):
-            require_positive(f"wheel_speed_cascade.{name}", getattr(self, name))
+        require_each_positive("wheel_speed_cascade.", self, "floor_m_s", "wheel_acceleration_rad_s2", "stop_m_s")
         require_between("wheel_speed_cascade.lead_s", self.lead_s, 0.0, math.inf)
 
     def init(self, first: Measurement) -> CascadeState:

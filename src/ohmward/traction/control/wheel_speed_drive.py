@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.trace import where
 from ohmward.traction.control.limits import Limits, limited
 
@@ -37,8 +37,7 @@ class WheelSpeedDrive:
     integral_Nm: float = 40.0
 
     def __post_init__(self) -> None:
-        for name in ("proportional_Nm_s", "integral_Nm"):
-            require_positive(f"wheel_speed_drive.{name}", getattr(self, name))
+        require_each_positive("wheel_speed_drive.", self, "proportional_Nm_s", "integral_Nm")
 
     def init(self, wheel_speed_rad_s: Any) -> DriveState:
         """No torque."""

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.trace import maximum, where
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
 from ohmward.traction.friction.odd_functions import direction_and_size
@@ -45,8 +45,9 @@ class Brush:
     speed_floor_m_s: float = SPEED_FLOOR
 
     def __post_init__(self) -> None:
-        for name in ("adhesion", "patch_length_m", "tread_stiffness_N_per_m2", "speed_floor_m_s"):
-            require_positive(f"brush.{name}", getattr(self, name))
+        require_each_positive(
+            "brush.", self, "adhesion", "patch_length_m", "tread_stiffness_N_per_m2", "speed_floor_m_s"
+        )
         require_between("brush.lead_length_m", self.lead_length_m, 0.0, math.inf)
 
     @property

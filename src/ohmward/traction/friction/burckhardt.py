@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio
@@ -36,8 +36,7 @@ class Burckhardt:
     speed_floor_m_s: float = SPEED_FLOOR
 
     def __post_init__(self) -> None:
-        for name in ("c1", "c2", "speed_floor_m_s"):
-            require_positive(f"burckhardt.{name}", getattr(self, name))
+        require_each_positive("burckhardt.", self, "c1", "c2", "speed_floor_m_s")
         require_between("burckhardt.c3", self.c3, 0.0, math.inf)
         if self.sliding < 0:
             raise InputError(

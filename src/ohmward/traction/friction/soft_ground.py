@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, maximum, minimum, where
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
@@ -48,10 +48,8 @@ class Soil:
     shear_length_m: float
 
     def __post_init__(self) -> None:
-        for name in ("frictional_modulus", "exponent", "friction_deg", "shear_length_m"):
-            require_positive(f"soil.{name}", getattr(self, name))
-        for name in ("cohesive_modulus", "cohesion_Pa"):
-            require_between(f"soil.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive("soil.", self, "frictional_modulus", "exponent", "friction_deg", "shear_length_m")
+        require_each_not_negative("soil.", self, "cohesive_modulus", "cohesion_Pa")
         require_between("soil.friction_deg", self.friction_deg, 0.0, 60.0)
         if self.exponent >= 3:
             raise InputError(f"soil.exponent must be < 3 for Bekker's wheel, got {self.exponent:g}")
@@ -80,8 +78,7 @@ class SoftGround:
     speed_floor_m_s: float = SPEED_FLOOR
 
     def __post_init__(self) -> None:
-        for name in ("radius_m", "width_m", "speed_floor_m_s"):
-            require_positive(f"soft_ground.{name}", getattr(self, name))
+        require_each_positive("soft_ground.", self, "radius_m", "width_m", "speed_floor_m_s")
 
     def footprint(self, load_N: Any) -> Footprint:
         """Sinkage, at most the radius, and length of the contact."""

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
@@ -107,8 +107,9 @@ class MomentumObserver:
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
                 'Differential(driven="all") and give it a gyro'
             )
-        for name in ("count_gate", "edge_gate", "gate", "gap_s", "rest_current_A", "current_limit_A"):
-            require_positive(f"momentum_observer.{name}", getattr(self, name))
+        require_each_positive(
+            "momentum_observer.", self, "count_gate", "edge_gate", "gate", "gap_s", "rest_current_A", "current_limit_A"
+        )
         require_between("momentum_observer.rest_hold_s", self.rest_hold_s, 0.0, math.inf)
 
     @cached_property

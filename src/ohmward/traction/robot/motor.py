@@ -11,11 +11,10 @@ the wheel; braking, 1/(2 - eta) of the wheel's power reaches the motor. It never
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import tanh
 from ohmward.traction.friction.odd_functions import direction_and_size
@@ -46,10 +45,10 @@ class Motor:
     rotor_inertia_kg_m2: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("torque_constant_Nm_per_A", "resistance_ohm", "gear_ratio", "friction_speed_rad_s"):
-            require_positive(f"motor.{name}", getattr(self, name))
-        for name in ("friction_Nm", "damping_Nms_per_rad", "rotor_inertia_kg_m2"):
-            require_between(f"motor.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive(
+            "motor.", self, "torque_constant_Nm_per_A", "resistance_ohm", "gear_ratio", "friction_speed_rad_s"
+        )
+        require_each_not_negative("motor.", self, "friction_Nm", "damping_Nms_per_rad", "rotor_inertia_kg_m2")
         if not 0 < self.gear_efficiency <= 1:
             raise InputError(f"motor.gear_efficiency must be > 0 and at most 1, got {self.gear_efficiency:g}")
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ohmward.checks import require_between, require_length, require_positive
+from ohmward.checks import require_between, require_each_positive, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import (
     Differential,
@@ -42,8 +42,7 @@ class Wheel:
     inertia_kg_m2: float
 
     def __post_init__(self) -> None:
-        for name in ("radius_m", "width_m", "inertia_kg_m2"):
-            require_positive(f"wheel.{name}", getattr(self, name))
+        require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
@@ -95,8 +96,7 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     Raises:
         InputError: an unknown name, or a log without the speed of a driven wheel.
     """
-    if name not in FILTERS:
-        raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {name!r}")
+    require_one_of("filter", name, FILTERS)
     if not np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).any():
         raise InputError(
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"

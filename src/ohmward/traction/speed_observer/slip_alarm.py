@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
-import numpy as np
-
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 
 
@@ -45,8 +43,7 @@ class SlipAlarm:
             raise InputError(f"slip_alarm.false_alarm_rate must be > 0 and < 0.5, got {self.false_alarm_rate:g}")
         if not 0 < self.stuck_ratio < 1:
             raise InputError(f"slip_alarm.stuck_ratio must be > 0 and < 1, got {self.stuck_ratio:g}")
-        for name in ("allowed_m_s", "allowed_ratio", "stuck_s"):
-            require_between(f"slip_alarm.{name}", getattr(self, name), 0.0, np.inf)
+        require_each_not_negative("slip_alarm.", self, "allowed_m_s", "allowed_ratio", "stuck_s")
         require_positive("slip_alarm.stuck_rim_m_s", self.stuck_rim_m_s)
 
     @property

@@ -21,7 +21,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import (
+    require_between,
+    require_each_not_negative,
+    require_each_positive,
+    require_one_of,
+)
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
@@ -147,17 +152,14 @@ class SpeedObserver:
     late_steps: int = 20
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+        require_one_of("method", self.method, METHODS)
         if self.scene.robot.chassis.scrubs:
             raise InputError(
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
                 'Differential(driven="all"), give it a gyro and raise noise.yaw_rate_walk'
             )
-        for name in ("gate", "encoder_gate", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A"):
-            require_positive(name, getattr(self, name))
-        for name in ("reset_after_s", "rest_wheel_rad_s", "rest_current_A"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_each_positive("", self, "gate", "encoder_gate", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A")
+        require_each_not_negative("", self, "reset_after_s", "rest_wheel_rad_s", "rest_current_A")
         require_between("window", self.window, 1.0, math.inf)
         require_between("late_steps", self.late_steps, 0, 1000)
         if self.states.accelerometer_offset and self.noise.accelerometer_std_m_s2 is None:

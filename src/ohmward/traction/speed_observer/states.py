@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.errors import InputError
+from ohmward.checks import require_one_of
 from ohmward.traction.robot.robot import Robot
 
 FRICTION = ("known", "one", "each")
@@ -46,8 +46,7 @@ class States:
     accelerometer_offset: bool = False
 
     def __post_init__(self) -> None:
-        if self.friction not in FRICTION:
-            raise InputError(f"states.friction must be one of {', '.join(FRICTION)}, got {self.friction!r}")
+        require_one_of("states.friction", self.friction, FRICTION)
 
 
 #: The four states of [T] 4.5 on a robot with two driven wheels: the ground is known.

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.filters.sanitize import some
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
@@ -136,10 +136,10 @@ class CrossingTest:
     settling_s: float = 1.2
 
     def __post_init__(self) -> None:
-        for name in ("rolling_step", "roller_step", "ripple_share", "ripple_m", "false_alarms_per_hour"):
-            require_positive(name, getattr(self, name))
-        for name in ("ripple_growth", "settling_s"):
-            require_between(name, getattr(self, name), 0.0, math.inf)
+        require_each_positive(
+            "", self, "rolling_step", "roller_step", "ripple_share", "ripple_m", "false_alarms_per_hour"
+        )
+        require_each_not_negative("", self, "ripple_growth", "settling_s")
 
     def init(self, robot: Robot) -> CrossingState:
         """State before the first sample."""

@@ -10,14 +10,13 @@ rolling direction. Rolling takes `rolling` of a wheel's load against its motion,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.traction.friction.burckhardt import Burckhardt
 
@@ -61,10 +60,10 @@ class Floor:
     drives: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("friction", "stiffness", "force_std"):
-            require_positive(f"floor.{name}", getattr(self, name))
-        for name in ("friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives"):
-            require_between(f"floor.{name}", getattr(self, name), 0.0, math.inf)
+        require_each_positive("floor.", self, "friction", "stiffness", "force_std")
+        require_each_not_negative(
+            "floor.", self, "friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives"
+        )
         if not -1 < self.correlation < 1:
             raise InputError(f"floor.correlation must be between -1 and 1, got {self.correlation:g}")
 

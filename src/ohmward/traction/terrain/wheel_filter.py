@@ -26,8 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.checks import require_positive
-from ohmward.errors import InputError
+from ohmward.checks import require_each_positive, require_one_of
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.linear_algebra import std
@@ -107,10 +106,10 @@ class WheelFilter:
     given_samples: float = 100.0
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
-        for name in ("encoder_std_rad_s", "current_std_A", "speed_walk", "force_walk", "window", "given_samples"):
-            require_positive(name, getattr(self, name))
+        require_one_of("method", self.method, METHODS)
+        require_each_positive(
+            "", self, "encoder_std_rad_s", "current_std_A", "speed_walk", "force_walk", "window", "given_samples"
+        )
 
     @cached_property
     def walk(self) -> np.ndarray:
