@@ -46,6 +46,10 @@ class Run(Generic[E]):
             raise AttributeError(name)
         return getattr(self.estimates, name)
 
+    def __repr__(self) -> str:
+        hours = (self.time_s[-1] - self.time_s[0]) / 3600.0 if len(self.time_s) else 0.0
+        return f"{type(self).__name__}({len(self.time_s)} samples in {hours:.3g} h, flags {self.counts() or 'none'})"
+
     def __dir__(self) -> list[str]:
         """Names of the attributes, with the fields of the estimates."""
         return sorted({*super().__dir__(), *_fields(self.estimates)})
