@@ -36,6 +36,25 @@ def model_of(circuit: rc.Circuit) -> rc.RcModel:
     return rc.RcModel(*circuit, OcvCurve((FULL_V - span_V, FULL_V)), CAPACITY_AH)
 
 
+def rates(p: rc.Circuit | rc.RcModel) -> tuple[np.ndarray, np.ndarray]:
+    """A (2, 2) and B (2,) of dx/dt = A x + B i for x = [V_cb, V_cs]."""
+    D = p.r_bulk_ohm + p.r_surface_ohm
+    per_bulk, per_surface = 1 / (D * p.c_bulk_F), 1 / (D * p.c_surface_F)
+    A = np.array([[-per_bulk, per_bulk], [per_surface, -per_surface]])
+    return A, np.array([p.r_surface_ohm * per_bulk, p.r_bulk_ohm * per_surface])
+
+
+def rates_with_voltage(p: rc.Circuit | rc.RcModel) -> tuple[np.ndarray, np.ndarray]:
+    """A (3, 3) and B (3,) of dx/dt = A x + B i for x = [V_cb, V_cs, V] while di/dt = 0 ([P] 2.2, signs restored)."""
+    R_b, R_s, R_t = p.r_bulk_ohm, p.r_surface_ohm, p.r_terminal_ohm
+    D = R_b + R_s
+    A33 = rc.disturbance_rate(p)
+    surface = (R_b**2 / D + R_t + R_s * R_b / D) / (p.c_surface_F * D)
+    B31 = surface - R_s * R_t / (p.c_bulk_F * R_b * D)
+    A, B = rates(p)
+    return np.block([[A, np.zeros((2, 1))], [np.array([[-A33, 0.0, A33]])]]), np.array([*B, B31])
+
+
 def drive(rng: np.random.Generator, count: int, hold: int = 20) -> np.ndarray:
     """Current (T,) [A] that is new every `hold` samples; the first is zero."""
     current_A = np.repeat(rng.uniform(-8.0, 4.0, count // hold + 1), hold)[:count]

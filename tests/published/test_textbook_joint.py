@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from battery.rc_examples import EVEN, drive
+from battery.rc_examples import EVEN, drive, rates_with_voltage
 from kernels import kernel_of
 from ohmward.battery.models import rc
 from ohmward.battery.soc.sample import SocSample
@@ -34,7 +34,7 @@ def simulated(count=3000, voltage_std_V=0.002, seed=0):
     rng = np.random.default_rng(seed)
     current_A = drive(rng, count, hold=40)
     mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
-    A, B = rc.rates_with_voltage(EVEN)
+    A, B = rates_with_voltage(EVEN)
     states = np.full((count, 3), 12.5)
     for k, i in enumerate(mean_A[1:]):
         states[k + 1] = states[k] + A @ states[k] + B * i
@@ -54,7 +54,7 @@ def run(joint, samples, lowering="python"):
 
 def test_the_model_is_an_euler_step_of_the_circuit():
     z, voltages = np.array([1.1, 0.7, 1.3, 0.9]), np.array([12.1, 12.0, 11.7])
-    A, B = rc.rates_with_voltage(circuit_of(JOINT.nominal, z))
+    A, B = rates_with_voltage(circuit_of(JOINT.nominal, z))
     after = JOINT.next_state(np.array([*z, *voltages]), -3.0, 0.5)
     np.testing.assert_allclose(after, [*z, *(voltages + 0.5 * (A @ voltages + B * -3.0))], rtol=0, atol=1e-13)
 

@@ -9,7 +9,7 @@ import math
 import os
 import struct
 import time
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -80,9 +80,10 @@ class LiveEstimator(ABC, Generic[S, E]):
         estimator.state, estimator.time_s = resume(estimator.settings, example, snapshot)
         return estimator
 
-    @abstractmethod
     def compiled(self) -> Kernel:
         """The step, compiled."""
+        nothing = self.no_sample()
+        return Kernel(self.settings.step, self.settings.init(nothing), nothing, lowering=self.lowering)
 
     def init(self, first: S) -> Any:
         """State before the first sample, which it looks at."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
 from ohmward.battery.soc.sample import SocSample
-from ohmward.checks import require_between, require_positive
+from ohmward.checks import require_between, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
@@ -98,8 +98,7 @@ class TextbookJoint:
         require_positive("start_std", self.start_std)
         if len(self.walk) != STATES:
             raise InputError(f"walk must have {STATES} numbers, one for each state, got {len(self.walk)}")
-        require_positive("walk", self.walk)
-        require_positive("voltage_std_V", self.voltage_std_V)
+        require_each_positive("", self, "walk", "voltage_std_V")
         require_between("window", self.window, 1.0, math.inf)
 
     def init(self, first: SocSample, bulk_std_V: float = 0.05) -> TextbookJointState:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, model_of
+from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, model_of, rates, rates_with_voltage
 from ohmward.battery.models import rc, thevenin
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
@@ -39,7 +39,7 @@ def by_matrix_exponential(A, B, x, current_A, dt_s):
 @given(circuits, volts, volts, amperes, seconds)
 def test_step_is_the_matrix_exponential(p, bulk_V, surface_V, current_A, dt_s):
     x = np.array([bulk_V, surface_V])
-    expected = by_matrix_exponential(*rc.rates(p), x, current_A, dt_s)
+    expected = by_matrix_exponential(*rates(p), x, current_A, dt_s)
     np.testing.assert_allclose(rc.next_state(x, current_A, p, dt_s), expected, rtol=0, atol=1e-10)
 
 
@@ -49,7 +49,7 @@ def test_step_with_voltage_is_the_matrix_exponential(p, bulk_V, surface_V, termi
     x = np.array([bulk_V, surface_V, terminal_V])
     if rc.disturbance_rate(p) > 0:
         return
-    expected = by_matrix_exponential(*rc.rates_with_voltage(p), x, current_A, dt_s)
+    expected = by_matrix_exponential(*rates_with_voltage(p), x, current_A, dt_s)
     found = rc.next_state_with_voltage(x, current_A, current_A, current_A, p, dt_s)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
 
@@ -57,7 +57,7 @@ def test_step_with_voltage_is_the_matrix_exponential(p, bulk_V, surface_V, termi
 def test_voltage_rate_of_a_circuit_with_equal_resistors_is_that_of_the_thesis():
     """[T] (3.6), corrected: (1 / 2 R_e) (1/C_b - 1/C_s) (V - V_cb) + [1 / 2 C_s + (R_t / 2 R_e) (1/C_s - 1/C_b)] i."""
     C_b, C_s, R_e, _, R_t = EVEN
-    A, B = rc.rates_with_voltage(EVEN)
+    A, B = rates_with_voltage(EVEN)
     a = (1 / C_b - 1 / C_s) / (2 * R_e)
     np.testing.assert_allclose(A[2], [-a, 0.0, a], rtol=1e-12)
     np.testing.assert_allclose(B[2], 1 / (2 * C_s) + R_t / (2 * R_e) * (1 / C_s - 1 / C_b), rtol=1e-12)
@@ -78,7 +78,7 @@ def test_energy_is_stored_or_lost():
     stored_J = 0.5 * np.array(p[:2]) @ x**2
     for _ in range(2000):
         middle = rc.next_state(x, current_A, p, dt_s / 2)
-        bulk_A = p.c_bulk_F * (rc.rates(p)[0] @ middle + rc.rates(p)[1] * current_A)[0]
+        bulk_A = p.c_bulk_F * (rates(p)[0] @ middle + rates(p)[1] * current_A)[0]
         surface_A = current_A - bulk_A
         terminal_J += rc.voltage(middle, current_A, p)[0] * current_A * dt_s
         heat = p.r_bulk_ohm * bulk_A**2 + p.r_surface_ohm * surface_A**2 + p.r_terminal_ohm * current_A**2

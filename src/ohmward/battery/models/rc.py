@@ -27,7 +27,7 @@ import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
@@ -72,8 +72,7 @@ class RcModel:
     capacity_Ah: float
 
     def __post_init__(self) -> None:
-        for name in (*Circuit._fields, "capacity_Ah"):
-            require_positive(f"rc.{name}", getattr(self, name))
+        require_each_positive("rc.", self, *Circuit._fields, "capacity_Ah")
         if self.r_surface_ohm * self.c_surface_F > self.r_bulk_ohm * self.c_bulk_F:
             raise InputError(
                 f"rc: the surface must follow faster than the bulk, r_surface_ohm * c_surface_F <= r_bulk_ohm * "
@@ -206,22 +205,3 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
     r0, r1 = instant_resistance(model), slow_resistance(model)
     tau_s = 1 / relaxation_rate(model)
     return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))
-
-
-def rates(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:
-    """A (2, 2) and B (2,) of dx/dt = A x + B i for x = [V_cb, V_cs]."""
-    D = p.r_bulk_ohm + p.r_surface_ohm
-    per_bulk, per_surface = 1 / (D * p.c_bulk_F), 1 / (D * p.c_surface_F)
-    A = np.array([[-per_bulk, per_bulk], [per_surface, -per_surface]])
-    return A, np.array([p.r_surface_ohm * per_bulk, p.r_bulk_ohm * per_surface])
-
-
-def rates_with_voltage(p: Circuit | RcModel) -> tuple[np.ndarray, np.ndarray]:
-    """A (3, 3) and B (3,) of dx/dt = A x + B i for x = [V_cb, V_cs, V] while di/dt = 0 ([P] 2.2, signs restored)."""
-    R_b, R_s, R_t = p.r_bulk_ohm, p.r_surface_ohm, p.r_terminal_ohm
-    D = R_b + R_s
-    A33 = disturbance_rate(p)
-    surface = (R_b**2 / D + R_t + R_s * R_b / D) / (p.c_surface_F * D)
-    B31 = surface - R_s * R_t / (p.c_bulk_F * R_b * D)
-    A, B = rates(p)
-    return np.block([[A, np.zeros((2, 1))], [np.array([[-A33, 0.0, A33]])]]), np.array([*B, B31])

@@ -14,7 +14,7 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, charge
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, minimum, where
 from ohmward.trace.expression import Scalar
@@ -57,8 +57,7 @@ class CoulombCounting:
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
-        require_positive("gap_s", self.gap_s)
-        require_positive("current_limit_C", self.current_limit_C)
+        require_each_positive("", self, "gap_s", "current_limit_C")
 
     @property
     def limits(self) -> SampleLimits:

@@ -16,7 +16,6 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log
-from ohmward.trace import Kernel
 
 
 class SocRun(Run[SocEstimate]):
@@ -105,11 +104,6 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""
         return SocSample(0.0, math.nan, math.nan, math.nan)
-
-    def compiled(self) -> Kernel:
-        """The step, compiled."""
-        example = self.settings.init(self.no_sample())
-        return Kernel(self.settings.step, example, self.no_sample(), lowering=self.lowering)
 
     def __repr__(self) -> str:
         now = f", soc {self.last.soc:.3f} ± {self.last.soc_std:.3f}" if self.last else ""

@@ -37,7 +37,7 @@ from ohmward.battery.soc.rc_soc_link import (
     line_slope_V,
 )
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_one_of, require_positive
+from ohmward.checks import require_each_positive, require_one_of
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -116,8 +116,7 @@ class RcFilter:
 
     def __post_init__(self) -> None:
         require_one_of("soc_as", self.soc_as, LINKS)
-        require_positive("gap_s", self.gap_s)
-        require_positive("current_limit_C", self.current_limit_C)
+        require_each_positive("", self, "gap_s", "current_limit_C")
         require_gate(self.gate, self.reset_after_s)
 
     @property

@@ -13,7 +13,7 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resista
 from ohmward.battery.soc.clean_sample import Rest, continue_rest, is_current, is_voltage
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, linearize, where
@@ -61,9 +61,7 @@ class RestOcv:
     current_limit_C: float = 20.0
 
     def __post_init__(self) -> None:
-        require_positive("gap_s", self.gap_s)
-        require_positive("current_limit_C", self.current_limit_C)
-        require_positive("rest_share", self.rest_share)
+        require_each_positive("", self, "gap_s", "current_limit_C", "rest_share")
 
     @property
     def counting(self) -> CoulombCounting:

@@ -23,7 +23,7 @@ from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.checks import require_between, require_finite, require_one_of, require_positive
+from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
@@ -108,8 +108,7 @@ class TheveninFilter:
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
-        require_positive("gap_s", self.gap_s)
-        require_positive("current_limit_C", self.current_limit_C)
+        require_each_positive("", self, "gap_s", "current_limit_C")
         require_gate(self.gate, self.reset_after_s)
         require_between("window", self.window, 1.0, math.inf)
         require_between("rest_hold_s", self.rest_hold_s, 0.0, math.inf)

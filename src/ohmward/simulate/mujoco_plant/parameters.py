@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from ohmward.checks import require_each_not_negative, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.robot import GRAVITY, RLMA
@@ -62,8 +62,7 @@ class RlmaParameters:
     contact_damping_N_s_per_m: float = 1000.0
 
     def __post_init__(self) -> None:
-        for name in _POSITIVE:
-            require_positive(f"rlma.{name}", getattr(self, name))
+        require_each_positive("rlma.", self, *_POSITIVE)
         require_each_not_negative("rlma.", self, "rotor_inertia_kg_m2", "rolling_resistance", "drag_N_s2_per_m2")
         if not self.body_mass_kg > 0:
             raise InputError(f"rlma.mass_kg must exceed that of the 4 wheels, {4 * self.wheel_mass_kg:g} kg")

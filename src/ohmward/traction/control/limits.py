@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.trace import clip
 from ohmward.traction.robot.motor import Motor
 
@@ -26,8 +26,7 @@ class Limits:
     rate_Nm_per_s: float = 5000.0
 
     def __post_init__(self) -> None:
-        require_positive("limits.torque_Nm", self.torque_Nm)
-        require_positive("limits.rate_Nm_per_s", self.rate_Nm_per_s)
+        require_each_positive("limits.", self, "torque_Nm", "rate_Nm_per_s")
 
     @classmethod
     def of_current(cls, motor: Motor, current_A: float, rate_A_per_s: float) -> Limits:

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_between, require_each_positive
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.limits import limited
@@ -44,8 +44,7 @@ class Uncertainty:
     inertia_factor: float = 1.2
 
     def __post_init__(self) -> None:
-        require_between("uncertainty.force_N", self.force_N, 0.0, math.inf)
-        require_between("uncertainty.acceleration_m_s2", self.acceleration_m_s2, 0.0, math.inf)
+        require_each_not_negative("uncertainty.", self, "force_N", "acceleration_m_s2")
         require_between("uncertainty.inertia_factor", self.inertia_factor, 1.0, math.inf)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.trace import clip
 from ohmward.traction.friction.law import Contact
 
@@ -28,8 +28,7 @@ class CoulombCreep:
     slope_s_per_m: float
 
     def __post_init__(self) -> None:
-        require_positive("coulomb_creep.adhesion", self.adhesion)
-        require_positive("coulomb_creep.slope_s_per_m", self.slope_s_per_m)
+        require_each_positive("coulomb_creep.", self, "adhesion", "slope_s_per_m")
 
     def force_N(self, contact: Contact) -> Any:
         """Force [N] of the ground on the wheel."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.checks import require_between, require_finite, require_positive
+from ohmward.checks import require_between, require_each_positive, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import maximum, where
 from ohmward.traction.friction.law import Contact
@@ -41,8 +41,7 @@ class WardIagnemma:
     sliding: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("ward_iagnemma.c1", self.c1)
-        require_positive("ward_iagnemma.c2_s_per_m", self.c2_s_per_m)
+        require_each_positive("ward_iagnemma.", self, "c1", "c2_s_per_m")
         require_finite("ward_iagnemma.c3_s_per_m", self.c3_s_per_m)
         if self.c3_s_per_m <= -self.c1 * self.c2_s_per_m:
             raise InputError(

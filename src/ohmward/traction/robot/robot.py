@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ohmward.checks import require_between, require_each_positive, require_length, require_positive
+from ohmward.checks import require_each_not_negative, require_each_positive, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import (
     Differential,
@@ -72,10 +72,8 @@ class Robot:
     wheel_load_N: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        require_positive("robot.mass_kg", self.mass_kg)
-        require_positive("robot.yaw_inertia_kg_m2", self.yaw_inertia_kg_m2)
-        require_between("robot.height_m", self.height_m, 0.0, math.inf)
-        require_between("robot.idle_W", self.idle_W, 0.0, math.inf)
+        require_each_positive("robot.", self, "mass_kg", "yaw_inertia_kg_m2")
+        require_each_not_negative("robot.", self, "height_m", "idle_W")
         self._check_room_for_wheels()
         self._check_yaw_inertia()
         if self.wheel_load_N:

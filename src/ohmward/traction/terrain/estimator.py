@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.logs.drive_log import DriveLog
-from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
@@ -66,10 +65,6 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         """
         samples = wheel_samples(log, self.floors.wheels.robot.driven, self.time_s)
         return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
-
-    def compiled(self) -> Kernel:
-        """The step, compiled."""
-        return self.floors.compiled(self.lowering)
 
     def __repr__(self) -> str:
         names = ", ".join(self.floors.recognition.names)

@@ -19,7 +19,7 @@ from itertools import product
 
 import numpy as np
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.errors import InputError
 from ohmward.filters.linear_algebra import cholesky, solve_lower
 from ohmward.trace import exp, log, maximum, minimum
@@ -53,8 +53,7 @@ class Recognition:
     correlation_s: float = 0.3
 
     def __post_init__(self) -> None:
-        require_positive("crossing_rate", self.crossing_rate)
-        require_positive("correlation_s", self.correlation_s)
+        require_each_positive("", self, "crossing_rate", "correlation_s")
         if len(set(self.names)) < len(self.names):
             raise InputError(f"floors must have different names, and none may be 'unseen'; got {', '.join(self.names)}")
         if len(self.combinations) > MOST_COMBINATIONS:
