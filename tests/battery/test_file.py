@@ -74,7 +74,7 @@ def batteries(draw):
 
 
 @given(batteries())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_was_rounded_once_stays_as_it_is(battery):
     text = BATTERY_FILE.dump(battery)
     again = BATTERY_FILE.parse(text)

@@ -20,7 +20,7 @@ def energy_J(a_battery, charge, power_W):
     return usable_energy(a_battery, charge, power_W).p50
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(soc=st.floats(0.2, 1.0), reserve=st.floats(0.0, 0.19), r_ohm=st.floats(0.0, 1.0), power_W=st.floats(0.0, 100.0))
 def test_a_constant_open_circuit_voltage_has_a_closed_form(soc, reserve, r_ohm, power_W):
     terminal_V = (24.0 + np.sqrt(24.0**2 - 4 * r_ohm * power_W)) / 2
@@ -84,7 +84,7 @@ def test_the_spread_of_the_capacity_alone():
     assert np.array(found) == pytest.approx(36000.0 * 12.0 * (1 + 0.128155 * np.array([-1, 0, 1])), rel=2e-3)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(share=st.floats(0.0, 1.0))
 def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
     z = normal_points(3)

@@ -31,14 +31,14 @@ def run(tmp_path):
     return script
 
 
-TESTS = ["make test", "make test-spark"]
+TESTS = ["make check", "make test", "make test-spark"]
 ROOT, USER, GOOD, BAD = "echo 0", "echo 1000", "exit 0", "exit 1"
 
 
 def test_root_installs_what_is_missing_then_tests(run):
     calls, result = run({"id": ROOT, "apt-get": GOOD, "make": GOOD})
     assert result.returncode == 0 and result.stderr == ""
-    assert [c.split()[0] for c in calls] == ["apt-get", "apt-get", "make", "make"]
+    assert [c.split()[0] for c in calls] == ["apt-get", "apt-get", "make", "make", "make"]
     for package in ("gcc-arm-none-eabi", "libnewlib-arm-none-eabi", "qemu-system-arm", "--no-install-recommends"):
         assert package in calls[1]
 
@@ -63,4 +63,4 @@ def test_without_root_or_apt_it_says_what_would_be_needed(run, commands):
 
 def test_a_failing_test_fails_it(run):
     calls, result = run({"id": USER, "make": BAD})
-    assert calls == ["make test"] and result.returncode != 0
+    assert calls == ["make check"] and result.returncode != 0

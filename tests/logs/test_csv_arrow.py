@@ -49,7 +49,7 @@ def outcome(path):
     return {name: values.tolist() for name, values in table.columns.items()}, table.line.tolist(), table.notes
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(arrays(float, st.integers(1, 50), elements=st.floats()))
 def test_every_number_is_written_as_python_writes_it(values):
     with np.errstate(invalid="ignore"):
@@ -82,7 +82,7 @@ def test_text_and_conditions_are_left_to_the_standard_library(tmp_path):
     assert (tmp_path / "t.csv").read_text() == 'n,word\n0,a\n1,"b,c"\n'
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(arrays(float, st.tuples(st.integers(1, 20), st.just(3)), elements=st.floats()))
 def test_numbers_are_read_back_to_the_bit(tmp_path, table):
     path = tmp_path / "t.csv"

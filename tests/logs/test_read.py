@@ -38,7 +38,7 @@ def test_a_file_in_which_positive_discharges_is_turned_around(write_text, pulses
     assert "positive current discharges the battery, told from the data" in texts(log)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_names_units_order_delimiter_and_sign_do_not_matter(tmp_path, pulses, data):
     time_s, current_A, voltage_V = (x[:200] for x in pulses)

@@ -57,7 +57,7 @@ def assert_equal(actual, expected):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(log=logs())
 def test_what_is_written_is_read_back_to_the_last_digit(tmp_path, suffix, log):
     path = tmp_path / f"log{suffix}"

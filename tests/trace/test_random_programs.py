@@ -26,9 +26,7 @@ def grow(smaller):
 formulas = st.recursive(leaves, grow, max_leaves=25)
 numbers = st.floats(0.3, 3.0).map(lambda v: round(v, 6))
 rows = st.lists(st.tuples(*[numbers] * INPUTS), min_size=1, max_size=4)
-quick = settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
-)
+quick = settings(max_examples=150, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 
 
 def evaluate(formula, x, functions):

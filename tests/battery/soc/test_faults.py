@@ -197,7 +197,7 @@ anything = st.one_of(
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.builds(SocSample, anything, anything, anything, anything), min_size=1, max_size=60))
 def test_whatever_the_samples_hold_the_estimate_is_one(name, garbage):
     columns = SocSample(*(np.array(column) for column in zip(*garbage, strict=True)))

@@ -112,7 +112,7 @@ anything = st.one_of(st.floats(-50, 50), st.just(math.nan), st.just(math.inf))
 readings = st.tuples(anything, anything, st.floats(0, 0.3), st.floats(-1.2, 1.2), st.sampled_from([-1.0, 1.0]))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(readings, min_size=2, max_size=12), st.sampled_from(list(LAWS)))
 def test_the_limits_are_never_exceeded_whatever_comes(sequence, name):
     control = controller(LAWS[name], limits=Limits(5.0, 800.0))

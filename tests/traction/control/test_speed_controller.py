@@ -125,7 +125,7 @@ def test_it_starts_uphill_with_a_bound_that_would_be_no_force_at_rest():
 anything = st.one_of(st.floats(-50, 50), st.just(math.nan), st.just(-math.inf))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(anything, anything, anything, st.floats(-0.5, 1.5)), min_size=2, max_size=12))
 def test_the_limits_are_never_exceeded_whatever_comes(sequence):
     control = SpeedController(WHEEL, SLIDING, Limits(5.0, 800.0))

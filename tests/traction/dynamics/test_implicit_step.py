@@ -125,7 +125,7 @@ def test_the_energy_balance_closes(robot, ground):
 @pytest.mark.parametrize(
     "ground, longest_s", [("hard", 0.01), ("asphalt", 0.003)]
 )  # the falling branch limits the step
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**31), share=st.floats(0.01, 1.0))
 def test_without_input_energy_only_falls(robot, ground, longest_s, seed, share):
     kernel, dt = stepper(robot, ground, "euler"), share * longest_s
