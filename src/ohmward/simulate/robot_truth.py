@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
+
 #: The order of the wheels of a robot on two axles; other robots have that of `Robot.places`, driven wheels first.
 WHEELS = ("front left", "front right", "rear left", "rear right")
 
@@ -55,3 +57,17 @@ class RobotTruth(NamedTuple):
 def stack(truths: Sequence[RobotTruth]) -> RobotTruth:
     """The truth over time, every field an array with time (T,) in front."""
     return RobotTruth(*(np.array(values) for values in zip(*truths, strict=True)))
+
+
+def driven_torques(torque_N_m: Any, driven: tuple[int, ...]) -> np.ndarray:
+    """Torques (driven,) [N m] from a number or one for each driven wheel; driven: numbers of these wheels.
+
+    Raises:
+        InputError: another number of torques, or a number that is not finite.
+    """
+    given = np.asarray(torque_N_m, dtype=float)
+    if given.shape not in ((), (len(driven),)):
+        raise InputError(f"torque_N_m must be a number or one for each driven wheel {driven}, got {given.shape}")
+    if not np.isfinite(given).all():
+        raise InputError(f"torque_N_m must be finite, got {given.tolist()}")
+    return np.broadcast_to(given, len(driven))

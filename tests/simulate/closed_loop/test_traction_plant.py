@@ -160,7 +160,7 @@ def test_a_reset_starts_the_same_run_again():
 @pytest.mark.parametrize(
     "torque, dt_s, message",
     [
-        (np.zeros(3), 1e-3, "torque_N_m must be a number or \\(2,\\)"),
+        (np.zeros(3), 1e-3, "torque_N_m must be a number or one for each driven wheel \\(0, 1\\)"),
         (math.nan, 1e-3, "torque_N_m must be finite"),
         (1.0, 0.0, "dt_s must be > 0"),
     ],

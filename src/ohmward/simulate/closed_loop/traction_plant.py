@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.checks import require_positive
-from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.simulate.closed_loop.terrain_mixture import terrain_mixture
-from ohmward.simulate.robot_truth import RobotTruth
+from ohmward.simulate.robot_truth import RobotTruth, driven_torques
 from ohmward.trace import Kernel, cos, sin
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, momentum_rates, scene
@@ -115,22 +114,12 @@ class TractionPlant:
             InputError: another number of torques, a number that is not finite, dt_s <= 0.
         """
         require_positive("dt_s", dt_s)
-        torque = self._torques(torque_N_m)
+        torque = driven_torques(torque_N_m, tuple(range(self.robot.driven)))
         parts = math.ceil(dt_s / self._longest_step_s - 1e-9)
         self.energy = EnergyBalance()
         for _ in range(parts):
             truth = self._advance(torque, dt_s / parts)
         return truth
-
-    def _torques(self, torque_N_m: Any) -> np.ndarray:
-        given = np.asarray(torque_N_m, dtype=float)
-        if given.shape not in ((), (self.robot.driven,)):
-            raise InputError(
-                f"torque_N_m must be a number or ({self.robot.driven},), one for each driven wheel, got {given.shape}"
-            )
-        if not np.isfinite(given).all():
-            raise InputError(f"torque_N_m must be finite, got {given.tolist()}")
-        return np.broadcast_to(given, self.robot.driven)
 
     def _advance(self, torque_Nm: np.ndarray, dt_s: float) -> RobotTruth:
         under = self._under()

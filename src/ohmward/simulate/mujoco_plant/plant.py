@@ -18,7 +18,7 @@ from ohmward.optional import require
 from ohmward.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
 from ohmward.simulate.mujoco_plant.parameters import RlmaParameters
-from ohmward.simulate.robot_truth import RobotTruth, stack
+from ohmward.simulate.robot_truth import RobotTruth, driven_torques, stack
 from ohmward.traction.dynamics.slip import slip_ratio, slip_speed
 from ohmward.traction.robot.robot import GRAVITY
 
@@ -47,7 +47,7 @@ class RlmaPlant:
         self.parameters = parameters or RlmaParameters()
         self.ground = ground or uniform(0.8)
         self._longest_step_s = longest_step_s
-        self._mujoco = _mujoco()
+        self._mujoco = require("mujoco", "this plant")
         self._model = _model(self.parameters, self._mujoco)
         stable_s = stable_step_s(self.parameters, self._model.body_invweight0[_WHEELS, 0])
         require_between("longest_step_s", longest_step_s, 1e-5, stable_s)
@@ -75,24 +75,14 @@ class RlmaPlant:
             InputError: another number of torques, a number that is not finite, dt_s <= 0, ground out of its range.
         """
         require_positive("dt_s", dt_s)
-        self._data.ctrl[:] = self._torques(torque_N_m)
+        driven = self.parameters.driven
+        self._data.ctrl[list(driven)] = driven_torques(torque_N_m, driven)
         parts = math.ceil(dt_s / self._longest_step_s - 1e-9)
         self._model.opt.timestep = dt_s / parts
         for _ in range(parts):
             self._surroundings()
             self._mujoco.mj_step(self._model, self._data)
         return self._settled()
-
-    def _torques(self, torque_N_m: Any) -> np.ndarray:
-        driven = self.parameters.driven
-        given = np.asarray(torque_N_m, dtype=float)
-        if given.shape not in ((), (len(driven),)):
-            raise InputError(f"torque_N_m must be a number or one for each driven wheel {driven}, got {given.shape}")
-        if not np.isfinite(given).all():
-            raise InputError(f"torque_N_m must be finite, got {given.tolist()}")
-        torques = np.zeros(4)
-        torques[list(driven)] = given
-        return torques
 
     def _surroundings(self) -> float:
         """Set friction, gravity and drag of the next step; the grade."""
@@ -191,7 +181,3 @@ def _model(p: RlmaParameters, mujoco: Any) -> Any:
     model = mujoco.MjModel.from_xml_string(robot_xml(p))
     model.pair_solref[:], model.pair_solreffriction[:] = contact_stiffness(p, model.body_invweight0[_WHEELS, 0])
     return model
-
-
-def _mujoco() -> Any:
-    return require("mujoco", "this plant")

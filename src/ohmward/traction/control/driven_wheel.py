@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_each_positive
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 
@@ -26,8 +26,7 @@ class DrivenWheel:
     mass_kg: float
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            require_positive(f"driven_wheel.{field.name}", getattr(self, field.name))
+        require_each_positive("driven_wheel.", self, "radius_m", "inertia_kg_m2", "load_N", "mass_kg")
 
 
 def driven_wheel(robot: Robot) -> DrivenWheel:
