@@ -112,7 +112,8 @@ def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
     as_is = float(np.sum((b @ left_null) ** 2))
     if power == 0 or as_is < CONTRADICTION * power:
         return []
-    flipped = [float(np.sum(((b * _flip(len(names), k)) @ left_null) ** 2)) for k in range(len(names))]
+    one_flipped = 1.0 - 2.0 * np.eye(len(names))
+    flipped = [float(np.sum(((b * signs) @ left_null) ** 2)) for signs in one_flipped]
     cured = [name for name, rest in zip(names, flipped, strict=True) if rest < CURED * as_is and name != "gyro"]
     if not cured:
         return []
@@ -225,12 +226,6 @@ def _kinematics(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray, li
         b = np.column_stack([b, arm_m * log.yaw_rate_rad_s])
         names = [*names, "gyro"]
     return A, b[np.isfinite(b).all(axis=1)], names
-
-
-def _flip(count: int, k: int) -> np.ndarray:
-    signs = np.ones(count)
-    signs[k] = -1.0
-    return signs
 
 
 def _long_runs(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
