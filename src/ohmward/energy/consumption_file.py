@@ -23,6 +23,8 @@ _HEADER = """\
 # What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
 # what is read back; these lines are for people, and written anew each time.
 """
+#: Names in tables that were written before, and those of today.
+_FORMER = {"regain": "regeneration", "regain_std": "regeneration_std", "own": "day_effect", "load": "day_effect"}
 _TABLES = ("prior", "scatter", "day", "terrain", "coefficients")
 
 
@@ -87,7 +89,7 @@ def parse_consumption(text: str) -> Consumption:
 def _from_tables(data: Mapping[str, Any]) -> Consumption:
     terrains = data.get("terrain", [])
     c = Consumption(
-        ConsumptionPrior(**data["prior"]),
+        ConsumptionPrior(**{_FORMER.get(key, key): value for key, value in data["prior"].items()}),
         tuple(str(t["name"]) for t in terrains),
         np.array(data["coefficients"]["mean"], dtype=float),
         np.array(data["coefficients"]["cov"], dtype=float),
@@ -98,12 +100,18 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
         tuple(t["name"] for t in terrains if t["on_this_drive"]),
         data.get("last_drive_unix_s"),
     )
-    if list(c.names) != data["coefficients"]["names"]:
+    if list(c.names) != [_todays_name(name) for name in data["coefficients"]["names"]]:
         raise InputError(
             f"coefficients.names must be {', '.join(SHARED)} and two for each terrain in their order; "
             "learn the table again"
         )
     return c
+
+
+def _todays_name(name: str) -> str:
+    """Name of a coefficient, alone or as `kind:terrain`, in the words of today."""
+    kind, colon, terrain = name.partition(":")
+    return f"{_FORMER.get(kind, kind)}{colon}{terrain}"
 
 
 def _terrain(c: Consumption, k: int) -> dict[str, Any]:
