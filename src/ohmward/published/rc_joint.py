@@ -24,7 +24,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import walk_variance
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -76,8 +75,8 @@ def nominal_of(model: rc.RcModel) -> Nominal:
     """The model's elements with R_b = R_s: as they are, or with the same DC resistance, shared by [P]'s rule."""
     if model.r_bulk_ohm == model.r_surface_ohm:
         return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
-    r_total_ohm = rc.dc_resistance(model) / (1 + BRANCH_SHARE / 2)
-    return Nominal(model.c_bulk_F, model.c_surface_F, BRANCH_SHARE * r_total_ohm, TERMINAL_SHARE * r_total_ohm)
+    r_total_ohm = rc.dc_resistance(model) / (1 + rc.BRANCH_SHARE / 2)
+    return Nominal(model.c_bulk_F, model.c_surface_F, rc.BRANCH_SHARE * r_total_ohm, rc.TERMINAL_SHARE * r_total_ohm)
 
 
 class JointState(NamedTuple):

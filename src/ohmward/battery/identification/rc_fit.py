@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.rc_rule import BRANCH_SHARE, TERMINAL_SHARE, circuit_by_rule
+from ohmward.battery.identification.rc_rule import circuit_by_rule
 from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 from ohmward.optional import require
@@ -153,12 +153,12 @@ def circuit_of(fit: VoltageFit) -> rc.Circuit:
     """
     C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s
     if r1 == 0.0:
-        return circuit_by_rule(r0 / (1 + BRANCH_SHARE / 2), tau, C)
+        return circuit_by_rule(r0 / (1 + rc.BRANCH_SHARE / 2), tau, C)
     r_e = 2 * (r1 + tau / C)
     if r0 > r_e / 2:
         s = 0.5 * (1 - math.sqrt(1 - 1 / (1 + r1 * C / tau)))
         return rc.Circuit((1 - s) * C, s * C, r_e, r_e, r0 - r_e / 2)
-    return _uneven_circuit(C, (1 - TERMINAL_SHARE) * r0, r1, tau, TERMINAL_SHARE * r0)
+    return _uneven_circuit(C, (1 - rc.TERMINAL_SHARE) * r0, r1, tau, rc.TERMINAL_SHARE * r0)
 
 
 def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> rc.Circuit:

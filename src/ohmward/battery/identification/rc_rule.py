@@ -14,10 +14,6 @@ from ohmward.battery.identification.rc_samples import RcSamples
 from ohmward.battery.models import rc
 from ohmward.errors import InputError
 
-#: R_b and R_s as shares of R_total ([P] 2.2).
-BRANCH_SHARE = 0.75
-#: R_t as a share of R_total by the same rule.
-TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
 #: Time after an edge in which [P] looks for the time constant [s].
 FIRST_S = 0.5
 
@@ -61,9 +57,9 @@ def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circ
 
     total_F: C_b + C_s, of which C_s is at most half.
     """
-    branch = BRANCH_SHARE * r_total_ohm
+    branch = rc.BRANCH_SHARE * r_total_ohm
     c_surface_F = min(tau_s / (2 * branch), 0.5 * total_F)
-    return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, TERMINAL_SHARE * r_total_ohm)
+    return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, rc.TERMINAL_SHARE * r_total_ohm)
 
 
 def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:

@@ -32,6 +32,11 @@ from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
 
+#: R_b and R_s as shares of R_total, by the rule of [P] 2.2.
+BRANCH_SHARE = 0.75
+#: R_t as a share of R_total, by the same rule.
+TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
+
 STATE_NAMES = ("bulk_V", "surface_V")
 STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
 
