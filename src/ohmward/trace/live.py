@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -72,6 +73,7 @@ class MachineLive:
         code = OneStep(step, np.array(scan.state_row(structure, state), dtype=float))
         program, size = step.program, step.state_size
         self._code = code
+        self._zeros = np.zeros(len(code.state))
         self.step = python_source.compile_live(program, size, code.run, code.sample, code.output, flags)
 
     @property
@@ -85,4 +87,4 @@ class MachineLive:
 
     def is_finite(self) -> bool:
         """True where every number of the state is finite."""
-        return bool(np.isfinite(self._code.state).all())
+        return math.isfinite(self._code.state.dot(self._zeros))  # 0 * inf is nan; a third of the time of np.isfinite
