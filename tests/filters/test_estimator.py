@@ -4,6 +4,7 @@ import copy
 import json
 import math
 import pickle
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -283,3 +284,24 @@ def test_a_packaged_robot_needs_no_log():
     now = [estimator.update(0.01 * k, [2.0, 2.0], [0.2, 0.2], yaw_rate_rad_s=0.0) for k in range(50)][-1]
     assert now.speed_m_s == pytest.approx(2.0 * RLMA.wheel.radius_m, rel=0.05)
     assert not now.flags
+
+
+@dataclass
+class Drift:
+    """Settings that may change and hold a list, so that they have no hash."""
+
+    rates: list[float]
+
+    def init(self, first, soc=None, soc_std=0.03):
+        return (0.5,)
+
+    def step(self, state, sample):
+        soc = state[0] + self.rates[0] * sample.dt_s
+        return (soc,), SocEstimate._make([soc, 0.1, *[math.nan] * 6, 0.0])
+
+
+def test_settings_without_a_hash_are_compiled_for_themselves():
+    slow, fast = (SocEstimator(Drift([rate]), lowering="python") for rate in (0.01, 0.02))
+    for estimator, expected in ((slow, 0.51), (fast, 0.52)):
+        estimator.update(0.0, 0.0, 3.3)
+        assert estimator.update(1.0, 0.0, 3.3).soc == pytest.approx(expected)

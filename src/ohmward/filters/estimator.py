@@ -11,6 +11,7 @@ import struct
 import time
 from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
+from threading import Lock
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from ohmward.filters.sanitize import is_step
 from ohmward.trace import Kernel
 from ohmward.trace.live import Live
 from ohmward.trace.snapshot import resume, take
-from ohmward.trace.structure import check, flatten, structure_of
+from ohmward.trace.structure import check, is_finite, structure_of
 
 Progress = Callable[[int, int], None]
 
@@ -34,6 +35,7 @@ CLOCK_SET_S = 60.0
 #: Compiled steps that are kept for further estimators, those used last; each takes some megabytes.
 MOST_KERNELS = 8
 _KERNELS: dict[tuple[Any, ...], Kernel] = {}
+_KERNELS_LOCK = Lock()
 
 S = TypeVar("S", bound=tuple[Any, ...])
 E = TypeVar("E", bound=tuple[Any, ...])
@@ -101,12 +103,24 @@ class LiveEstimator(ABC, Generic[S, E]):
     def kernel(self) -> Kernel:
         """The step, compiled when it is first asked for; estimators of equal settings share it."""
         if self._kernel is None:
-            key = (type(self), self.settings, self.lowering, os.environ.get("OHMWARD_LOWERING"))
-            self._kernel = _KERNELS.pop(key, None) or self.compiled()
-            _KERNELS[key] = self._kernel
+            self._kernel = self._shared_kernel()
+        return self._kernel
+
+    def _shared_kernel(self) -> Kernel:
+        """The step of another estimator of equal settings, else one compiled now; those used last are kept."""
+        key = (type(self), self.settings, self.lowering, os.environ.get("OHMWARD_LOWERING"))
+        try:
+            hash(key)
+        except TypeError:  # settings that hold a list or an array: equal ones cannot be found
+            return self.compiled()
+        with _KERNELS_LOCK:
+            found = _KERNELS.pop(key, None)
+        kernel = found or self.compiled()
+        with _KERNELS_LOCK:
+            _KERNELS[key] = kernel
             if len(_KERNELS) > MOST_KERNELS:
                 del _KERNELS[next(iter(_KERNELS))]
-        return self._kernel
+        return kernel
 
     @property
     def state(self) -> Any:
@@ -198,7 +212,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         if self.state is None:
             self.state = self.init(first)
         after, estimates = self.kernel.scan(self.state, samples, progress)
-        if _is_finite(after):
+        if is_finite(structure_of(after, "state"), after):
             self.state = after
         else:
             found = [self._advance(row, end_s) for row in zip(*samples, strict=True)]
@@ -257,7 +271,3 @@ def numbers(name: str, values: Any, *counts: int) -> np.ndarray:
     if len(given) == counts[0]:
         return given
     return np.concatenate([given, np.full(counts[0] - len(given), math.nan)])
-
-
-def _is_finite(state: Any) -> bool:
-    return all(np.isfinite(leaf).all() for leaf in flatten(structure_of(state, "state"), state))

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.trace import scan
 from ohmward.trace.lower import python_source
 from ohmward.trace.lower.llvm_run import MachineStep, OneStep
-from ohmward.trace.structure import Structure, flatten
+from ohmward.trace.structure import Structure, is_finite
 
 #: What stands in the output's field `flags` for the number that the step returned there; None leaves the number.
 FlagTable = Mapping[float, Any] | None
@@ -58,8 +58,7 @@ class PythonLive:
 
     def is_finite(self) -> bool:
         """True where every number of the state is finite."""
-        values = flatten(self._structure, self.state)
-        return all(np.isfinite(value).all() for value in values)
+        return is_finite(self._structure, self.state)
 
 
 class MachineLive:

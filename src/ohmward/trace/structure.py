@@ -93,6 +93,11 @@ def scalar_names(structure: Structure, path: str = "") -> list[str]:
     ]
 
 
+def is_finite(structure: Structure, tree: Any) -> bool:
+    """True where every number of a tree of this structure is finite."""
+    return all(np.isfinite(leaf).all() for leaf in flatten(structure, tree))
+
+
 def flatten(structure: Structure, tree: Any, path: str = "") -> list[Any]:
     """Leaf values of `tree`, in order, unchanged. InputError where the tree has another structure."""
     if isinstance(structure, Leaf):
