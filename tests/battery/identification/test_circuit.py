@@ -1,5 +1,7 @@
 """The fit of the circuit on simulated records: exact without noise, honest with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_preci
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.fit_samples import thin
+from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
 
@@ -117,6 +120,22 @@ def test_voltages_not_measured_are_left_out():
     s = solve(problem_of(type(log)(log.name, log.time_s, log.current_A, voltage_V)), Rates((20.0, 800.0), 20.0))
     assert np.isfinite(s.x).all() and np.isnan(s.residual_V[0]).any()
     assert s.x[s.layout.block(0)][4:-1] == pytest.approx(0.030, rel=0.03)
+
+
+def test_design_simulates_what_the_model_does_in_the_cold():
+    """The columns of the fit against the open-loop simulation, with three activations and a temperature that falls."""
+    p = replace(cell(), activation_K=1500.0, pair_activation_K=4500.0, tau_activation_K=1000.0)
+    problem = problem_of(pulse_log(cell(), count=3, rest_s=900.0))
+    samples = problem.samples[0]
+    samples = samples._replace(temperature_degC=np.linspace(25.0, -10.0, samples.soc.size))
+    layout = ParameterLayout(2, 1, False)
+    x = np.zeros(layout.size)
+    for j, row in enumerate((p.r0_discharge_ohm, p.r0_charge_ohm, *p.r_ohm)):
+        x[layout.block(j)] = np.interp(RESISTANCE_GRID, np.linspace(0, 1, len(row)), row)
+    rates = Rates(p.tau_s, 20.0, 1500.0, 4500.0, 1000.0)
+    columns = design(samples, 0, layout, rates, p.ocv, p.capacity_Ah, p.reference_degC)
+    expected_V = simulate(samples, p) - np.asarray(p.ocv.mean_V(samples.soc, samples.temperature_degC))
+    assert columns @ x == pytest.approx(expected_V, abs=1e-9)
 
 
 def test_activation_from_two_temperatures():

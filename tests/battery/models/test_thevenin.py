@@ -17,6 +17,7 @@ from ohmward.battery.models.thevenin import (
     next_state,
     ohmic_resistance,
     open_circuit,
+    pair_decays,
     pair_resistances,
     voltage,
 )
@@ -114,6 +115,27 @@ def test_cold_resists_after_arrhenius():
     assert NMC.arrhenius_factor(25.0) == 1.0
     assert ohmic_resistance(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx(0.05 * cold, rel=1e-12)
     assert pair_resistances(0.5, CircuitInput(-1.0, 0.0), NMC) == pytest.approx([0.01 * cold, 0.02 * cold], rel=1e-12)
+
+
+def test_pairs_and_time_constants_have_activations_of_their_own():
+    p = replace(NMC, pair_activation_K=5000.0, tau_activation_K=1500.0)
+    u, inverse_K = CircuitInput(-1.0, 0.0), 1 / 273.15 - 1 / 298.15
+    transfer, slower = np.exp(5000.0 * inverse_K), np.exp(1500.0 * inverse_K)
+    assert ohmic_resistance(0.5, u, p) == ohmic_resistance(0.5, u, NMC)
+    assert pair_resistances(0.5, u, p) == pytest.approx([0.01 * transfer, 0.02 * transfer], rel=1e-12)
+    assert pair_decays(u, p, 5.0) == pytest.approx(np.exp(-5.0 / (slower * np.array(p.tau_s))), rel=1e-12)
+    assert pair_decays(CircuitInput(-1.0, 25.0), p, 5.0) == pair_decays(u, NMC, 5.0)
+    x = next_state(np.array([0.5, 0.0, 0.0, 0.0]), u, p, 5.0)
+    assert x[1] == pytest.approx(-0.01 * transfer * (1 - np.exp(-5.0 / (slower * p.tau_s[0]))), rel=1e-12)
+
+
+def test_an_activation_is_finite():
+    with pytest.raises(InputError, match=r"thevenin\.activation_K"):
+        replace(NMC, activation_K=np.nan)
+    with pytest.raises(InputError, match=r"thevenin\.pair_activation_K"):
+        replace(NMC, pair_activation_K=np.inf)
+    with pytest.raises(InputError, match=r"thevenin\.tau_activation_K"):
+        replace(NMC, tau_activation_K=np.nan)
 
 
 def test_resistance_depends_on_soc_and_on_the_direction():

@@ -35,6 +35,8 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         coulombic_efficiency=efficiency,
         activation_K=solution.rates.activation_K,
         reference_degC=problem.reference_degC,
+        pair_activation_K=solution.rates.pair_activation_K,
+        tau_activation_K=solution.rates.tau_activation_K,
     )
 
 

@@ -11,7 +11,7 @@ c of the OCV curve on knots, and in the states v_j and h at the start of each re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,15 @@ OCV_KNOTS = np.concatenate(
 class Rates(NamedTuple):
     """Parameters that the voltage is not linear in.
 
-    tau_s: (n,) time constants; hysteresis_rate: gamma; activation_K: of the resistances.
+    tau_s: (n,) time constants; hysteresis_rate: gamma.
+    activation_K, pair_activation_K, tau_activation_K: of r0, of r_1 ... r_n and of the time constants.
     """
 
     tau_s: tuple[float, ...]
     hysteresis_rate: float
     activation_K: float = 0.0
+    pair_activation_K: float = 0.0
+    tau_activation_K: float = 0.0
 
 
 class ParameterLayout(NamedTuple):
@@ -95,14 +98,14 @@ def design(
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
     A = np.zeros((samples.soc.size, layout.size))
-    factor = arrhenius_factor(samples.temperature_degC, rates.activation_K, reference_degC)
-    here = hat(samples.soc, RESISTANCE_GRID) * (factor * samples.current_A)[:, None]
-    driven = hat(samples.soc_before, RESISTANCE_GRID) * (factor * samples.mean_current_A)[:, None]
+    ohmic, pairs, faster = arrhenius_factors(samples.temperature_degC, rates, reference_degC)
+    here = hat(samples.soc, RESISTANCE_GRID) * (ohmic * samples.current_A)[:, None]
+    driven = hat(samples.soc_before, RESISTANCE_GRID) * (pairs * samples.mean_current_A)[:, None]
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
     A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     initial = layout.initial(record).start
     for j, tau in enumerate(rates.tau_s):
-        decay = np.exp(-samples.dt_s / tau)
+        decay = np.exp(-samples.dt_s * faster / tau)
         A[:, layout.block(2 + j)] = scan(decay, (1 - decay)[:, None] * driven)
         A[:, initial + j] = np.cumprod(decay)
     A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
@@ -113,6 +116,13 @@ def design(
         A[:, layout.scale] = (gap_V * h)[:, None]
         A[:, initial + layout.pairs] = gap_V * np.cumprod(decay)
     return A
+
+
+def arrhenius_factors(temperature_degC: np.ndarray, rates: Rates, reference_degC: float) -> tuple[Any, Any, Any]:
+    """Factors at each sample, (N,) or 1: of r0, of r_1 ... r_n, and of the rates 1 / tau_j."""
+    activations_K = (rates.activation_K, rates.pair_activation_K, -rates.tau_activation_K)
+    ohmic, pairs, faster = (arrhenius_factor(temperature_degC, A, reference_degC) for A in activations_K)
+    return ohmic, pairs, faster
 
 
 def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:

@@ -124,7 +124,8 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
-    return Rates(tau, gamma, ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0)
+    activation_K = ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0
+    return Rates(tau, gamma, activation_K, activation_K)
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_decays, pair_resistances
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.optional import require
 
@@ -39,7 +39,7 @@ def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hy
     h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
     voltage = p.ocv.mean_V(samples.soc, samples.temperature_degC) + p.ocv.hysteresis_at(samples.soc) * h
     resistances = pair_resistances(samples.soc_before, before, p)
-    for tau, resistance, v0 in zip(p.tau_s, resistances, start_V or (0.0,) * p.pairs, strict=True):
-        decay = np.exp(-samples.dt_s / tau)
+    decays = pair_decays(before, p, samples.dt_s)
+    for decay, resistance, v0 in zip(decays, resistances, start_V or (0.0,) * p.pairs, strict=True):
         voltage = voltage + scan(decay, np.append(v0, ((1 - decay) * resistance * samples.mean_current_A)[1:]))
     return voltage + ohmic_resistance(samples.soc, at, p) * samples.current_A

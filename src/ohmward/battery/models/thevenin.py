@@ -4,18 +4,20 @@ d soc/dt = eta i / Q            eta = 1 in discharge
 d v_j/dt = -v_j / tau_j + R_j i / tau_j
 h+       = e^(-a) h + (1 - e^(-a)) sign(i),  a = |gamma i dt / Q|
 V        = OCV(soc, T) + M(soc) h + sum v_j + R_0 i
+
+R_0, R_j and tau_j grow in the cold by Arrhenius factors of their own: conduction, and transfer and diffusion.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
-from ohmward.checks import require_between, require_length, require_positive
+from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, sign, table, where
 from ohmward.trace.expression import Scalar
@@ -50,8 +52,10 @@ class Thevenin:
         tau_s: (n,) time constant of each RC pair, increasing.
         hysteresis_rate: gamma; the hysteresis state follows a full change of SoC with 1/gamma.
         coulombic_efficiency: share of the charging current that is stored.
-        activation_K: resistances grow with exp(activation_K (1/T - 1/T_reference)).
-        reference_degC: temperature at which the resistances hold.
+        activation_K: the ohmic resistance grows with exp(activation_K (1/T - 1/T_reference)).
+        reference_degC: temperature at which resistances and time constants hold.
+        pair_activation_K: the same of the resistances of the RC pairs; None is as activation_K.
+        tau_activation_K: the same of the time constants.
     """
 
     capacity_Ah: float
@@ -64,6 +68,8 @@ class Thevenin:
     coulombic_efficiency: float = 1.0
     activation_K: float = 0.0
     reference_degC: float = ROOM_DEGC
+    pair_activation_K: float | None = None
+    tau_activation_K: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -82,6 +88,9 @@ class Thevenin:
             raise InputError(f"thevenin.tau_s must increase from pair to pair, got {list(self.tau_s)}")
         require_between("thevenin.hysteresis_rate", self.hysteresis_rate, 0.0, np.inf)
         require_between("thevenin.coulombic_efficiency", self.coulombic_efficiency, 0.5, 1.0)
+        for name in ("activation_K", "pair_activation_K", "tau_activation_K"):
+            if (value := getattr(self, name)) is not None:
+                require_finite(f"thevenin.{name}", value)
 
     @property
     def pairs(self) -> int:
@@ -99,8 +108,17 @@ class Thevenin:
         return 3600.0 * self.capacity_Ah
 
     def arrhenius_factor(self, temperature_degC: Any) -> Any:
-        """Factor of all resistances at a temperature, 1 at the reference."""
+        """Factor of the ohmic resistance at a temperature, 1 at the reference."""
         return arrhenius_factor(temperature_degC, self.activation_K, self.reference_degC)
+
+    def pair_arrhenius_factor(self, temperature_degC: Any) -> Any:
+        """Factor of the resistances of the RC pairs at a temperature, 1 at the reference."""
+        own_K = self.activation_K if self.pair_activation_K is None else self.pair_activation_K
+        return arrhenius_factor(temperature_degC, own_K, self.reference_degC)
+
+    def rate_arrhenius_factor(self, temperature_degC: Any) -> Any:
+        """Factor of the rates 1 / tau_j at a temperature, 1 at the reference."""
+        return arrhenius_factor(temperature_degC, -self.tau_activation_K, self.reference_degC)
 
     def in_series(self, cells: int) -> Thevenin:
         """The pack of `cells` equal cells in series: the same capacity, `cells` times each voltage and resistance."""
@@ -110,17 +128,12 @@ class Thevenin:
         def times(row: tuple[float, ...]) -> tuple[float, ...]:
             return tuple(cells * r for r in row)
 
-        return Thevenin(
-            self.capacity_Ah,
-            self.ocv.scaled(cells),
-            times(self.r0_discharge_ohm),
-            times(self.r0_charge_ohm),
-            tuple(times(row) for row in self.r_ohm),
-            self.tau_s,
-            self.hysteresis_rate,
-            self.coulombic_efficiency,
-            self.activation_K,
-            self.reference_degC,
+        return replace(
+            self,
+            ocv=self.ocv.scaled(cells),
+            r0_discharge_ohm=times(self.r0_discharge_ohm),
+            r0_charge_ohm=times(self.r0_charge_ohm),
+            r_ohm=tuple(times(row) for row in self.r_ohm),
         )
 
 
@@ -136,7 +149,7 @@ def next_state(
     drive = health.resistance_ratio * i
     v_next = [
         decay * vj + (1 - decay) * rj * drive
-        for decay, vj, rj in zip(pair_decays(p, dt_s), v, pair_resistances(soc, u, p), strict=True)
+        for decay, vj, rj in zip(pair_decays(u, p, dt_s), v, pair_resistances(soc, u, p), strict=True)
     ]
     d_soc = charge(i, dt_s, p) / (p.capacity_As * health.soh_capacity)
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
@@ -159,9 +172,10 @@ def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfH
     return [*v, ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)]
 
 
-def pair_decays(p: Thevenin, dt_s: Scalar) -> list[Any]:
-    """Decay factors e^(-dt / tau_j) of the RC pairs."""
-    return [exp(dt_s * (-1.0 / tau)) for tau in p.tau_s]
+def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any) -> list[Any]:
+    """Decay factors e^(-dt / tau_j) of the RC pairs at this temperature."""
+    warm_s = dt_s * p.rate_arrhenius_factor(u.temperature_degC)
+    return [exp(warm_s * (-1.0 / tau)) for tau in p.tau_s]
 
 
 def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
@@ -187,7 +201,7 @@ def ohmic_resistance(soc: Any, u: CircuitInput, p: Thevenin) -> Any:
 
 def pair_resistances(soc: Any, u: CircuitInput, p: Thevenin) -> list[Any]:
     """R_1 ... R_n [ohm] at this SoC and temperature."""
-    return [p.arrhenius_factor(u.temperature_degC) * _on_grid(row, soc) for row in p.r_ohm]
+    return [p.pair_arrhenius_factor(u.temperature_degC) * _on_grid(row, soc) for row in p.r_ohm]
 
 
 def _on_grid(values: tuple[float, ...], soc: Any) -> Any:

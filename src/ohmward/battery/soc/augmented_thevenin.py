@@ -166,7 +166,8 @@ class AugmentedThevenin:
         moved = abs(clean.mean.current_A) * dt_s / p.capacity_As
         wander_A = where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * p.capacity_Ah
         resistances = pair_resistances(x[SOC], clean.mean, p)
-        pairs = [(r * wander_A) ** 2 * (1 - a**2) for r, a in zip(resistances, pair_decays(p, dt_s), strict=True)]
+        decays = pair_decays(clean.mean, p, dt_s)
+        pairs = [(r * wander_A) ** 2 * (1 - a**2) for r, a in zip(resistances, decays, strict=True)]
         unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
         variances = AugmentedState(
             circuit=[charge_variance(clean, noise, p), *pairs, HYSTERESIS_VARIANCE_PER_SOC * moved + unknown],

@@ -127,7 +127,7 @@ class TextbookFilter:
 
     def predict(self, belief: Belief, current_A: Scalar, dt_s: Scalar) -> Belief:
         """The belief after `dt_s` of a constant current."""
-        decays, pairs = pair_decays(self.model, dt_s), self.pairs(belief.mean[0])
+        decays, pairs = pair_decays(self.input(current_A), self.model, dt_s), self.pairs(belief.mean[0])
         driven = [(1 - a) * r * current_A for a, r in zip(decays, pairs, strict=True)]
         moved = charge(current_A, dt_s, self.model) * (1 / self.model.capacity_As)
         wandered = [(PAIR_CURRENT_C * r * self.model.capacity_Ah) ** 2 for r in pairs]
