@@ -85,7 +85,7 @@ def machine_section(machine: Machine) -> Section:
 
 def public_filters() -> dict[str, Any]:
     """Public filters: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
-    ocv, noise = cell_model().ocv, start_noise(CAPACITY_AH)
+    ocv, noise = cell_model().ocv, start_noise()
     total_F = rc.capacitance_for(CAPACITY_AH, ocv)
     circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
     return {

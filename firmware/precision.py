@@ -113,7 +113,7 @@ def _cycling_A(capacity_Ah: float, steps: int) -> np.ndarray:
 def _seen(battery: Battery, current_A: np.ndarray, voltage_V: np.ndarray) -> SocSample:
     """Samples of cheap sensors: noise, and an offset of the current."""
     rng, steps = np.random.default_rng(4), len(current_A)
-    current = current_A + 0.002 * battery.capacity_Ah + battery.noise.current_std_A * rng.standard_normal(steps)
+    current = current_A + 0.002 * battery.capacity_Ah + battery.sensor.noise_std_A * rng.standard_normal(steps)
     voltage = voltage_V + battery.noise.voltage_std_V * rng.standard_normal(steps)
     return SocSample(np.concatenate([[0.0], np.ones(steps - 1)]), current, voltage, np.full(steps, 25.0))
 

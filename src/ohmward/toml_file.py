@@ -30,6 +30,7 @@ class TomlFile(Generic[T]):
         header: comments at the head, lines that start with "#".
         digits: significant digits of the numbers written.
         kinds: value of the key `kind` for each class of a field that may hold one of several dataclasses.
+        older: formats of before, each with the function from its table to the one of today.
     """
 
     cls: type[T]
@@ -37,6 +38,7 @@ class TomlFile(Generic[T]):
     header: str
     digits: int = 6
     kinds: Mapping[str, type] = field(default_factory=dict)
+    older: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = field(default_factory=dict)
 
     @property
     def noun(self) -> str:
@@ -74,7 +76,10 @@ class TomlFile(Generic[T]):
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"is not valid TOML: {error}; correct the line") from error
-        self._require_format(data.pop("format", None))
+        found = data.pop("format", None)
+        if found in self.older:
+            return self._from_table(self.cls, self.older[found](data), "")
+        self._require_format(found)
         return self._from_table(self.cls, data, "")
 
     def _require_format(self, found: Any) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
 from ohmward.battery.soc.sample import SocSample
 from ohmward.trace import Kernel
@@ -91,13 +92,14 @@ def simulate(model: Thevenin, current_A: np.ndarray, soc: float, dt_s: float = 1
 
 
 def samples(truth: Truth, offset_A: float = 0.0, noise: BatteryNoise | None = None, seed: int = 1) -> SocSample:
-    """What sensors with this offset, and with the white noise of `noise`, show of the truth, (T,) each."""
-    rng, noise = np.random.default_rng(seed), noise or BatteryNoise(voltage_std_V=1e-12, current_std_A=0.0)
+    """What sensors with this offset, and with white noise where `noise` is given, show of the truth, (T,) each."""
+    rng = np.random.default_rng(seed)
+    current_std_A, voltage_std_V = (CurrentSensor().noise_std_A, noise.voltage_std_V) if noise else (0.0, 1e-12)
     count = len(truth.time_s)
     return SocSample(
         np.diff(truth.time_s, prepend=truth.time_s[0]),
-        truth.current_A + offset_A + noise.current_std_A * rng.standard_normal(count),
-        truth.voltage_V + noise.voltage_std_V * rng.standard_normal(count),
+        truth.current_A + offset_A + current_std_A * rng.standard_normal(count),
+        truth.voltage_V + voltage_std_V * rng.standard_normal(count),
         np.full(count, math.nan),
     )
 

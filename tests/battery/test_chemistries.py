@@ -29,7 +29,7 @@ def test_resistance_falls_with_capacity_and_grows_with_cells(name):
 @pytest.mark.parametrize("name", CHEMISTRIES)
 def test_the_first_voltage_is_read_back(name):
     """At rest in the middle of the curve the filter starts where the curve says, within its own sigma."""
-    model, noise = start_model(name, 2.0), start_noise(2.0)
+    model, noise = start_model(name, 2.0), start_noise()
     estimate = SocEstimator(TheveninFilter(model, noise)).update(0.0, 0.0, float(model.ocv.mean_V(0.5, 25.0)))
     assert abs(estimate.soc - 0.5) < 2 * estimate.soc_std
 
@@ -37,7 +37,7 @@ def test_the_first_voltage_is_read_back(name):
 def test_a_known_curve_takes_the_place_of_the_chemistrys():
     ocv = OcvCurve((3.1, 4.1))
     assert start_model("nmc", 2.0, 2, ocv).ocv.voltage_V == (6.2, 8.2)
-    assert start_noise(2.0, ocv_known=True).model_std_V[0] < start_noise(2.0).model_std_V[0]
+    assert start_noise(ocv_known=True).model_std_V[0] < start_noise().model_std_V[0]
 
 
 def test_refusals():

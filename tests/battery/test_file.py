@@ -11,6 +11,7 @@ from ohmward.battery.file import BATTERY_FILE, load_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.errors import InputError, OhmwardError
 
@@ -36,6 +37,7 @@ FULL = Battery(
     RC,
     BatteryNoise(),
     BatteryNoise(),
+    CurrentSensor(offset_std_A=0.1),
     PROVENANCE,
     ("hysteresis: none seen",),
 )
@@ -90,7 +92,7 @@ def test_what_was_rounded_once_stays_as_it_is(battery):
 def test_it_reads_like_a_document():
     text = BATTERY_FILE.dump(FULL)
     assert text.startswith("# A battery as ohmward knows it.")
-    assert 'format = "ohmward-battery/1"' in text.splitlines()[4:6]
+    assert 'format = "ohmward-battery/2"' in text.splitlines()[4:6]
     assert "[thevenin.ocv]" in text and "[[identification.logs]]" in text and "[noise]" in text
     assert max(map(len, text.splitlines())) <= 140
     assert tomllib.loads(text)["thevenin"]["tau_s"] == [10.0, 500.0]
@@ -109,7 +111,7 @@ def test_a_hand_edit_is_taken():
 
 def test_a_file_from_a_data_sheet_needs_little():
     text = """
-        format = "ohmward-battery/1"
+        format = "ohmward-battery/2"
         name = "sheet"
         capacity_Ah = 7
         [thevenin]
@@ -128,8 +130,8 @@ def test_a_file_from_a_data_sheet_needs_little():
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ('format = "ohmward-battery/1"\n', "", "the key format is missing"),
-        ("ohmward-battery/1", "ohmward-battery/9", "format must be 'ohmward-battery/1', got 'ohmward-battery/9'"),
+        ('format = "ohmward-battery/2"\n', "", "the key format is missing"),
+        ("ohmward-battery/2", "ohmward-battery/9", "format must be 'ohmward-battery/2', got 'ohmward-battery/9'"),
         (
             "capacity_Ah = 2.0\nchem",
             "capacity_mAh = 2000\nchem",
@@ -160,7 +162,7 @@ def test_refusals_name_key_rule_and_value(old, new, message):
 
 def test_a_battery_without_a_model_is_refused():
     with pytest.raises(InputError, match="has no model"):
-        BATTERY_FILE.parse('format = "ohmward-battery/1"\nname = "x"\ncapacity_Ah = 1.0\n')
+        BATTERY_FILE.parse('format = "ohmward-battery/2"\nname = "x"\ncapacity_Ah = 1.0\n')
     with pytest.raises(InputError, match="has no model"):
         replace(PLAIN, thevenin=None)
 
@@ -181,3 +183,14 @@ def test_unreadable_files_are_refused_by_name(tmp_path):
 def test_a_folder_that_is_not_there(tmp_path):
     with pytest.raises(OhmwardError, match="cannot be written"):
         save_battery(PLAIN, tmp_path / "no" / "battery.toml")
+
+
+def test_a_file_of_format_1_loads_with_its_sensor():
+    new = replace(FULL, sensor=CurrentSensor(noise_std_A=0.02, offset_std_A=0.1, offset_walk_A=0.004))
+    text = BATTERY_FILE.dump(new).replace("ohmward-battery/2", "ohmward-battery/1")
+    before, sensor = text[: text.index("[sensor]")], text[text.index("[sensor]") :]
+    rest = sensor[sensor.index("\n\n") :]
+    keys = "current_std_A = 0.02\ncurrent_offset_std_A = 0.1\ncurrent_offset_walk_A = 0.004\n"
+    old = (before + rest).replace("[noise]\n", "[noise]\n" + keys)
+    assert BATTERY_FILE.parse(old) == new
+    assert BATTERY_FILE.parse(old.replace("[noise]", "[rc_noise]", 1).replace("[rc_noise]\nv", "[noise]\nv", 1)) == new

@@ -15,7 +15,7 @@ from ohmward.simulate.voltage import simulate_voltage
 
 CAPACITY_AH = 12.0
 MODEL = start_model("nmc", CAPACITY_AH, 3)
-NOISE = BatteryNoise(voltage_std_V=0.01, current_std_A=0.05)
+NOISE = BatteryNoise(voltage_std_V=0.01)
 START_SOC = 0.9
 
 

@@ -6,6 +6,7 @@ from kernels import kernel_of
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -46,7 +47,7 @@ def test_without_a_rest_it_is_the_thevenin_filter():
     start = thevenin.init(SocSample(*(float(c[0]) for c in columns)), 0.8)
     _, alone = kernel_of(thevenin, start, SocSample(0.0, 0.0, 0.0, 0.0)).scan(start, columns)
     unsure = BatteryNoise(model_std_V=(0.2, 0.2))
-    _, both = run(Hybrid(thevenin, RcFilter(RC, unsure, "curve")), columns, 0.8)
+    _, both = run(Hybrid(thevenin, RcFilter(RC, unsure, soc_as="curve")), columns, 0.8)
     assert both.soc == pytest.approx(alone.soc, abs=1e-12)
     assert both.soc_std == pytest.approx(alone.soc_std, abs=1e-12)
 
@@ -54,8 +55,8 @@ def test_without_a_rest_it_is_the_thevenin_filter():
 def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
     current_A = np.concatenate([drive(np.random.default_rng(1), 1200, rest_every=10**6), np.zeros(2400)])
     columns = samples(simulate(NMC, current_A, 0.8), 0.0, NOISE)
-    unsure = BatteryNoise(model_std_V=(0.3, 0.3), capacity_std=0.1, current_offset_std_A=0.5)
-    hybrid = Hybrid(TheveninFilter(NMC, unsure), RcFilter(RC, NOISE, "curve"))
+    unsure, sensor = BatteryNoise(model_std_V=(0.3, 0.3), capacity_std=0.1), CurrentSensor(offset_std_A=0.5)
+    hybrid = Hybrid(TheveninFilter(NMC, unsure, sensor), RcFilter(RC, NOISE, soc_as="curve"))
     _, estimates = run(hybrid, columns, 0.8)
     corrections = np.flatnonzero(estimates.flags.astype(int) & SocFlag.REST)
     assert len(corrections) == 1
@@ -66,13 +67,13 @@ def test_a_rest_corrects_once_where_the_rc_filter_is_surer():
 def test_it_finds_the_truth_from_a_wrong_start():
     truth = simulate(NMC, drive(np.random.default_rng(2), 5400, mean_A=-0.3), 0.85)
     _, estimates = run(
-        Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, "curve")), samples(truth, 0.03, NOISE), 0.4
+        Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, soc_as="curve")), samples(truth, 0.03, NOISE), 0.4
     )
     assert abs(estimates.soc[-1] - truth.soc[-1]) < 0.02
 
 
 def test_a_clock_that_is_set_is_no_rest():
-    hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, "curve"))
+    hybrid = Hybrid(TheveninFilter(NMC, NOISE), RcFilter(RC, NOISE, soc_as="curve"))
     state = hybrid.init(SocSample(0.0, 0.0, 3.7, 25.0), 0.5)
     later, estimate = hybrid.step(state, SocSample(1.5e9, 0.0, 3.7, 25.0))
     assert int(estimate.flags) & SocFlag.BAD_TIME and not int(estimate.flags) & SocFlag.REST

@@ -60,7 +60,7 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     const float t18 = t0 + t17;
     const float t19 = 0.99933356f * t6;
     const float t20 = 0.95122945f * t4;
-    const float t21 = 4.822531e-11f + t3;
+    const float t21 = 3.0864197e-13f + t3;
     const float t22 = 0.016666668f * t14;
     const float t23 = fabsf(t21);
     const float t24 = 1e-14f * t23;

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
@@ -78,6 +79,7 @@ class Battery:
             shows the offset of the current sensor. None where unknown.
         thevenin, rc: the models that were identified; at least one.
         noise, rc_noise: to be assumed by an estimator with the Thevenin and with the RC model.
+        sensor: current sensor of the robot.
         identification: provenance of the numbers, None for those of a data sheet.
         not_identified: parameters that could not be identified, and why.
     """
@@ -93,6 +95,7 @@ class Battery:
     rc: RcModel | None = None
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     rc_noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     identification: Provenance | None = None
     not_identified: tuple[str, ...] = ()
 

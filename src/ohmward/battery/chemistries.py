@@ -14,6 +14,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 
@@ -120,7 +121,8 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         voltage_min_V=_LOWEST * curve_V[0],
         voltage_max_V=(_GASSING if name == "lead-acid" else _HIGHEST) * curve_V[-1],
         thevenin=model,
-        noise=start_noise(capacity_Ah, n_series),
+        noise=start_noise(n_series),
+        sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",
             "capacity: as given, taken as right within 5 %",
@@ -129,7 +131,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
     )
 
 
-def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:
+def start_noise(n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:
     """Noise of a battery without a test; `ocv_known` where its OCV curve was measured."""
     curve_V = 0.008 if ocv_known else 0.030
     return BatteryNoise(
@@ -138,9 +140,6 @@ def start_noise(capacity_Ah: float, n_series: int = 1, ocv_known: bool = False) 
         model_soc_length=0.1 if ocv_known else 0.3,
         overpotential_share=0.15,
         soc_axis_std=0.01 if ocv_known else 0.03,
-        current_std_A=0.025 * capacity_Ah,
-        current_offset_std_A=0.025 * capacity_Ah,
-        current_offset_walk_A=0.001 * capacity_Ah,
         capacity_std=0.05,
         resistance_std=0.5,
     )

@@ -74,7 +74,7 @@ class Hybrid:
 
     def continue_rest(self, state: HybridState, thevenin: FilterState, sample: SocSample) -> tuple[Rest, Any]:
         """The rest after a step, and the condition that the correction is due."""
-        threshold_A = self.thevenin.noise.rest_threshold_A(self.thevenin.model.capacity_Ah, self.rest_share)
+        threshold_A = self.thevenin.sensor.rest_threshold_A(self.thevenin.model.capacity_Ah, self.rest_share)
         resting = abs(thevenin.current_A) < threshold_A
         dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
         return continue_rest(state.rest, resting, dt_s, self.settle_s)

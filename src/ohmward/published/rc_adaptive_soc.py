@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.filters.belief import unpack
@@ -68,16 +69,18 @@ class RcAdaptiveSoc:
         return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
 
 
-def adaptive_soc_of(model: rc.RcModel, noise: BatteryNoise | None = None) -> RcAdaptiveSoc:
+def adaptive_soc_of(
+    model: rc.RcModel, noise: BatteryNoise | None = None, sensor: CurrentSensor | None = None
+) -> RcAdaptiveSoc:
     """The scheme for a model; the joint filter starts at its circuit."""
-    noise = noise or BatteryNoise()
+    noise, sensor = noise or BatteryNoise(), sensor or CurrentSensor()
     std = max(noise.resistance_std, _LEAST_START_STD)
-    soc = RcFilter(model, noise)
+    soc = RcFilter(model, noise, sensor)
     joint = RcJoint(
         nominal_of(model),
         start_std=(std, std, std, std),
         voltage_std_V=noise.voltage_std_V,
-        current_std_A=noise.current_std_A,
+        current_std_A=sensor.noise_std_A,
         current_limit_A=soc.limits.current_A,
         highest_ocv_V=model.ocv.voltage_V[-1],
     )

@@ -11,7 +11,7 @@ from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 
 
 def _adaptive_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return adaptive_soc_of(require_rc(battery), battery.rc_noise)
+    return adaptive_soc_of(require_rc(battery), battery.rc_noise, battery.sensor)
 
 
 def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:

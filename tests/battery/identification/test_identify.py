@@ -82,7 +82,7 @@ def test_the_noise_is_usable(found):
     noise = found.battery.noise
     assert 0.002 <= noise.voltage_std_V < 0.01
     assert len(noise.model_std_V) == 21 and min(noise.model_std_V) >= 0.003
-    assert noise.current_offset_std_A == pytest.approx(0.05)
+    assert found.battery.sensor.offset_std_A == pytest.approx(0.05)
     assert noise.overpotential_share >= 0.15
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, next_state, voltage
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -16,12 +17,13 @@ from ohmward.trace import Kernel
 
 RUNS, STEPS = 200, 300
 NOISE = BatteryNoise()
+SENSOR = CurrentSensor()
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])
 def test_nees_of_the_whole_state_lies_within_its_bounds(method):
     """x+ = f(x) + w, y = h(x) + v with the filter's own f, h, Q and R, from starts drawn from its own belief."""
-    settings = TheveninFilter(NMC, NOISE, method)
+    settings = TheveninFilter(NMC, NOISE, method=method)
     columns = samples(simulate(NMC, drive(np.random.default_rng(1), STEPS, -0.4), 0.7))
     start = settings.init(row(columns, 0), 0.7)
     truth, voltage_V = draw_runs(settings, start, columns, np.random.default_rng(2))
@@ -80,9 +82,9 @@ def test_the_band_covers_robots_whose_sensors_and_models_are_wrong(method, model
     current_A = drive(rng, steps, -0.4)
     errors = Errors(*(std * rng.standard_normal(RUNS) for std in (0.03, 0.05, 0.01, 0.05, 0.01, 0.05)))
     socs, clean_V = simulate_robots(model, current_A, soc + errors.soc, errors, rng)
-    shown_A = current_A[:, None] + errors.offset_A + NOISE.current_std_A * rng.standard_normal((steps, RUNS))
+    shown_A = current_A[:, None] + errors.offset_A + SENSOR.noise_std_A * rng.standard_normal((steps, RUNS))
     shown_V = clean_V + NOISE.voltage_std_V * rng.standard_normal((steps, RUNS))
-    settings = TheveninFilter(model, NOISE, method, idle_current_A=0.0)
+    settings = TheveninFilter(model, NOISE, method=method, idle_current_A=0.0)
     first = SocSample(0.0, 0.0, np.nan, 25.0)
     start = settings.init(first, soc)
     columns = SocSample(np.r_[0.0, np.ones(steps - 1)], shown_A, shown_V, np.full(steps, 25.0))

@@ -1,15 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from battery.examples import NMC, STRAIGHT, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 
-QUIET = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.0)
+EXACT = BatteryNoise(capacity_std=0.0)
+QUIET = CurrentSensor(noise_std_A=0.0, offset_std_A=0.0, gain_std=0.0)
 
 
 def scan(estimator, columns, soc=None, soc_std=0.03):
@@ -25,33 +29,33 @@ def constant(current_A, hours, dt_s=10.0, soc=1.0):
 @pytest.mark.parametrize("dt_s", [0.1, 10.0, 300.0])
 def test_one_hour_at_1C_empties_the_cell(dt_s):
     columns = samples(constant(-2.0, 1.0, dt_s))
-    state, estimates = scan(CoulombCounting(STRAIGHT, QUIET), columns, 1.0, 1e-3)
+    state, estimates = scan(CoulombCounting(STRAIGHT, EXACT, QUIET), columns, 1.0, 1e-3)
     assert estimates.soc[-1] - estimates.soc[0] == pytest.approx(-1.0, abs=3e-3)
     assert state.moved == pytest.approx(-1.0, abs=1e-9)
 
 
 def test_a_ramp_is_counted_exactly():
     columns = SocSample(np.array([0.0, 60.0]), np.array([0.0, -2.0]), np.array([3.8, 3.8]), np.array([25.0, 25.0]))
-    state, _ = scan(CoulombCounting(STRAIGHT, QUIET), columns, 0.8)
+    state, _ = scan(CoulombCounting(STRAIGHT, EXACT, QUIET), columns, 0.8)
     assert state.moved == pytest.approx(-1.0 * 60.0 / 7200.0, rel=1e-12)
 
 
 def test_an_offset_adds_up_in_time_and_a_gain_with_charge():
     truth = constant(-1.0, 1.0)
-    start = scan(CoulombCounting(STRAIGHT, QUIET), samples(truth), 1.0)[1].soc_std[0]
-    offset = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.05, capacity_std=0.0)
-    gain = BatteryNoise(current_std_A=0.0, current_offset_std_A=0.0, capacity_std=0.03)
-    with_offset = scan(CoulombCounting(STRAIGHT, offset), samples(truth), 1.0)[1].soc_std
-    with_gain = scan(CoulombCounting(STRAIGHT, gain), samples(truth), 1.0)[1].soc_std
+    start = scan(CoulombCounting(STRAIGHT, EXACT, QUIET), samples(truth), 1.0)[1].soc_std[0]
+    offset = CoulombCounting(STRAIGHT, EXACT, replace(QUIET, offset_std_A=0.05))
+    gain = CoulombCounting(STRAIGHT, replace(EXACT, capacity_std=0.024), replace(QUIET, gain_std=0.018))
+    with_offset = scan(offset, samples(truth), 1.0)[1].soc_std
+    with_gain = scan(gain, samples(truth), 1.0)[1].soc_std
     assert with_offset[-1] ** 2 - with_offset[0] ** 2 == pytest.approx((0.05 / 2.0) ** 2, rel=1e-3)
     assert with_gain[-1] ** 2 - start**2 == pytest.approx((0.03 * 0.5) ** 2, rel=0.02)
 
 
 def test_white_noise_adds_up_as_a_random_walk_at_any_rate():
     """The same share of an hour's variance at each rate, for sensor noise of samples 1 s apart."""
-    noise = BatteryNoise(current_std_A=0.5, current_offset_std_A=0.0, capacity_std=0.0)
+    noisy = replace(QUIET, noise_std_A=0.5)
     for dt_s in (0.5, 1.0, 20.0):
-        columns, estimator = samples(constant(0.0, 1.0, dt_s, 0.5)), CoulombCounting(STRAIGHT, noise)
+        columns, estimator = samples(constant(0.0, 1.0, dt_s, 0.5)), CoulombCounting(STRAIGHT, EXACT, noisy)
         state, _ = scan(estimator, columns, 0.5)
         grown = state.white_variance - estimator.init(row(columns, 0), 0.5).white_variance
         assert grown == pytest.approx(0.5**2 * 3600 / 7200.0**2, rel=1e-6)
@@ -60,15 +64,15 @@ def test_white_noise_adds_up_as_a_random_walk_at_any_rate():
 def test_the_claimed_sigma_is_the_spread_of_many_sensors():
     rng = np.random.default_rng(1)
     truth = simulate(NMC, np.full(3601, -0.5), 0.8)
-    noise = BatteryNoise(current_std_A=0.3)
-    estimator = CoulombCounting(NMC, noise)
+    noise, sensor = BatteryNoise(), CurrentSensor(noise_std_A=0.3)
+    estimator = CoulombCounting(NMC, noise, sensor)
     one = samples(truth)
     lanes = 300
     offset, gain = (
-        noise.current_offset_std_A * rng.standard_normal(lanes),
-        noise.capacity_std * rng.standard_normal(lanes),
+        sensor.offset_std_A * rng.standard_normal(lanes),
+        np.hypot(noise.capacity_std, sensor.gain_std) * rng.standard_normal(lanes),
     )
-    current = (1 + gain) * one.current_A[:, None] + offset + noise.current_std_A * rng.standard_normal((3601, lanes))
+    current = (1 + gain) * one.current_A[:, None] + offset + sensor.noise_std_A * rng.standard_normal((3601, lanes))
     state = estimator.init(row(one, 0), 0.8)
     kernel = kernel_of(estimator, state, row(one, 0))
     spread = 0.05 * rng.standard_normal(lanes)
@@ -80,7 +84,7 @@ def test_the_claimed_sigma_is_the_spread_of_many_sensors():
 
 @pytest.mark.parametrize(("current_A", "soc", "end"), [(-2.0, 0.2, 0.0), (2.0, 0.8, 1.0)])
 def test_counting_stops_at_the_ends_and_says_so(current_A, soc, end):
-    _, estimates = scan(CoulombCounting(STRAIGHT, QUIET), samples(constant(current_A, 0.5, soc=soc)), soc, 1e-3)
+    _, estimates = scan(CoulombCounting(STRAIGHT, EXACT, QUIET), samples(constant(current_A, 0.5, soc=soc)), soc, 1e-3)
     assert estimates.soc[-1] == end
     assert int(estimates.flags[-1]) & SocFlag.SOC_LIMITED
 

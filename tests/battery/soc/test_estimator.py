@@ -26,9 +26,9 @@ COLUMNS = samples(TRUTH, 0.03, NOISE)
 LOG = Log("drive", TRUTH.time_s + 100.0, COLUMNS.current_A, COLUMNS.voltage_V)
 ESTIMATORS: dict[str, Estimator] = {
     "ekf": TheveninFilter(LFP, NOISE, idle_current_A=0.0),
-    "ukf": TheveninFilter(LFP, NOISE, "ukf"),
-    "aekf": TheveninFilter(LFP, NOISE, "ekf", matching=True),
-    "aukf": TheveninFilter(LFP, NOISE, "ukf", matching=True),
+    "ukf": TheveninFilter(LFP, NOISE, method="ukf"),
+    "aekf": TheveninFilter(LFP, NOISE, method="ekf", matching=True),
+    "aukf": TheveninFilter(LFP, NOISE, method="ukf", matching=True),
     "coulomb": CoulombCounting(LFP, NOISE),
     "ocv": RestOcv(LFP, NOISE, settle_s=100.0),
 }

@@ -26,8 +26,8 @@ OUTAGE, ONE = slice(FIRST, LAST), slice(FIRST, FIRST + 1)
 TRUTH = simulate(NMC, drive(np.random.default_rng(1), LENGTH, -0.3), 0.9)
 ESTIMATORS: dict[str, Estimator] = {
     "ekf": TheveninFilter(NMC, NOISE, idle_current_A=0.0),
-    "ukf": TheveninFilter(NMC, NOISE, "ukf", idle_current_A=0.0),
-    "aekf": TheveninFilter(NMC, NOISE, "ekf", matching=True, idle_current_A=0.0),
+    "ukf": TheveninFilter(NMC, NOISE, method="ukf", idle_current_A=0.0),
+    "aekf": TheveninFilter(NMC, NOISE, method="ekf", matching=True, idle_current_A=0.0),
     "coulomb": CoulombCounting(NMC, NOISE),
     "ocv": RestOcv(NMC, NOISE),
 }

@@ -5,31 +5,35 @@ import pytest
 
 from battery.examples import LFP, NMC, STRAIGHT
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.initial_soc import first_voltage_std, initial_soc
 from ohmward.errors import InputError
 
 REST = CircuitInput(0.0, 25.0)
 NOISE = BatteryNoise()
+SENSOR = CurrentSensor()
 
 
 def test_nothing_known_is_uniform():
-    start = initial_soc(math.nan, REST, NMC, NOISE)
+    start = initial_soc(math.nan, REST, NMC, NOISE, SENSOR)
     assert start.soc == pytest.approx(0.5, abs=1e-9)
     assert start.std == pytest.approx(1 / math.sqrt(12), rel=0.01)
 
 
 def test_a_straight_curve_gives_the_textbook():
     """With a slope of 1 V the sigma of SoC is that of the voltage."""
-    start = initial_soc(3.5, REST, STRAIGHT, NOISE)
+    start = initial_soc(3.5, REST, STRAIGHT, NOISE, SENSOR)
     assert start.soc == pytest.approx(0.5, abs=1e-6)
-    assert start.std == pytest.approx(first_voltage_std(np.array([0.5, 0.51]), REST, STRAIGHT, NOISE)[0], rel=0.01)
+    assert start.std == pytest.approx(
+        first_voltage_std(np.array([0.5, 0.51]), REST, STRAIGHT, NOISE, SENSOR)[0], rel=0.01
+    )
 
 
 def test_value_and_voltage_are_weighed_by_their_variances():
     """The product of two Gaussians; the prior's doubt adds next to nothing where both agree."""
-    voltage_std = float(first_voltage_std(np.array([0.5, 0.51]), REST, STRAIGHT, NOISE)[0])
-    start = initial_soc(3.51, REST, STRAIGHT, NOISE, soc=0.5, soc_std=voltage_std)
+    voltage_std = float(first_voltage_std(np.array([0.5, 0.51]), REST, STRAIGHT, NOISE, SENSOR)[0])
+    start = initial_soc(3.51, REST, STRAIGHT, NOISE, SENSOR, soc=0.5, soc_std=voltage_std)
     assert start.soc == pytest.approx(0.505, abs=2e-4)
     assert start.std == pytest.approx(voltage_std / math.sqrt(2), rel=0.02)
 
@@ -37,49 +41,52 @@ def test_value_and_voltage_are_weighed_by_their_variances():
 @pytest.mark.parametrize("soc", [0.0, 0.1234, 0.50123456, 0.9012, 1.0])
 @pytest.mark.parametrize("soc_std", [1e-9, 1e-5, 1e-3])
 def test_a_value_that_is_surely_known_is_kept_wherever_it_lies(soc, soc_std):
-    start = initial_soc(math.nan, REST, NMC, NOISE, soc=soc, soc_std=soc_std)
+    start = initial_soc(math.nan, REST, NMC, NOISE, SENSOR, soc=soc, soc_std=soc_std)
     assert start.soc == pytest.approx(soc, abs=0.02 * 0.5 + 1e-6)
-    agreed = initial_soc(3.0 + soc, REST, STRAIGHT, NOISE, soc=soc, soc_std=soc_std)
+    agreed = initial_soc(3.0 + soc, REST, STRAIGHT, NOISE, SENSOR, soc=soc, soc_std=soc_std)
     assert agreed.soc == pytest.approx(soc, abs=1e-3)
 
 
 def test_a_current_is_taken_out_of_the_voltage():
-    assert initial_soc(3.5 - 2 * 0.02, CircuitInput(-2.0, 25.0), STRAIGHT, NOISE).soc == pytest.approx(0.5, abs=1e-4)
+    assert initial_soc(3.5 - 2 * 0.02, CircuitInput(-2.0, 25.0), STRAIGHT, NOISE, SENSOR).soc == pytest.approx(
+        0.5, abs=1e-4
+    )
 
 
 def test_a_value_that_the_voltage_contradicts_is_overruled():
-    start = initial_soc(float(NMC.ocv.mean_V(0.8, 25.0)), REST, NMC, NOISE, soc=0.3)
+    start = initial_soc(float(NMC.ocv.mean_V(0.8, 25.0)), REST, NMC, NOISE, SENSOR, soc=0.3)
     assert start.soc == pytest.approx(0.8, abs=0.02)
 
 
 def test_on_a_plateau_the_value_stands():
-    start = initial_soc(float(LFP.ocv.mean_V(0.5, 25.0)), REST, LFP, NOISE, soc=0.55)
+    start = initial_soc(float(LFP.ocv.mean_V(0.5, 25.0)), REST, LFP, NOISE, SENSOR, soc=0.55)
     assert abs(start.soc - 0.5) < 2 * start.std
     assert abs(start.soc - 0.55) < 0.02
 
 
 def test_on_a_plateau_the_voltage_alone_says_little():
-    assert initial_soc(float(LFP.ocv.mean_V(0.5, 25.0)), REST, LFP, NOISE).std > 0.08
+    assert initial_soc(float(LFP.ocv.mean_V(0.5, 25.0)), REST, LFP, NOISE, SENSOR).std > 0.08
 
 
 def test_beyond_the_curve_is_full_or_empty():
-    assert initial_soc(4.5, REST, NMC, NOISE).soc > 0.97
-    assert initial_soc(2.9, REST, NMC, NOISE).soc < 0.03
+    assert initial_soc(4.5, REST, NMC, NOISE, SENSOR).soc > 0.97
+    assert initial_soc(2.9, REST, NMC, NOISE, SENSOR).soc < 0.03
 
 
 @pytest.mark.parametrize("voltage_V", [0.0, -3.0, 9.0, 1e300, math.inf])
 def test_an_absurd_voltage_is_none(voltage_V):
-    assert initial_soc(voltage_V, REST, NMC, NOISE) == initial_soc(math.nan, REST, NMC, NOISE)
+    assert initial_soc(voltage_V, REST, NMC, NOISE, SENSOR) == initial_soc(math.nan, REST, NMC, NOISE, SENSOR)
 
 
 def test_the_claimed_sigma_holds():
     """Draw truth and voltage from what the noise says, and count."""
     rng = np.random.default_rng(1)
     truth = rng.uniform(0.1, 0.9, 400)
-    std = first_voltage_std(np.linspace(0, 1, 401), REST, NMC, NOISE)
+    std = first_voltage_std(np.linspace(0, 1, 401), REST, NMC, NOISE, SENSOR)
     error = np.interp(truth, np.linspace(0, 1, 401), std) * rng.standard_normal(400)
     starts = [
-        initial_soc(float(NMC.ocv.mean_V(s, 25.0) + e), REST, NMC, NOISE) for s, e in zip(truth, error, strict=True)
+        initial_soc(float(NMC.ocv.mean_V(s, 25.0) + e), REST, NMC, NOISE, SENSOR)
+        for s, e in zip(truth, error, strict=True)
     ]
     z = np.array([(start.soc - s) / start.std for start, s in zip(starts, truth, strict=True)])
     assert np.mean(np.abs(z) < 1.96) == pytest.approx(0.95, abs=0.03)
@@ -88,6 +95,6 @@ def test_the_claimed_sigma_holds():
 
 def test_refuses():
     with pytest.raises(InputError, match="initial_soc must be between 0 and 1, got 80"):
-        initial_soc(3.7, REST, NMC, NOISE, soc=80.0)
+        initial_soc(3.7, REST, NMC, NOISE, SENSOR, soc=80.0)
     with pytest.raises(InputError, match="initial_soc_std must be > 0, got 0"):
-        initial_soc(3.7, REST, NMC, NOISE, soc=0.8, soc_std=0.0)
+        initial_soc(3.7, REST, NMC, NOISE, SENSOR, soc=0.8, soc_std=0.0)

@@ -13,6 +13,7 @@ from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import SocEstimator
@@ -28,21 +29,20 @@ from ohmward.trace import Kernel
 
 NAN = math.nan
 MODEL = model_of(EVEN)
-SENSORS = BatteryNoise(
+NOISE = BatteryNoise(
     voltage_std_V=0.002,
     model_std_V=(1e-4, 1e-4),
     overpotential_share=0.0,
     soc_axis_std=0.0,
     correlation_s=0.0,
-    current_std_A=0.02,
-    current_offset_std_A=0.05,
     capacity_std=0.0,
     resistance_std=0.001,
 )
+SENSOR = CurrentSensor(noise_std_A=0.02, gain_std=0.0)
 ESTIMATORS: dict[str, Any] = {
-    "curve": RcFilter(MODEL, SENSORS, "curve"),
-    "state": RcFilter(MODEL, SENSORS),
-    "scheme": adaptive_soc_of(MODEL, SENSORS),
+    "curve": RcFilter(MODEL, NOISE, SENSOR, soc_as="curve"),
+    "state": RcFilter(MODEL, NOISE, SENSOR),
+    "scheme": adaptive_soc_of(MODEL, NOISE, SENSOR),
 }
 ALL = pytest.mark.parametrize("name", ESTIMATORS)
 
@@ -112,14 +112,16 @@ def test_curve_and_state_agree_where_the_curve_is_straight():
 def test_without_doubts_it_is_the_textbook_filter():
     """Offset, model error and resistance exact: what is left is the Kalman filter on [V_cb, V_cs]."""
     noise = replace(
-        SENSORS,
+        NOISE,
         model_std_V=(0.0, 0.0),
-        current_offset_std_A=0.0,
-        current_offset_walk_A=0.0,
         resistance_std=0.0,
         resistance_walk=0.0,
     )
-    estimator, run = RcFilter(model_of(UNEVEN), noise, "curve"), simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8)
+    sensor = replace(SENSOR, offset_std_A=0.0, offset_walk_A=0.0)
+    estimator, run = (
+        RcFilter(model_of(UNEVEN), noise, sensor, soc_as="curve"),
+        simulate(UNEVEN, 300, 3, voltage_std_V=0.002, soc=0.8),
+    )
     state = estimator.init(row(run.samples, 0), soc=0.7, soc_std=0.1)
     belief = unpack(state.belief)
     belief = belief._replace(mean=belief.mean[:2], cov=belief.cov[:2, :2])
@@ -128,7 +130,7 @@ def test_without_doubts_it_is_the_textbook_filter():
         sample = row(run.samples, k)
         F, B = rc.transition(UNEVEN, sample.dt_s)
         path = (0.15 * (sample.current_A - before_A) * sample.dt_s) ** 2
-        variance_As2 = noise.current_std_A**2 * sample.dt_s + path
+        variance_As2 = sensor.noise_std_A**2 * sample.dt_s + path
         Q = np.full((2, 2), variance_As2 / sum(UNEVEN[:2]) ** 2)
         belief = kalman.predict(belief, F, Q, B * 0.5 * (before_A + sample.current_A))
         y = np.array([sample.voltage_V - rc.instant_resistance(UNEVEN) * sample.current_A])
@@ -157,7 +159,7 @@ def test_system_is_linear_in_offset_and_output_in_resistance():
 
 def test_model_error_lives_along_charge():
     """It stays at rest, and its variance is one whatever the charge that flows."""
-    estimator = RcFilter(MODEL, replace(SENSORS, model_soc_length=0.1))
+    estimator = RcFilter(MODEL, replace(NOISE, model_soc_length=0.1), SENSOR)
     assert estimator.error_decay(0.0) == 1.0
     assert estimator.error_decay(0.1) == pytest.approx(math.exp(-1))
     decay = estimator.error_decay(0.04)
@@ -169,9 +171,9 @@ def test_model_error_lives_along_charge():
 def test_resistance_error_is_found():
     """A battery with resistances 30 % above the file's."""
     worn = rc.Circuit(*EVEN[:2], *(1.3 * r for r in EVEN[2:]))
-    noise = replace(SENSORS, resistance_std=0.3)
+    noise = replace(NOISE, resistance_std=0.3)
     run = simulate(worn, 3000, 5, voltage_std_V=0.002, soc=0.9)
-    found = SocEstimator(RcFilter(MODEL, noise, "curve")).run(log_of(run.samples)).estimates
+    found = SocEstimator(RcFilter(MODEL, noise, SENSOR, soc_as="curve")).run(log_of(run.samples)).estimates
     assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.05)
     assert np.abs(found.soc - run.soc)[500:].max() < 0.02
 
@@ -180,7 +182,9 @@ def test_scheme_tells_capacity_and_resistance():
     worn = rc.Circuit(0.85 * EVEN[0], 0.85 * EVEN[1], *(1.3 * r for r in EVEN[2:]))
     run = simulate(worn, 5000, 6, voltage_std_V=0.002, soc=0.9)
     found = (
-        SocEstimator(adaptive_soc_of(MODEL, replace(SENSORS, resistance_std=0.3))).run(log_of(run.samples)).estimates
+        SocEstimator(adaptive_soc_of(MODEL, replace(NOISE, resistance_std=0.3), SENSOR))
+        .run(log_of(run.samples))
+        .estimates
     )
     assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.03)
     assert found.soh_capacity[-1] == pytest.approx(0.85, rel=0.03)
@@ -266,7 +270,7 @@ def test_scheme_survives_a_joint_filter_that_has_diverged():
 
 @pytest.mark.parametrize("doubt", ["capacitance_std", "resistance_std"])
 def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
-    estimator = RcFilter(MODEL, SENSORS)
+    estimator = RcFilter(MODEL, NOISE, SENSOR)
     state, sample = estimator.init(SocSample(0.0, -5.0, 12.6, NAN)), SocSample(10.0, -5.0, 12.6, NAN)
     _, sure = estimator.step(state, sample, RcParameters(EVEN))
     _, unsure = estimator.step(state, sample, RcParameters(EVEN, **{doubt: 0.5}))
@@ -274,8 +278,8 @@ def test_parameters_in_doubt_make_the_voltage_uncertain(doubt):
 
 
 def test_voltage_counts_once_in_the_time_that_its_errors_hold_on():
-    noise = replace(SENSORS, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
-    estimator = RcFilter(MODEL, noise)
+    noise = replace(NOISE, voltage_std_V=0.01, overpotential_share=0.2, soc_axis_std=0.03, correlation_s=100.0)
+    estimator = RcFilter(MODEL, noise, SENSOR)
     once = 0.01**2 + (0.2**2 + 0.1**2) * 0.5**2 + (0.03 * 1.2) ** 2
     assert estimator.voltage_variance(cleaned(10.0), 0.5, 1.2, 0.1) == pytest.approx(20 * once)
     assert estimator.voltage_variance(cleaned(300.0), 0.5, 1.2, 0.1) == pytest.approx(once)
@@ -307,12 +311,12 @@ def test_traced_step_is_the_step(name):
 def test_bad_settings_are_refused(name):
     settings: dict[str, Any] = {name: 0.0}
     with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):
-        RcFilter(MODEL, SENSORS, **settings)
+        RcFilter(MODEL, NOISE, SENSOR, **settings)
 
 
 def test_a_soc_that_is_neither_state_nor_on_the_curve_is_refused():
     with pytest.raises(InputError, match="soc_as must be one of state, curve, got 'line'"):
-        RcFilter(MODEL, SENSORS, "line")
+        RcFilter(MODEL, NOISE, SENSOR, soc_as="line")
 
 
 def test_names_belong_to_the_state():
@@ -326,7 +330,7 @@ def test_names_belong_to_the_state():
 
 def test_inverse_curve_undoes_the_curve():
     soc = np.linspace(0.0, 1.0, 21)
-    bent = SocByCurve(replace(MODEL, ocv=OcvCurve(tuple(11.5 + soc + 0.3 * np.sin(3 * soc)))), SENSORS)
+    bent = SocByCurve(replace(MODEL, ocv=OcvCurve(tuple(11.5 + soc + 0.3 * np.sin(3 * soc)))), NOISE)
 
     def at_rest(ocv_V):
         return np.array([ocv_V, ocv_V, 0.0, 0.0, 0.0])
@@ -376,7 +380,7 @@ def test_iron_phosphate_is_survived_and_its_sigma_says_so():
     half = dynamic.select(slice(0, len(dynamic) // 2))
     found = identify_rc(half, mean_curve(*slow), 2.03, start_soc=1.0)
     assert rc.instant_resistance(found.model) == pytest.approx(0.0099, rel=0.1)
-    run = SocEstimator(RcFilter(found.model, found.noise, "curve"), 1.0).run(dynamic).estimates
+    run = SocEstimator(RcFilter(found.model, found.noise, soc_as="curve"), 1.0).run(dynamic).estimates
     error = run.soc - soc
     assert np.isfinite(run.soc).all()
     assert np.abs(error).max() < 0.3

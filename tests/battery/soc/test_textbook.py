@@ -10,6 +10,7 @@ from filterpy.kalman import KalmanFilter
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
@@ -18,7 +19,8 @@ from ohmward.errors import InputError
 from ohmward.filters import unscented
 from ohmward.filters.belief import unpack
 
-NOISE = BatteryNoise(current_offset_std_A=0.0)
+NOISE = BatteryNoise()
+SENSOR = CurrentSensor()
 FIRST = SocSample(0.0, 0.0, 3.7, 25.0)
 both = pytest.mark.parametrize("method", ["ekf", "ukf"])
 
@@ -31,7 +33,7 @@ def filterpy_of(dt_s):
     peer.F = np.diag([1.0, *a])
     peer.B = np.array([[dt_s / STRAIGHT.capacity_As], *((1 - a) * r)[:, None]])
     peer.H = np.array([[1.0, 1.0, 1.0]])
-    peer.Q = np.diag([(NOISE.current_std_A / STRAIGHT.capacity_As) ** 2 * dt_s, *(PAIR_CURRENT_C * r * 2.0) ** 2])
+    peer.Q = np.diag([(SENSOR.noise_std_A / STRAIGHT.capacity_As) ** 2 * dt_s, *(PAIR_CURRENT_C * r * 2.0) ** 2])
     peer.R = np.array([[NOISE.voltage_std_V**2 + max(NOISE.model_std_V) ** 2]])
     peer.x, peer.P = np.array([[0.5], [0.0], [0.0]]), np.diag([0.1**2, 1e-6, 1e-6])
     return peer
@@ -39,7 +41,7 @@ def filterpy_of(dt_s):
 
 @both
 def test_on_a_straight_curve_it_is_filterpys_kalman_filter(method):
-    filter_, rng = TextbookFilter(STRAIGHT, NOISE, method), np.random.default_rng(1)
+    filter_, rng = TextbookFilter(STRAIGHT, NOISE, method=method), np.random.default_rng(1)
     state, peer, before = filter_.start(FIRST, 0.5, 0.1), filterpy_of(2.0), 0.0
     for _ in range(50):
         current, voltage = rng.normal(-1.0, 0.5), rng.normal(3.6, 0.05)
@@ -58,7 +60,7 @@ def test_on_a_straight_curve_it_is_filterpys_kalman_filter(method):
 def test_it_finds_the_soc_of_the_cell_it_believes_in(method):
     truth = simulate(NMC, drive(np.random.default_rng(2), 3000), 0.9)
     columns = samples(truth, 0.0, NOISE)
-    estimator = SocEstimator(TextbookFilter(NMC, NOISE, method), 0.7, 0.2)
+    estimator = SocEstimator(TextbookFilter(NMC, NOISE, method=method), 0.7, 0.2)
     for k in range(len(truth.time_s)):
         estimate = estimator.update(truth.time_s[k], columns.current_A[k], columns.voltage_V[k])
     assert estimate.soc == pytest.approx(truth.soc[-1], abs=0.02)
@@ -67,7 +69,7 @@ def test_it_finds_the_soc_of_the_cell_it_believes_in(method):
 @both
 def test_compiled_is_with_floats(method):
     columns = samples(simulate(NMC, drive(np.random.default_rng(3), 60), 0.9), 0.0, NOISE)
-    filter_ = TextbookFilter(NMC, NOISE, method)
+    filter_ = TextbookFilter(NMC, NOISE, method=method)
     state = compiled = filter_.init(row(columns, 0), 0.8)
     kernel = kernel_of(filter_, state, row(columns, 0))
     for k in range(40):
@@ -78,7 +80,7 @@ def test_compiled_is_with_floats(method):
 
 @both
 def test_bad_samples_do_not_stop_it(method):
-    filter_ = TextbookFilter(NMC, NOISE, method)
+    filter_ = TextbookFilter(NMC, NOISE, method=method)
     state = filter_.init(FIRST, 0.5)
     bad = [
         SocSample(1.0, math.nan, 3.7, math.nan),
@@ -103,7 +105,7 @@ def voltage(drop_V, x):
 
 
 def test_the_unscented_filter_is_that_of_all_sigma_points():
-    filter_, rng = TextbookFilter(NMC, NOISE, "ukf"), np.random.default_rng(5)
+    filter_, rng = TextbookFilter(NMC, NOISE, method="ukf"), np.random.default_rng(5)
     state = filter_.start(FIRST, 0.4, 0.2)
     R = np.array([[NOISE.voltage_std_V**2 + max(NOISE.model_std_V) ** 2]])
     for _ in range(30):
@@ -120,7 +122,7 @@ def test_the_unscented_filter_is_that_of_all_sigma_points():
 
 @both
 def test_without_a_voltage_it_is_the_prediction_to_the_bit(method):
-    filter_ = TextbookFilter(NMC, NOISE, method)
+    filter_ = TextbookFilter(NMC, NOISE, method=method)
     state = filter_.start(FIRST, 0.5, 0.1)
     prior = filter_.predict(unpack(state.belief), -0.5, 2.0)
     after, _ = filter_.step(state, SocSample(2.0, -1.0, math.nan, 25.0))

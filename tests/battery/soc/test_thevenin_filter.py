@@ -11,6 +11,7 @@ from battery.examples import LFP, NMC, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -26,13 +27,12 @@ PLAIN = BatteryNoise(
     overpotential_share=0.0,
     soc_axis_std=0.0,
     correlation_s=0.0,
-    current_offset_std_A=0.0,
-    current_offset_walk_A=0.0,
     capacity_std=0.0,
     capacity_walk=0.0,
     resistance_std=0.0,
     resistance_walk=0.0,
 )
+STEADY = CurrentSensor(offset_std_A=0.0, offset_walk_A=0.0, gain_std=0.0)
 
 
 def scan(settings, columns, soc=None, soc_std=0.03):
@@ -45,7 +45,7 @@ def test_reduces_to_a_kalman_filter_written_by_hand():
     """Straight OCV: SoC and the pairs are a linear model, and its Kalman filter is ten lines."""
     truth = simulate(STRAIGHT, drive(np.random.default_rng(2), 400), 0.6)
     columns = samples(truth, noise=PLAIN)
-    settings = TheveninFilter(STRAIGHT, PLAIN)
+    settings = TheveninFilter(STRAIGHT, PLAIN, STEADY)
     _, estimates = scan(settings, columns, 0.6)
 
     start = unpack(settings.init(row(columns, 0), 0.6).belief)
@@ -121,7 +121,9 @@ def test_on_a_straight_cell_both_methods_agree(method):
 @pytest.mark.parametrize("offset_A", [-0.1, 0.05])
 def test_rest_shows_the_offset_of_the_current_sensor(method, offset_A):
     truth = simulate(LFP, drive(np.random.default_rng(5), 3000), 0.8)
-    _, estimates = scan(TheveninFilter(LFP, NOISE, method, idle_current_A=0.0), samples(truth, offset_A, NOISE), 0.8)
+    _, estimates = scan(
+        TheveninFilter(LFP, NOISE, method=method, idle_current_A=0.0), samples(truth, offset_A, NOISE), 0.8
+    )
     assert estimates.current_offset_A[-1] == pytest.approx(offset_A, abs=0.008)
     assert np.mean(estimates.flags.astype(int) & SocFlag.REST > 0) == pytest.approx(1 / 8, abs=0.07)
 
@@ -152,7 +154,7 @@ def test_a_small_true_current_is_no_rest_once_the_offset_is_known():
 @pytest.mark.parametrize(("true", "given"), [(0.9, 0.4), (0.4, 0.8), (0.75, 0.25)])
 def test_a_wrong_start_is_recovered(method, true, given):
     truth = simulate(NMC, drive(np.random.default_rng(6), 1800, mean_A=-0.2), true)
-    _, estimates = scan(TheveninFilter(NMC, NOISE, method), samples(truth, 0.03, NOISE), given)
+    _, estimates = scan(TheveninFilter(NMC, NOISE, method=method), samples(truth, 0.03, NOISE), given)
     assert abs(estimates.soc[-1] - truth.soc[-1]) < 0.01
 
 
@@ -180,7 +182,7 @@ def test_process_noise_is_never_negative(current_A, dt_s):
 @pytest.mark.parametrize("method", METHODS)
 def test_on_the_plateau_sigma_does_not_collapse(method):
     truth = simulate(LFP, drive(np.random.default_rng(7), 7200, mean_A=-0.02), 0.5)
-    _, estimates = scan(TheveninFilter(LFP, NOISE, method), samples(truth, 0.04, NOISE), 0.5, 0.05)
+    _, estimates = scan(TheveninFilter(LFP, NOISE, method=method), samples(truth, 0.04, NOISE), 0.5, 0.05)
     error = estimates.soc - truth.soc
     assert estimates.soc_std.min() > 0.02
     assert np.mean(np.abs(error) < 1.96 * estimates.soc_std) > 0.95
@@ -201,7 +203,7 @@ def test_a_worn_battery_shows_in_its_capacity_and_resistance():
 def test_the_voltage_never_hurts(method):
     truth = simulate(LFP, drive(np.random.default_rng(8), 3000), 0.8)
     columns = samples(truth, 0.03, NOISE)
-    _, filtered = scan(TheveninFilter(LFP, NOISE, method), columns, 0.8)
+    _, filtered = scan(TheveninFilter(LFP, NOISE, method=method), columns, 0.8)
     _, counted = scan(CoulombCounting(LFP, NOISE), columns, 0.8)
     assert np.all(filtered.soc_std <= counted.soc_std * 1.001)
 
@@ -219,8 +221,8 @@ def test_a_pack_in_series_has_the_soc_of_its_cell(method):
     columns = samples(simulate(NMC, drive(np.random.default_rng(9), 600), 0.7), 0.02, NOISE)
     pack = columns._replace(voltage_V=7 * columns.voltage_V)
     noise = replace(NOISE, voltage_std_V=7 * NOISE.voltage_std_V, model_std_V=tuple(7 * v for v in NOISE.model_std_V))
-    _, cell = scan(TheveninFilter(NMC, NOISE, method), columns)
-    _, series = scan(TheveninFilter(NMC.in_series(7), noise, method), pack)
+    _, cell = scan(TheveninFilter(NMC, NOISE, method=method), columns)
+    _, series = scan(TheveninFilter(NMC.in_series(7), noise, method=method), pack)
     assert series.soc == pytest.approx(cell.soc, abs=1e-6)
     assert series.soc_std == pytest.approx(cell.soc_std, rel=1e-4)
     assert series.voltage_V == pytest.approx(7 * cell.voltage_V, abs=1e-5)

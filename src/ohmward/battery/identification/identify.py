@@ -35,6 +35,7 @@ from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
@@ -205,7 +206,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         notes=tuple(str(note) for note in (*prepared.notes, *edge_notes([e for d in details for e in d.edges]))),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
-    noise = noise_from_fit(fit.solution, problem, model, current_noise_A(prepared.fast[0].current_A), pulses_only)
+    noise = noise_from_fit(fit.solution, problem, model, pulses_only)
     missing = not_identified(fit, samples, Q, hysteresis)
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
@@ -273,7 +274,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         model = Thevenin(Q, ocv, (0.0, 0.0), (0.0, 0.0), (), (), reference_degC=ocv.reference_degC)
         missing += " in the logs; taken as 0 (name a chemistry for start values)"
     one_way = "hysteresis: one direction only; taken as none"
-    battery = _battery(prepared, settings, thevenin=model, noise=start_noise(Q, n, ocv_known=True))
+    battery = _battery(prepared, settings, thevenin=model, noise=start_noise(n, ocv_known=True))
     battery = replace(
         battery,
         identification=_provenance(prepared, settings),
@@ -285,6 +286,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:
     """The battery with these models; settings and limits of the voltage from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
+    noise_A = max((current_noise_A(r.current_A) for r in prepared.fast), default=0.0)
     return Battery(
         name=settings.name,
         capacity_Ah=settings.capacity_Ah,
@@ -294,6 +296,7 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: 
         voltage_max_V=float(np.nanmax(voltage_V)),
         idle_current_A=settings.idle_current_A,
         noise=noise,
+        sensor=usual_sensor(settings.capacity_Ah, noise_A),
         **models,
     )
 

@@ -14,13 +14,9 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
-#: Offset, its random walk in an hour and least noise of a current sensor of a robot, as shares of 1 C.
-OFFSET_SHARE = 0.025
-_OFFSET_WALK_SHARE = 0.001
-_CURRENT_NOISE_SHARE = 0.002
-#: Error of the SoC axis of the OCV curve, and of capacity and gain.
+#: Error of the SoC axis of the OCV curve, and of the capacity.
 SOC_AXIS_STD = 0.01
-_GAIN_STD = 0.01
+_CAPACITY_STD = 0.01
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
 #: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
@@ -43,14 +39,11 @@ _GRID_S = 10.0
 _HYSTERESIS_STD = 0.3
 
 
-def noise_from_fit(
-    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, current_noise_A: float, pulses_only: bool
-) -> BatteryNoise:
+def noise_from_fit(solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, pulses_only: bool) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is the residual of the fit there and the standard deviation of its posterior, which is
     small where there were data and grows where there were none.
-    current_noise_A: white noise of the current sensor, as seen at rest.
     pulses_only: no log has a lasting load.
     """
     samples, volts = problem.samples, problem.volts
@@ -66,10 +59,7 @@ def noise_from_fit(
         model_std_V=tuple(model_V.tolist()),
         overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
         correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
-        current_std_A=max(current_noise_A, _CURRENT_NOISE_SHARE * p.capacity_Ah),
-        current_offset_std_A=OFFSET_SHARE * p.capacity_Ah,
-        current_offset_walk_A=_OFFSET_WALK_SHARE * p.capacity_Ah,
-        capacity_std=_GAIN_STD,
+        capacity_std=_CAPACITY_STD,
     )
 
 

@@ -1,4 +1,4 @@
-"""Noise of the sensors and of the battery model, as an estimator must assume it."""
+"""Noise of the voltage sensor and of the battery model, as an estimator must assume it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PATH_SHARE = 0.15
 #: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
 
-_HOUR_S = 3600.0
+HOUR_S = 3600.0
 
 
 def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
@@ -60,13 +60,13 @@ class BatteryNoise:
         overpotential_share: relative error of the overpotential.
         soc_axis_std: error of the SoC axis of the OCV curve.
         correlation_s: correlation time of the errors that depend on current; samples further apart are independent.
-        current_std_A: white noise of the current sensor, of samples 1 s apart.
-        current_offset_std_A: offset of the current sensor when nothing is known of it.
-        current_offset_walk_A: random walk of the offset in one hour.
-        capacity_std: relative error of the capacity and of the current sensor's gain.
+        capacity_std: relative error of the capacity.
         capacity_walk: random walk of that error in 1000 hours.
         resistance_std: relative error of all resistances together.
         resistance_walk: random walk of that error in 100 hours.
+        activation_std_K: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference)).
+        hysteresis_std: relative error of the hysteresis of the OCV curve.
+        ocv_std_V_per_K: error of the OCV curve for every degree from its reference temperature.
     """
 
     voltage_std_V: float = 0.005
@@ -75,13 +75,13 @@ class BatteryNoise:
     overpotential_share: float = 0.05
     soc_axis_std: float = 0.01
     correlation_s: float = 200.0
-    current_std_A: float = 0.05
-    current_offset_std_A: float = 0.05
-    current_offset_walk_A: float = 0.002
     capacity_std: float = 0.01
     capacity_walk: float = 0.01
     resistance_std: float = 0.05
     resistance_walk: float = 0.05
+    activation_std_K: float = 0.0
+    hysteresis_std: float = 0.0
+    ocv_std_V_per_K: float = 0.0
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -95,22 +95,14 @@ class BatteryNoise:
         """Standard deviation of the model's voltage error [V] at this SoC."""
         return on_soc_grid(self.model_std_V, soc)
 
-    def offset_walk_variance(self, dt_s: Scalar) -> Scalar:
-        """Process variance [A^2] of the offset of the current sensor in one step."""
-        return walk_variance(self.current_offset_walk_A, _HOUR_S, dt_s)
-
     def capacity_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance of the relative error of the capacity in one step."""
-        return walk_variance(self.capacity_walk, 1000 * _HOUR_S, dt_s)
+        return walk_variance(self.capacity_walk, 1000 * HOUR_S, dt_s)
 
     def resistance_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance of the relative error of the resistances in one step."""
-        return walk_variance(self.resistance_walk, 100 * _HOUR_S, dt_s)
+        return walk_variance(self.resistance_walk, 100 * HOUR_S, dt_s)
 
     def samples_per_error(self, dt_s: Scalar) -> Scalar:
         """Number of samples that share one error that holds on for `correlation_s`, at least 1: R is so much larger."""
         return maximum(1.0, 2 * self.correlation_s / maximum(dt_s, _SHORTEST_STEP_S))
-
-    def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
-        """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the sensor."""
-        return share * capacity_Ah + 3.0 * self.current_std_A

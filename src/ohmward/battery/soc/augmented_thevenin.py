@@ -14,6 +14,7 @@ however often it is sampled, so R = variance * 2 correlation_s / dt. Axis and ov
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ from ohmward.battery.models.noise import (
     USUAL_C,
     BatteryNoise,
 )
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     StateOfHealth,
@@ -97,11 +99,13 @@ class AugmentedThevenin:
 
     Attributes:
         model: the circuit.
-        noise: of sensors and model.
+        noise: of voltage and model.
+        sensor: of the current.
     """
 
     model: Thevenin
     noise: BatteryNoise
+    sensor: CurrentSensor
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -121,12 +125,12 @@ class AugmentedThevenin:
     def start(self, soc: Scalar, soc_std: Scalar, u: CircuitInput) -> Belief:
         """Belief before the first sample, at this SoC with current and temperature u."""
         noise = self.noise
-        likely_A = abs(u.current_A) + noise.current_offset_std_A
+        likely_A = abs(u.current_A) + self.sensor.offset_std_A
         pairs = [r * likely_A + LEAST_PAIR_STD_V for r in pair_resistances(soc, u, self.model)]
         std = AugmentedState(
             circuit=[soc_std, *pairs, HYSTERESIS_UNKNOWN_STD],
-            offset_A=noise.current_offset_std_A,
-            charge_gain=noise.capacity_std,
+            offset_A=self.sensor.offset_std_A,
+            charge_gain=math.hypot(noise.capacity_std, self.sensor.gain_std),
             resistance_ratio=noise.resistance_std,
             model_error=1.0,
         )
@@ -170,8 +174,8 @@ class AugmentedThevenin:
         pairs = [(r * wander_A) ** 2 * (1 - a**2) for r, a in zip(resistances, decays, strict=True)]
         unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
         variances = AugmentedState(
-            circuit=[charge_variance(clean, noise, p), *pairs, HYSTERESIS_VARIANCE_PER_SOC * moved + unknown],
-            offset_A=noise.offset_walk_variance(dt_s),
+            circuit=[charge_variance(clean, self.sensor, p), *pairs, HYSTERESIS_VARIANCE_PER_SOC * moved + unknown],
+            offset_A=self.sensor.offset_walk_variance(dt_s),
             charge_gain=noise.capacity_walk_variance(dt_s),
             resistance_ratio=noise.resistance_walk_variance(dt_s),
             model_error=1 - self.error_decay(clean.mean.current_A, clean) ** 2,

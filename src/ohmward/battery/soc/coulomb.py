@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import PATH_SHARE, SOC_UNKNOWN_STD, USUAL_C, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, charge
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
@@ -46,13 +47,15 @@ class CoulombCounting:
 
     Attributes:
         model: gives capacity and coulombic efficiency, and the OCV for the start.
-        noise: of the current sensor.
+        noise: of the model; its capacity, and its voltage for the start.
+        sensor: of the current.
         gap_s: a longer step between two samples says nothing about the current in between.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
     """
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     gap_s: float = 600.0
     current_limit_C: float = 20.0
 
@@ -68,7 +71,7 @@ class CoulombCounting:
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""
         u = first_input(first, self.limits.current_A)
-        start = initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std)
+        start = initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
         return CoulombState(start.soc, start.std**2, 0.0, 0.0, u.current_A, u.temperature_degC, 0.0)
 
     def step(self, state: CoulombState, sample: SocSample) -> tuple[CoulombState, SocEstimate]:
@@ -79,7 +82,7 @@ class CoulombCounting:
         soc = clip(state.soc + d_soc, 0.0, 1.0)
         after = CoulombState(
             soc,
-            state.white_variance + charge_variance(clean, self.noise, self.model),
+            state.white_variance + charge_variance(clean, self.sensor, self.model),
             state.moved + d_soc,
             state.elapsed_s + clean.dt_s,
             clean.now.current_A,
@@ -91,20 +94,20 @@ class CoulombCounting:
 
     def estimate(self, state: CoulombState, flags: Scalar) -> SocEstimate:
         """Estimate in a state; flags: sum of `SocFlag`."""
-        offset = self.noise.current_offset_std_A * state.elapsed_s / self.model.capacity_As
-        gain = self.noise.capacity_std * state.moved
+        offset = self.sensor.offset_std_A * state.elapsed_s / self.model.capacity_As
+        gain = np.hypot(self.noise.capacity_std, self.sensor.gain_std) * state.moved
         std = np.sqrt(state.white_variance + offset**2 + gain**2)
         unknown = math.nan * state.soc
         return SocEstimate(state.soc, std, unknown, unknown, unknown, unknown, unknown, unknown, flags)
 
 
-def charge_variance(clean: CleanSocSample, noise: BatteryNoise, model: Thevenin) -> Scalar:
+def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Thevenin) -> Scalar:
     """Variance of the change of SoC in one step: sensor noise, the path between two samples (`PATH_SHARE`), a gap.
 
     An unknown current is a usual one, `USUAL_C`, in either direction, and the same one until it is known again: its
     variance grows with the square of the time, whether that is one long step or many short ones.
     """
-    sensor_As2 = noise.current_std_A**2 * clean.dt_s
+    sensor_As2 = sensor.noise_std_A**2 * clean.dt_s
     path_As2 = (PATH_SHARE * clean.change_A * clean.dt_s) ** 2
     known = minimum((sensor_As2 + path_As2) / model.capacity_As**2, SOC_UNKNOWN_STD**2)
     unknown = growth_while_unknown(lambda t_s: minimum(USUAL_C * t_s / 3600.0, SOC_UNKNOWN_STD) ** 2, clean)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
@@ -43,7 +44,13 @@ class InitialSoc(NamedTuple):
 
 
 def initial_soc(
-    voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise, soc: float | None = None, soc_std: float = 0.03
+    voltage_V: float,
+    u: CircuitInput,
+    p: Thevenin,
+    noise: BatteryNoise,
+    sensor: CurrentSensor,
+    soc: float | None = None,
+    soc_std: float = 0.03,
 ) -> InitialSoc:
     """Mean and standard deviation of SoC given the first voltage and, where there is one, a value.
 
@@ -56,7 +63,7 @@ def initial_soc(
         require_between("initial_soc", soc, 0.0, 1.0)
         require_positive("initial_soc_std", soc_std)
     grid = _grid_through(0.5 if soc is None else soc)
-    density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise)
+    density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise, sensor)
     density /= density.sum()
     mean = float(density @ grid)
     std = float(np.sqrt(density @ (grid - mean) ** 2))
@@ -78,7 +85,9 @@ def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
     return (1 - WRONG_SHARE) * peak / peak.sum() + WRONG_SHARE * possible
 
 
-def _likelihood(grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
+def _likelihood(
+    grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
+) -> np.ndarray:
     """Likelihood of the voltage at each SoC, up to a factor; flat without a credible voltage.
 
     A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
@@ -91,17 +100,19 @@ def _likelihood(grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
         return np.ones_like(grid)
     voltage_V = np.clip(voltage_V, lowest_V, highest_V)
-    std = first_voltage_std(grid, u, p, noise)
+    std = first_voltage_std(grid, u, p, noise, sensor)
     with np.errstate(under="ignore"):
         scaled = 0.5 * ((voltage_V - expected) / std) ** 2 + np.log(std)
         return np.exp(-(scaled - scaled.min()))
 
 
-def first_voltage_std(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
+def first_voltage_std(
+    soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
+) -> np.ndarray:
     """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV axis, hysteresis, past."""
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
-    past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + noise.current_offset_std_A)
+    past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     hysteresis = HYSTERESIS_UNKNOWN_STD * p.ocv.hysteresis_at(soc)
     terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, hysteresis, PAST_SHARE * past)
     return np.sqrt(sum(np.square(t) for t in terms))

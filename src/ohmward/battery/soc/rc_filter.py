@@ -21,6 +21,7 @@ import numpy as np
 
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
@@ -97,7 +98,8 @@ class RcFilter:
 
     Attributes:
         model: the circuit and its OCV curve.
-        noise: of sensors and model.
+        noise: of voltage and model.
+        sensor: of the current.
         soc_as: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse
             OCV curve at the mean voltage of the capacitors.
         gap_s: a longer step between two samples says nothing about the current in between.
@@ -108,6 +110,7 @@ class RcFilter:
 
     model: rc.RcModel
     noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     soc_as: str = "state"
     gap_s: float = 600.0
     gate: float = 25.0
@@ -143,17 +146,17 @@ class RcFilter:
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcFilterState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         u = first_input(first, self.limits.current_A)
-        start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, soc, soc_std)
+        start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, self.sensor, soc, soc_std)
         return RcFilterState(pack(self.start_belief(start)), u.current_A, 0.0, 0.0)
 
     def start_belief(self, start: InitialSoc) -> Belief:
         """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC."""
         noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
-        past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * noise.current_offset_std_A
+        past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.sensor.offset_std_A
         mean = self.vector(bulk_V=ocv_V, surface_V=ocv_V, soc=start.soc)
         common = self.charge_direction(float(self.link.slope_V(start.soc))) * start.std
         own = self.vector(
-            surface_V=past_V, model_error=1.0, offset_A=noise.current_offset_std_A, resistance=noise.resistance_std
+            surface_V=past_V, model_error=1.0, offset_A=self.sensor.offset_std_A, resistance=noise.resistance_std
         )
         return Belief(mean, np.outer(common, common) + np.diag(own**2))
 
@@ -199,11 +202,12 @@ class RcFilter:
         noise, p = self.noise, parameters.circuit
         slope_V = line_slope_V(p, self.model.capacity_As)
         direction = self.charge_direction(slope_V)
-        charge = charge_variance(clean, noise, self.thevenin) + noise.capacity_std**2 * moved
+        gain_variance = noise.capacity_std**2 + self.sensor.gain_std**2
+        charge = charge_variance(clean, self.sensor, self.thevenin) + gain_variance * moved
         uneven_V2 = (slope_V * parameters.capacitance_std) ** 2 + self.link.bend_variance_V2(self.link.soc(x))
         walks = self.vector(
             model_error=1 - decay**2,
-            offset_A=noise.offset_walk_variance(clean.dt_s),
+            offset_A=self.sensor.offset_walk_variance(clean.dt_s),
             resistance=noise.resistance_walk_variance(clean.dt_s),
         )
         own = _block_diagonal(np.full((2, 2), uneven_V2 * moved), np.diag(walks[MODEL_ERROR:]))

@@ -101,6 +101,7 @@ def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, E
     return lambda battery, settings: TheveninFilter(
         require_thevenin(battery),
         battery.noise,
+        battery.sensor,
         method=method,
         matching=matching,
         idle_current_A=settings.idle_current_A,
@@ -110,15 +111,17 @@ def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, E
 
 def rc_filter(soc_as: str) -> Callable[[Battery, EstimatorSettings], RcFilter]:
     """The function that makes the RC filter with SoC as this."""
-    return lambda battery, settings: RcFilter(require_rc(battery), battery.rc_noise, soc_as, settings.gap_s)
+    return lambda battery, settings: RcFilter(
+        require_rc(battery), battery.rc_noise, battery.sensor, soc_as, settings.gap_s
+    )
 
 
 def _textbook(method: str) -> Callable[[Battery, EstimatorSettings], Estimator]:
-    return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, method)
+    return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, battery.sensor, method)
 
 
 def _counting(cls: type[CoulombCounting] | type[RestOcv]) -> Callable[[Battery, EstimatorSettings], Estimator]:
-    return lambda battery, settings: cls(require_thevenin(battery), battery.noise, gap_s=settings.gap_s)
+    return lambda battery, settings: cls(require_thevenin(battery), battery.noise, battery.sensor, gap_s=settings.gap_s)
 
 
 #: The estimators for use; `ohmward.published.registry` adds those that reproduce a publication.

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resistances
 from ohmward.battery.soc.clean_sample import Rest, continue_rest, is_current, is_voltage
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
@@ -48,13 +49,14 @@ class RestOcv:
     """Settings.
 
     Attributes:
-        model, noise, gap_s, current_limit_C: as for coulomb counting.
+        model, noise, sensor, gap_s, current_limit_C: as for coulomb counting.
         rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
         settle_s: length of a rest before its voltage is used.
     """
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     gap_s: float = 600.0
     rest_share: float = 0.03
     settle_s: float = 900.0
@@ -66,7 +68,7 @@ class RestOcv:
     @property
     def counting(self) -> CoulombCounting:
         """Estimator between the rests."""
-        return CoulombCounting(self.model, self.noise, self.gap_s, self.current_limit_C)
+        return CoulombCounting(self.model, self.noise, self.sensor, self.gap_s, self.current_limit_C)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
@@ -75,7 +77,7 @@ class RestOcv:
     def step(self, state: RestOcvState, sample: SocSample) -> tuple[RestOcvState, SocEstimate]:
         """State and estimate after a sample."""
         counting, counted = self.counting.step(state.counting, sample)
-        resting = is_current(sample.current_A, self.noise.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
+        resting = is_current(sample.current_A, self.sensor.rest_threshold_A(self.model.capacity_Ah, self.rest_share))
         measured = is_voltage(sample.voltage_V, self.model.ocv.voltage_V[-1])
         dt_s = counting.elapsed_s - state.counting.elapsed_s
         rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s, measured)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,
@@ -70,12 +71,14 @@ class TextbookFilter:
 
     Attributes:
         model: the circuit, at its reference temperature.
-        noise: of voltage and current, and the model's error; this filter does not use the rest of it.
+        noise: of the voltage, and the model's error; this filter does not use the rest of it.
+        sensor: of the current; likewise its noise only.
         method: "ekf" or "ukf".
     """
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     method: str = "ukf"
 
     def __post_init__(self) -> None:
@@ -84,7 +87,7 @@ class TextbookFilter:
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
         """State before the first sample; a SoC that is None comes from its voltage."""
         u = first_input(first)
-        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
+        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> TextbookState:
         """State before the first sample, with a SoC that is taken as it is; traceable."""
@@ -131,7 +134,7 @@ class TextbookFilter:
         driven = [(1 - a) * r * current_A for a, r in zip(decays, pairs, strict=True)]
         moved = charge(current_A, dt_s, self.model) * (1 / self.model.capacity_As)
         wandered = [(PAIR_CURRENT_C * r * self.model.capacity_Ah) ** 2 for r in pairs]
-        soc_variance = (self.noise.current_std_A / self.model.capacity_As) ** 2 * dt_s
+        soc_variance = (self.sensor.noise_std_A / self.model.capacity_As) ** 2 * dt_s
         Q = np.diag(np.array([soc_variance, *wandered]))
         return kalman.predict(belief, np.diag(np.array([1.0, *decays])), Q, np.array([moved, *driven]))
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
@@ -81,7 +82,8 @@ class TheveninFilter:
 
     Attributes:
         model: the circuit.
-        noise: of sensors and model.
+        noise: of voltage and model.
+        sensor: of the current.
         method: "ekf" or "ukf" (redrawn sigma points).
         matching: learn R from the residuals (AEKF, AUKF), `noise` being the floor.
         window: effective samples of that; [T] takes 100.
@@ -96,6 +98,7 @@ class TheveninFilter:
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)
     method: str = "ekf"
     matching: bool = False
     window: float = 100.0
@@ -118,7 +121,7 @@ class TheveninFilter:
     @cached_property
     def system(self) -> AugmentedThevenin:
         """Model of the battery with the errors of sensors and model as states."""
-        return AugmentedThevenin(self.model, self.noise)
+        return AugmentedThevenin(self.model, self.noise, self.sensor)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -137,7 +140,7 @@ class TheveninFilter:
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
         u = first_input(first, self.limits.current_A)
-        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, soc, soc_std))
+        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
         """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers."""
@@ -227,7 +230,7 @@ class TheveninFilter:
             return 0.0
         k = self.system.offset_index
         excess_A = clean.now.current_A - self.idle_current_A - prior.mean[k]
-        tolerance_A = 2.0 * np.sqrt(maximum(prior.cov[k, k], 0.0)) + 3.0 * self.noise.current_std_A
+        tolerance_A = 2.0 * np.sqrt(maximum(prior.cov[k, k], 0.0)) + 3.0 * self.sensor.noise_std_A
         looks_like_rest = (abs(excess_A) < tolerance_A) & clean.current_known
         return where(looks_like_rest, state.rest_s + clean.dt_s, 0.0)
 
@@ -240,7 +243,7 @@ class TheveninFilter:
         if self.idle_current_A is None:
             return belief
         offset_A = clean.now.current_A - self.idle_current_A
-        return correct_state(belief, self.system.offset_index, offset_A, self.noise.current_std_A**2, resting)
+        return correct_state(belief, self.system.offset_index, offset_A, self.sensor.noise_std_A**2, resting)
 
     def within_limits(self, belief: Belief) -> tuple[Belief, Scalar]:
         """The belief with SoC and hysteresis in their ranges, and the condition that SoC was not.
