@@ -118,6 +118,29 @@ MOTOR_CURRENT = Channel(
     _words("current", "currents", "cur", "curr", "i", "amps"), _BESIDE_WHEELS,
 )  # fmt: skip
 
+_OF_A_TABLE = (word_set("values value table curve mean average avg quasi cell pack battery cc reference ref"),)
+_OPEN_CIRCUIT = "- voltage v u e emf ocv ocp uocv vocv"
+#: The columns of a table of open-circuit voltage; of several that fit equally well the first is taken.
+OCV_TABLE = tuple(
+    Channel(name, (unit.dimension,), unit, example, words, _OF_A_TABLE, letters, first_of_many=True)
+    for name, unit, example, words in (
+        ("soc", UNITS["1"], "% or 1", _words("soc", "state of charge", "charge state", "z")),
+        ("ocv", UNITS["v"], "V or mV",
+         _words("ocv", "ocp", "emf", "voltage", "potential", "v", "u", "e", "uocv", "vocv", "voc", "uoc", "ocv voltage",
+                *_each("v u", "oc ocv"), "open circuit", "open circuit voltage", "open circuit potential",
+                "equilibrium voltage")),
+        ("ocv_charge", UNITS["v"], "V or mV", _words(*_each(_OPEN_CIRCUIT, "charge charging chg ch"))),
+        ("ocv_discharge", UNITS["v"], "V or mV",
+         _words(*_each(_OPEN_CIRCUIT, "discharge discharging dischg dchg dis"))),
+        ("hysteresis", UNITS["v"], "V or mV",
+         _words("hysteresis", "hysteresis voltage", "half gap", "hysteresis half gap")),
+        ("ocv_slope", UNITS["v/k"], "V/K or mV/K",
+         _words("dvdt", "dudt", "docvdt", *_each("dv du de docv dvoltage", "dt dtemperature"),
+                *_each("entropy entropic temperature", "coefficient"))),
+        ("reference_temperature", UNITS["degc"], "degC, K or degF", TEMPERATURE.words - _words("t")),
+    )
+)  # fmt: skip
+
 #: The channels of a battery's log.
 BATTERY = (TIME, CURRENT, VOLTAGE, TEMPERATURE)
 #: The channels of each wheel, those of the motor only where it is driven.
@@ -148,7 +171,7 @@ BODY = (
         _words(*(f"age {name}" for name in _each("speed", _SPEEDOMETERS))), _BESIDE_BODY,
     ),
 )  # fmt: skip
-CHANNELS = {channel.name: channel for channel in (*BATTERY, *WHEEL, *BODY)}
+CHANNELS = {channel.name: channel for channel in (*BATTERY, *WHEEL, *BODY, *OCV_TABLE)}
 
 
 def channel_of(quantity: str) -> Channel:

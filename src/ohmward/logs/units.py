@@ -55,6 +55,10 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("rad", "angle", 1.0): ("rad", "radian", "radians"),
     Unit("deg", "angle", math.pi / 180): ("deg", "degree", "degrees", "°"),
     Unit("counts", "turn", 1.0): ("counts", "count", "ticks", "tick"),
+    Unit("1", "share", 1.0): ("1", "-"),
+    Unit("%", "share", 1e-2): ("%", "percent", "pct"),
+    Unit("V/K", "entropy", 1.0): ("v/k", "v_per_k", "v/degc", "v/°c"),
+    Unit("mV/K", "entropy", 1e-3): ("mv/k", "mv_per_k", "mv/degc", "mv/°c"),
 }
 
 

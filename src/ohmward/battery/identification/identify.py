@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from os import PathLike
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -38,6 +39,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.ocv_file import given_ocv
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
@@ -61,6 +63,7 @@ class IdentificationSettings(NamedTuple):
     name: str = ""
     initial_soc: Mapping[str, float] = MappingProxyType({})
     idle_current_A: float | None = None
+    ocv: Any = None
 
 
 class Identified(NamedTuple):
@@ -102,6 +105,7 @@ def identify(
     name: str = "",
     initial_soc: Mapping[str, float] | None = None,
     idle_current_A: float | None = None,
+    ocv: OcvCurve | str | PathLike[str] | Any = None,
     progress: Progress | None = None,
 ) -> Battery:
     """The battery in one or several logs of tests; `identify_in_detail` also returns what every stage found.
@@ -113,12 +117,16 @@ def identify(
     initial_soc: state of charge at the start of a log, by its name, where the log does not tell.
     idle_current_A: what the battery delivers at rest, <= 0, where it is known; None finds rests about 0 A and declares
         nothing to the estimators.
+    ocv: the open-circuit voltage where it is known: an OcvCurve, or a table as `load_ocv` reads it. Then no low-rate
+        test is needed, and drives alone identify the rest.
     progress: called with the name of the stage and the share done, from 0 to 1.
 
     Raises:
         InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
     """
-    settings = IdentificationSettings(capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A)
+    settings = IdentificationSettings(
+        capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A, ocv
+    )
     return identify_in_detail(logs, settings, progress).battery
 
 
@@ -146,16 +154,21 @@ def identify_in_detail(
 def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
     """The first OCV curve, and the state of charge along each record to fit."""
     Q = settings.capacity_Ah
-    slow = [r for r in records if r.test == "low-rate"]
-    fast = tuple(r for r in records if r.test != "low-rate")
+    voltage_V = np.concatenate([r.log.voltage_V for r in records])
+    given = None if settings.ocv is None else given_ocv(settings.ocv, voltage_V, settings.n_series)
+    slow = [r for r in records if r.test == "low-rate" and not given]
+    fast = tuple(r for r in records if r.test != "low-rate" or given)
     branches = tuple(b for r in slow for b in find_branches(r, Q, settings.initial_soc.get(r.log.name)))
     reference_degC = _reference_degC(fast or slow)
-    if branches:
+    if given:
+        ocv = given.curve
+    elif branches:
         ocv = ocv_from_branches(branches, reference_degC)
     else:
         ocv = _ocv_from_rests(fast, settings, reference_degC)
     axes = tuple(_axis(r, settings, ocv) for r in fast)
     notes = (
+        *(given.notes if given else ()),
         *(note for r in records for note in r.charge.notes),
         *branch_notes(branches, Q),
         *(note for axis in axes for note in axis.notes),
@@ -222,7 +235,7 @@ def _problem(
         samples,
         prepared.ocv,
         settings.capacity_Ah,
-        prior_for(settings.chemistry, _both_directions(prepared.branches)),
+        prior_for(settings.chemistry, settings.ocv is not None or _both_directions(prepared.branches)),
         slow_shape(prepared.ocv, samples, settings.capacity_Ah),
         _reference_degC(prepared.fast),
         fit_activation=bool(known_degC) and max(known_degC) - min(known_degC) > _OTHER_TEMPERATURE_K,

@@ -11,6 +11,7 @@ EXAMPLES = """\
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
   ohmward identify test.csv --capacity-ah 12 --chemistry lfp --n-series 4 --report identify.html -o battery.toml
   ohmward identify test.csv --capacity-ah 12 --model thevenin-1rc --initial-soc test=1.0 --json
+  ohmward identify monday.csv tuesday.csv --capacity-ah 12 --ocv ocv.csv --initial-soc 1.0 -o battery.toml
 
 A file that holds several recordings may be named several times: ocv.parquet:script=1,temp_C=25
 """
@@ -39,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="[LOG=]S",
         help="state of charge at the start of the logs, or of the log of this name, where they do not tell it",
+    )
+    group.add_argument(
+        "--ocv",
+        metavar="FILE",
+        help="table of the open-circuit voltage that you have, of a cell or of the pack: columns soc (0 to 1 or "
+        "percent) and ocv_V, or ocv_charge_V and ocv_discharge_V; optional dV/dT; no low-rate test is needed then",
     )
     group.add_argument(
         "--idle-current",

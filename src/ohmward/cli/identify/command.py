@@ -42,6 +42,7 @@ def _identify(logs: Sequence[Log], args: argparse.Namespace) -> Identified:
         args.name,
         _starts(logs, args.initial_soc),
         args.idle_current,
+        args.ocv,
     )
     with progress() as report:
         return identify_in_detail(logs, settings, report)

@@ -1,0 +1,113 @@
+"""Table of open-circuit voltage against state of charge, as a file or DataFrame holds it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.channels import OCV_TABLE, Channel
+from ohmward.logs.columns import Column, find_column, listed
+from ohmward.logs.note import Note, counted
+from ohmward.logs.read import open_table
+from ohmward.logs.table import Table, numbers
+
+#: A table of SoC whose largest value is above this is in percent: a share ends at 1, with some counting error.
+_PERCENT_ABOVE = 1.5
+#: Change of a cell's OCV with temperature [V/K] beyond which a column without a unit is in mV/K: entropy gives less
+#: than 1 mV/K for each cell, and 20 cells in series are the most that is likely.
+_MOST_V_PER_K = 0.02
+
+
+class OcvTable(NamedTuple):
+    """Columns of a table of open-circuit voltage in SI units, in the order of the file; None where there is none.
+
+    source: the file's name; soc: (K,) in shares; ocv_V, charge_V, discharge_V: (K,) mean curve and branches;
+    hysteresis_V: (K,) half the distance of the branches; slope_V_per_K: (K,) change with temperature.
+    reference_degC: temperature of the table; notes: what was assumed.
+    """
+
+    source: str
+    soc: np.ndarray
+    ocv_V: np.ndarray | None
+    charge_V: np.ndarray | None
+    discharge_V: np.ndarray | None
+    hysteresis_V: np.ndarray | None
+    slope_V_per_K: np.ndarray | None
+    reference_degC: float | None
+    notes: tuple[Note, ...]
+
+
+def read_ocv_table(source: Any) -> OcvTable:
+    """The columns of a CSV or Parquet file or a DataFrame, told by their names and units; rows with a hole are dropped.
+
+    Raises:
+        InputError: no such file, no column for the SoC or the voltage, text among numbers, fewer than 2 rows.
+    """
+    file = open_table(source)
+    found = {c.name: find_column(file.source, file.names, c, {}, {}) for c in OCV_TABLE}
+    columns = {name: column for name, column in found.items() if column}
+    _require_columns(file.source, file.names, columns)
+    table = file.load([column.name for column in columns.values()])
+    values = {c.name: _in_si(table, c, columns[c.name]) for c in OCV_TABLE if c.name in columns}
+    reference = values.pop("reference_temperature", None)
+    whole = np.all([np.isfinite(v) for v in values.values()], axis=0)
+    if whole.sum() < 2:
+        raise InputError(f"{file.source}: a curve needs at least 2 rows with numbers, it has {whole.sum()}")
+    used = {name: v[whole] for name, v in values.items()}
+    notes = list(_column_notes(file.source, columns))
+    if dropped := int((~whole).sum()):
+        notes.append(Note(f"{file.source}: {counted(dropped, 'row')} with an empty cell left out", "warning"))
+    soc, slope = _as_share(used["soc"], columns["soc"]), used.get("ocv_slope")
+    return OcvTable(
+        file.source,
+        soc,
+        used.get("ocv"),
+        used.get("ocv_charge"),
+        used.get("ocv_discharge"),
+        used.get("hysteresis"),
+        None if slope is None else _as_volts(slope, columns["ocv_slope"]),
+        None if reference is None or not np.isfinite(reference).any() else float(np.nanmedian(reference)),
+        tuple(notes),
+    )
+
+
+def _require_columns(source: str, names: tuple[str, ...], columns: dict[str, Column]) -> None:
+    """Raise InputError without a SoC, without a voltage, or with one branch alone."""
+    if "soc" not in columns:
+        raise InputError(
+            f"{source}: no column for the state of charge found; it has: {listed(names)}; call it 'soc' (0 to 1) or "
+            "'soc_percent'"
+        )
+    branches = [name for name in ("ocv_charge", "ocv_discharge") if name in columns]
+    if len(branches) == 1:
+        other = "ocv_discharge_V" if branches == ["ocv_charge"] else "ocv_charge_V"
+        raise InputError(
+            f"{source}: column {columns[branches[0]].name!r} is one branch of the open-circuit voltage, the other is "
+            f"missing; add it as {other!r}, or call the column 'ocv_V' if it is the whole curve"
+        )
+    if not branches and "ocv" not in columns:
+        raise InputError(
+            f"{source}: no column for the open-circuit voltage found; it has: {listed(names)}; call it 'ocv_V', or its "
+            "branches 'ocv_charge_V' and 'ocv_discharge_V'"
+        )
+
+
+def _in_si(table: Table, channel: Channel, column: Column) -> np.ndarray:
+    return (column.unit or channel.default).in_si(numbers(table, column.name))
+
+
+def _as_share(soc: np.ndarray, column: Column) -> np.ndarray:
+    """SoC in shares of 1; percent without a unit is told by its size."""
+    return soc / 100 if column.unit is None and np.max(soc) > _PERCENT_ABOVE else soc
+
+
+def _as_volts(slope: np.ndarray, column: Column) -> np.ndarray:
+    """Change with temperature in V/K; millivolts without a unit are told by their size."""
+    return slope / 1000 if column.unit is None and np.max(np.abs(slope)) > _MOST_V_PER_K else slope
+
+
+def _column_notes(source: str, columns: dict[str, Column]) -> tuple[Note, ...]:
+    said = ", ".join(f"{name} from {column.name!r}" for name, column in columns.items())
+    return (Note(f"{source}: {said}"),)
