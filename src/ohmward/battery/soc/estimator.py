@@ -3,25 +3,57 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.soc.causes import ChargeHistory
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
+from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log
+from ohmward.trace import Kernel
+
+#: The battery has certainly been full where SoC stood this close to 1, with a 95 % band no wider than that.
+FULL_WITHIN = 0.05
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class SocRun(Run[SocEstimate]):
-    """Estimates for a whole log, every field an array (T,)."""
+    """Estimates for a whole log, every field an array (T,).
+
+    Attributes:
+        settings, kernel, end: the estimator, its compiled step, and its state after the log.
+    """
+
+    settings: Any
+    kernel: Kernel
+    end: Any
 
     flag_type = SocFlag
+
+    def explain(self) -> Explanation:
+        """The state of charge at the end of the log in one sentence, and the causes of its band."""
+        last = SocEstimate(*(float(column[-1]) for column in self.estimates))
+        return explain(self.settings, self.kernel, self.end, last, self.history())
+
+    def history(self) -> ChargeHistory:
+        """Time since the battery was certainly full, and since the log began."""
+        recorded_s = float(self.time_s[-1] - self.time_s[0])
+        half = BAND_95 * self.estimates.soc_std
+        full = (self.estimates.soc >= 1.0 - FULL_WITHIN) & (half <= FULL_WITHIN)
+        if not full.any():
+            return ChargeHistory(recorded_s=recorded_s)
+        last = len(full) - 1 - int(np.argmax(full[::-1]))
+        return ChargeHistory(float(self.time_s[-1] - self.time_s[last]), recorded_s)
 
 
 class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
@@ -91,7 +123,18 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """
         samples = samples_of(log, self.time_s)
         first = SocSample(*(float(column[0]) for column in samples))
-        return SocRun(log.time_s, *self._scan(samples, first, float(log.time_s[-1]), progress))
+        estimates, seconds = self._scan(samples, first, float(log.time_s[-1]), progress)
+        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state)
+
+    def explain(self) -> Explanation:
+        """The state of charge in one sentence, the causes of its band, and what would settle it; takes some 50 ms.
+
+        Raises:
+            InputError: there is no estimate before the first sample.
+        """
+        if self.last is None:
+            raise InputError("explain needs an estimate: give update() a sample first")
+        return explain(self.settings, self.kernel, self.state, self.last, ChargeHistory())
 
     def init(self, first: SocSample) -> Any:
         """State before the first sample."""

@@ -7,8 +7,8 @@ from typing import Any
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.soc.result import result
-from ohmward.cli.wording import duration, percent, quantity
+from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, result
+from ohmward.cli.wording import duration, percent, quantity, sentence
 from ohmward.figures import battery as pictures
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Figure, Page
@@ -20,8 +20,12 @@ def make_page(task: SocTask, name: str, answer: SocRun, figures: dict[str, Any])
     figures: the summary of the run.
     """
     what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
-    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures))
-    page = page.plot(*_plots(task, answer))
+    explanation = figures["explanation"]
+    page = Page(task.log.name, what, FOOTER)
+    page = page.callout("info" if explanation["known"] else "warning", sentence(explanation["sentence"]))
+    page = page.numbers(_numbers(figures)).plot(*_plots(task, answer))
+    if explanation["causes"]:
+        page = page.heading("What makes the band wide").table(CAUSE_HEADER, cause_rows(figures), sentence(SQUARES))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
     return with_assumptions(page, task.notes)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,16 @@ from ohmward.cli.battery_inputs import SocTask
 from ohmward.filters.consistency import BAND_95
 from ohmward.published.registry import title_of
 
+#: Columns of the causes of the band's width, and how to read them.
+CAUSE_HEADER = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
+SQUARES = "the squares of the parts add up to that of the band"
+
 
 def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
     """The object of --json."""
     log, estimates = task.log, answer.estimates
     voltage = voltage_score(log, estimates)
+    explanation = answer.explain()
     return {
         "command": "soc",
         "log": log.name,
@@ -29,6 +35,7 @@ def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
         "soc_initial": float(estimates.soc[0]),
         "soc_final": float(estimates.soc[-1]),
         "soc_std_final": float(estimates.soc_std[-1]),
+        "explanation": explanation.as_dict(),
         "soc_min": float(estimates.soc.min()),
         "soc_max": float(estimates.soc.max()),
         "voltage_rmse_V": voltage.rmse if voltage else None,
@@ -47,7 +54,9 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
     title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
     return wording.paragraphs(
         title + title_of(figures["filter"]),
+        textwrap.fill(wording.sentence(figures["explanation"]["sentence"]), wording.WIDTH),
         wording.fields(result(figures)),
+        causes(figures),
         errors(figures) if task.truth else "",
         wording.assumptions(task.notes),
     )
@@ -68,6 +77,20 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
     return {name: value for name, value in rows.items() if value.split()[0] != "-"}
+
+
+def causes(figures: dict[str, Any]) -> str:
+    """The causes of the band's width, the largest first; nothing where the filter does not say."""
+    lines = [f"{points} points: {text} -> {remedy}" for text, points, _, remedy in cause_rows(figures)]
+    return wording.bullets(f"What makes the band wide, and what would narrow it ({SQUARES})", lines)
+
+
+def cause_rows(figures: dict[str, Any]) -> list[list[str]]:
+    """Cause, its points, the band without it, and what would narrow it."""
+    return [
+        [cause["text"], f"{cause['points']:.1f}", f"{cause['points_without']:.1f}", cause["remedy"]]
+        for cause in figures["explanation"]["causes"]
+    ]
 
 
 def errors(figures: dict[str, Any]) -> str:

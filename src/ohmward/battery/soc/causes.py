@@ -1,0 +1,311 @@
+"""Causes of a wide band of the state of charge: in points, in words, and with what would narrow it.
+
+The parts are those of the filter's covariance (`variance_budget`). A state that stands for several errors at once, the
+model's voltage error and the charge gain, is shared out by the variances that the battery file gives to each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.models.thevenin import CircuitInput, overpotentials
+from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedState
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
+from ohmward.battery.soc.variance_budget import VariancePart, variance_budget
+from ohmward.filters.belief import Belief, unpack
+from ohmward.filters.consistency import BAND_95
+
+#: Half width of the 95 % band up to which SoC is known: one bar of a gauge with ten.
+KNOWN_HALF_WIDTH = 0.10
+#: Parts of the band below this are not worth a word: half a point.
+LEAST_PART = 0.005
+#: Time for which a current must have been missing before it is named as the cause [s].
+_MISSING_S = 60.0
+
+
+#: Share of the variance from which a cause is a reason to name, and how many reasons a sentence has at most.
+_MAIN_SHARE, _MOST_REASONS = 0.2, 3
+
+
+class ChargeHistory(NamedTuple):
+    """Time since events that anchor SoC [s]; None where nobody remembers.
+
+    since_full_s: since the battery was certainly full.
+    recorded_s: since the log began.
+    """
+
+    since_full_s: float | None = None
+    recorded_s: float | None = None
+
+
+class Cause(NamedTuple):
+    """A cause of the band's width.
+
+    name: for programs.
+    text: in words, as a part of a sentence.
+    points: its part of the half width of the 95 % band, in points; the squares of all parts add up to that of the half
+        width, as in every uncertainty budget.
+    points_without: half width in points if this alone were known.
+    remedy: in words, as the subject of "would narrow it".
+    """
+
+    name: str
+    text: str
+    points: float
+    points_without: float
+    remedy: str
+
+
+class Conditions(NamedTuple):
+    """Present state of the battery in the quantities that the sentences need.
+
+    std: standard deviation of every state, by name.
+    temperature_degC: of the battery; reference_degC: at which its resistances hold.
+    slope_V: change of the open-circuit voltage per unit of SoC.
+    error_V: standard deviation of each part of the model's voltage error [V], by cause.
+    unknown_s: time for which the current has been missing.
+    counted_s: time over which charge has been counted since the voltage last showed it.
+    """
+
+    settings: TheveninFilter
+    history: ChargeHistory
+    std: Mapping[str, float]
+    temperature_degC: float
+    slope_V: float
+    error_V: Mapping[str, float]
+    unknown_s: float
+    counted_s: float
+
+
+class Wording(NamedTuple):
+    """Sentence parts of one cause: the cause itself, and what would narrow it."""
+
+    text: Callable[[Conditions], str]
+    remedy: Callable[[Conditions], str]
+
+
+def causes_of(now: Conditions, belief: Belief) -> tuple[Cause, ...]:
+    """The causes that are worth a word, the largest part first."""
+    budget = variance_budget(belief.cov, SOC, cause_states(now.settings.state_names))
+    parts = shared_out(budget.parts, now) | {"history": VariancePart(budget.rest, budget.rest)}
+
+    def cause(name: str, part: VariancePart) -> Cause:
+        wording = WORDINGS[name]
+        return Cause(
+            name,
+            wording.text(now),
+            points(part.variance),
+            points(budget.variance - part.removable),
+            wording.remedy(now),
+        )
+
+    found = [cause(name, part) for name, part in parts.items() if points(part.variance) >= 100 * LEAST_PART]
+    return tuple(sorted(found, key=lambda c: -c.points))
+
+
+def reasons(now: Conditions, causes: tuple[Cause, ...]) -> tuple[str, ...]:
+    """The reasons for a wide band as one says them: the place on the curve, the main causes, the time without a charge.
+
+    On a flat part of the curve any error of the voltage is a large error of SoC, so the place comes first, and the last
+    full charge counts as much as any cause.
+    """
+    flat = is_flat(now)
+    total = sum(cause.points**2 for cause in causes)
+    main = [c for c in causes if c.points**2 >= _MAIN_SHARE * total and not (flat and c.name in ("curve", "history"))]
+    said = ["flat part of the curve"] if flat else []
+    said += [cause.text for cause in main[: _MOST_REASONS - 2 * flat]]
+    return (*said, _history(now)) if flat else tuple(said)
+
+
+def points(variance: float) -> float:
+    """Half width of the 95 % band of this variance of SoC, in points of percent."""
+    return 100 * BAND_95 * float(np.sqrt(max(variance, 0.0)))
+
+
+def cause_states(state_names: tuple[str, ...]) -> dict[str, list[int]]:
+    """Indices of the states of each cause; the voltages of the RC pairs are one."""
+    groups: dict[str, list[int]] = {}
+    for index, name in enumerate(state_names):
+        if index != SOC:
+            groups.setdefault(_CAUSE_OF_STATE.get(name, "relaxation"), []).append(index)
+    return groups
+
+
+def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, VariancePart]:
+    """The parts with those of the voltage error and of the charge gain divided among the errors behind them."""
+    noise, sensor = now.settings.noise, now.settings.sensor
+    shares = {
+        "voltage_error": _shares(now.error_V),
+        "charge_gain": _shares({"capacity": noise.capacity_std, "gain": sensor.gain_std}),
+    }
+    divided: dict[str, VariancePart] = {}
+    for name, part in parts.items():
+        for own, share in shares.get(name, {name: 1.0}).items():
+            divided[own] = VariancePart(share * part.variance, share * part.removable)
+    return divided
+
+
+def _shares(stds: Mapping[str, float]) -> dict[str, float]:
+    """Share of each in the sum of the variances."""
+    total = sum(std**2 for std in stds.values())
+    return {name: std**2 / total if total else 0.0 for name, std in stds.items()}
+
+
+def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHistory) -> Conditions:
+    """The conditions in a state of the filter."""
+    belief = unpack(state.belief)
+    std = dict(zip(settings.state_names, np.sqrt(np.maximum(np.diag(belief.cov), 0.0)).tolist(), strict=True))
+    x = settings.system.split(belief.mean)
+    u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC))
+    slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
+    return Conditions(
+        settings,
+        history,
+        std,
+        u.temperature_degC,
+        slope_V,
+        voltage_errors(settings, x, u, slope_V),
+        float(state.unknown_s),
+        counted_s(settings, belief),
+    )
+
+
+def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput, slope_V: float) -> dict[str, float]:
+    """Standard deviations [V] of the errors that the state `model_error` stands for."""
+    noise, model = settings.noise, settings.model
+    soc = x.circuit[SOC]
+    over_V = np.sqrt(sum(float(v) ** 2 for v in overpotentials(x.circuit, u, model, x.health)))
+    return {
+        "curve": float(noise.model_std_at(soc)),
+        "axis": noise.soc_axis_std * slope_V,
+        "overpotential": noise.overpotential_share * over_V,
+        "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
+        "hysteresis_size": noise.hysteresis_std * float(model.ocv.hysteresis_at(soc)),
+    }
+
+
+def counted_s(settings: TheveninFilter, belief: Belief) -> float:
+    """Time [s] over which an offset of the current sensor has gone into SoC: -Q dsoc/doffset, 0 where it has not."""
+    offset = settings.system.offset_index
+    variance = belief.cov[offset, offset]
+    sensitivity = belief.cov[SOC, offset] / variance if variance > 0.0 else 0.0
+    return max(-float(sensitivity) * settings.model.capacity_As, 0.0)
+
+
+def is_flat(now: Conditions) -> bool:
+    """True where the voltage cannot tell SoC within `KNOWN_HALF_WIDTH`, even after a long rest."""
+    at_rest = (now.error_V["curve"], now.error_V["ocv_temperature"], now.error_V["hysteresis_size"])
+    return now.slope_V * KNOWN_HALF_WIDTH < BAND_95 * float(np.linalg.norm(at_rest))
+
+
+def time_in_words(seconds: float) -> str:
+    """A length of time as it is said: "25 minutes", "7 hours", "6 days"."""
+    for unit, length_s in (("day", 86400.0), ("hour", 3600.0)):
+        if round(seconds / length_s) >= 2:
+            return f"{seconds / length_s:.0f} {unit}s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} minute{'' if minutes == 1 else 's'}"
+
+
+def within(relative_std: float) -> str:
+    """Range of a relative error in words: "± 30 %", or "a factor of 3" where that says more."""
+    factor = float(np.exp(min(BAND_95 * relative_std, 5.0)))
+    return f"± {100 * BAND_95 * relative_std:.0f} %" if factor < 2 else f"a factor of {factor:.1g}"
+
+
+def _curve(now: Conditions) -> str:
+    return "flat part of the curve" if is_flat(now) else "error of the open-circuit curve"
+
+
+def _activation(now: Conditions) -> str:
+    T = now.temperature_degC
+    spread = now.std["activation_error_K"] * abs(1 / (T + KELVIN) - 1 / (now.settings.model.reference_degC + KELVIN))
+    return f"resistance at {T:.0f} degC known only within {within(spread)}"
+
+
+def _offset(now: Conditions) -> str:
+    return f"offset of the current sensor within ± {BAND_95 * now.std['offset_A']:.2g} A"
+
+
+def _history(now: Conditions) -> str:
+    if now.unknown_s > _MISSING_S:
+        return f"current not measured for {time_in_words(now.unknown_s)}"
+    if now.history.since_full_s is not None:
+        return f"not charged fully for {time_in_words(now.history.since_full_s)}"
+    if now.history.recorded_s is not None:
+        return f"not charged fully in the {time_in_words(now.history.recorded_s)} of the log"
+    if now.counted_s > _MISSING_S:
+        return f"charge counted for {time_in_words(now.counted_s)} since the voltage last showed it"
+    return "start not known"
+
+
+def _settling(now: Conditions) -> str:
+    return f"{time_in_words(2.0 * max(now.settings.model.tau_s, default=0.0))} of rest"
+
+
+def _cold_test(now: Conditions) -> str:
+    return f"a pulse test at {5 * round(now.temperature_degC / 5):.0f} degC"
+
+
+def _offset_remedy(now: Conditions) -> str:
+    known = now.settings.idle_current_A is not None
+    return "a minute of rest" if known else "a declared rest current (idle_current_A in the battery file)"
+
+
+_BOTH_BRANCHES = "a slow discharge and a slow charge as a test"
+
+#: Sentence parts by cause.
+WORDINGS: dict[str, Wording] = {
+    "history": Wording(_history, lambda now: "a full charge"),
+    "curve": Wording(_curve, lambda now: "a full charge" if is_flat(now) else _BOTH_BRANCHES),
+    "axis": Wording(
+        lambda now: f"SoC axis of the curve within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.1g} points",
+        lambda now: _BOTH_BRANCHES,
+    ),
+    "overpotential": Wording(
+        lambda now: f"voltage drop under load known within {within(now.settings.noise.overpotential_share)}",
+        _settling,
+    ),
+    "ocv_temperature": Wording(
+        lambda now: f"open-circuit curve not tested at {now.temperature_degC:.0f} degC",
+        lambda now: f"a test with rests at {5 * round(now.temperature_degC / 5):.0f} degC",
+    ),
+    "hysteresis": Wording(
+        lambda now: "voltage between the charge and the discharge curve", lambda now: "a full charge"
+    ),
+    "hysteresis_size": Wording(
+        lambda now: f"hysteresis known within {within(now.settings.noise.hysteresis_std)}", lambda now: _BOTH_BRANCHES
+    ),
+    "offset": Wording(_offset, _offset_remedy),
+    "capacity": Wording(
+        lambda now: f"capacity known within {within(now.settings.noise.capacity_std)}",
+        lambda now: "a discharge from full to empty",
+    ),
+    "gain": Wording(
+        lambda now: f"gain of the current sensor known within {within(now.settings.sensor.gain_std)}",
+        lambda now: "the data sheet of the current sensor ([sensor] in the battery file)",
+    ),
+    "resistance": Wording(
+        lambda now: f"resistance known within {within(now.std['resistance_ratio'])}",
+        lambda now: "an hour of driving with changing current",
+    ),
+    "activation": Wording(_activation, _cold_test),
+    "relaxation": Wording(lambda now: "voltage not settled after the last load", _settling),
+}
+
+#: Causes that a test would remove, of those that are wide because there was none.
+TESTED = ("activation", "capacity", "hysteresis_size", "ocv_temperature")
+
+#: Cause of each state of the filter that is not the voltage of an RC pair.
+_CAUSE_OF_STATE = {
+    "hysteresis": "hysteresis",
+    "offset_A": "offset",
+    "charge_gain": "charge_gain",
+    "resistance_ratio": "resistance",
+    "activation_error_K": "activation",
+    "model_error": "voltage_error",
+}

@@ -1,0 +1,124 @@
+"""State of charge in one sentence: known within so much, or between these bounds, why, and what would settle it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from ohmward.battery.soc.causes import (
+    KNOWN_HALF_WIDTH,
+    TESTED,
+    Cause,
+    ChargeHistory,
+    causes_of,
+    conditions,
+    reasons,
+    time_in_words,
+)
+from ohmward.battery.soc.rehearsal import STEP_S, std_after_full_charge, std_along_rest
+from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
+from ohmward.filters.belief import unpack
+from ohmward.filters.consistency import BAND_95
+from ohmward.trace import Kernel
+
+#: Lengths of a rest that are proposed [min].
+REST_MINUTES = (10, 20, 30, 45, 60, 90, 120)
+#: A longer rest is worth its time if it narrows the band by more than this factor.
+_ABOUT = 1.1
+#: A remedy is worth its time if it narrows the band to this share.
+WORTHWHILE = 0.7
+
+
+class Remedy(NamedTuple):
+    """Something that the user can do now, and the half width of the 95 % band to expect then, in points."""
+
+    text: str
+    points: float
+
+
+class Explanation(NamedTuple):
+    """State of charge as people say it; `str()` is the sentence.
+
+    low, high: ends of the 95 % band, in [0, 1].
+    known: True where the half width is at most `KNOWN_HALF_WIDTH`.
+    sentence: SoC with its band, or its bounds with the reasons and the remedy.
+    causes: of the width, the largest first; () where the filter does not say.
+    remedies: rest and full charge, rehearsed; () where SoC is known or the filter cannot be rehearsed.
+    """
+
+    soc: float
+    low: float
+    high: float
+    known: bool
+    sentence: str
+    causes: tuple[Cause, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def as_dict(self) -> dict[str, Any]:
+        """The explanation for JSON."""
+        causes = [cause._asdict() for cause in self.causes]
+        return self._asdict() | {"causes": causes, "remedies": [remedy._asdict() for remedy in self.remedies]}
+
+
+def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, history: ChargeHistory) -> Explanation:
+    """The explanation of an estimate.
+
+    settings, kernel, state: of the estimator, its compiled step, its state after the sample of the estimate.
+    """
+    soc, half = float(estimate.soc), BAND_95 * float(estimate.soc_std)
+    if not math.isfinite(soc + half):
+        return Explanation(soc, 0.0, 1.0, False, "SoC not known: the estimate is no number")
+    low, high, known = max(soc - half, 0.0), min(soc + half, 1.0), half <= KNOWN_HALF_WIDTH
+    said: tuple[str, ...] = ()
+    causes: tuple[Cause, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+    if isinstance(settings, TheveninFilter):
+        now = conditions(settings, state, history)
+        causes = causes_of(now, unpack(state.belief))
+        said = reasons(now, causes)
+        remedies = () if known else rehearsed(settings, kernel, state)
+    advice = best_remedy(50 * (high - low), causes, remedies)
+    sentence = known_sentence(soc, half) if known else unknown_sentence(low, high, said, advice)
+    return Explanation(soc, low, high, known, sentence, causes, remedies)
+
+
+def known_sentence(soc: float, half: float) -> str:
+    """SoC with the half width of its band, "SoC 62 % ± 3 points"."""
+    digits = 0 if half >= 0.01 else 1
+    return f"SoC {100 * soc:.{digits}f} % ± {100 * half:.2g} points"
+
+
+def unknown_sentence(low: float, high: float, said: tuple[str, ...], advice: str) -> str:
+    """Bounds of SoC, the reasons, and what would settle it."""
+    bounds = f"SoC between {100 * low:.0f} and {100 * high:.0f} %"
+    sentence = f"{bounds}: {', '.join(said)}" if said else bounds
+    return f"{sentence}; {advice}" if advice else sentence
+
+
+def best_remedy(half_points: float, causes: tuple[Cause, ...], remedies: tuple[Remedy, ...]) -> str:
+    """The first remedy that settles SoC, else the one that narrows the band most, "" where none is worth its time."""
+    for remedy in remedies:
+        if remedy.points <= 100 * KNOWN_HALF_WIDTH:
+            return f"{remedy.text} would settle it"
+    tests = (Remedy(cause.remedy, cause.points_without) for cause in causes if cause.name in TESTED)
+    best = min((*remedies, *tests), key=lambda r: r.points, default=None)
+    if best is None or best.points > WORTHWHILE * half_points:
+        return ""
+    return f"{best.text} would narrow it to ± {best.points:.0f} points"
+
+
+def rehearsed(settings: TheveninFilter, kernel: Kernel, state: FilterState) -> tuple[Remedy, ...]:
+    """A rest of the shortest length that settles SoC, or that is about as good as any longer one, and a full charge."""
+    std = std_along_rest(settings, kernel, state, 60.0 * REST_MINUTES[-1])
+    rests = [Remedy(f"{time_in_words(60.0 * m)} of rest", _points(std[int(60 * m / STEP_S) - 1])) for m in REST_MINUTES]
+    enough = max(100 * KNOWN_HALF_WIDTH, _ABOUT * min(rest.points for rest in rests))
+    rest = next(rest for rest in rests if rest.points <= enough)
+    return rest, Remedy("a full charge", _points(std_after_full_charge(settings, kernel, state)))
+
+
+def _points(std: float) -> float:
+    return 100 * BAND_95 * float(std)
