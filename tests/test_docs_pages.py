@@ -18,7 +18,7 @@ def workshop(tmp_path_factory):
     """A folder with the files that the pages speak of: a day and a battery."""
     folder = tmp_path_factory.mktemp("workshop")
     write_log(make_robot_day("lfp").mission.between(3000.0, 4200.0), folder / "day.csv")
-    model, noise = start_model("lfp", 12.0, n_series=4), start_noise(n_series=4)
+    model, noise = start_model("lfp", 12.0, n_series=4), start_noise("lfp", 4)
     save_battery(Battery("robot", 12.0, "lfp", 4, thevenin=model, noise=noise), folder / "battery.toml")
     return folder
 

@@ -39,6 +39,11 @@ class Rates(NamedTuple):
     pair_activation_K: float = 0.0
     tau_activation_K: float = 0.0
 
+    @property
+    def activations_K(self) -> tuple[float, float, float]:
+        """Activations of r0, of r_1 ... r_n and of the time constants."""
+        return self.activation_K, self.pair_activation_K, self.tau_activation_K
+
 
 class ParameterLayout(NamedTuple):
     """Layout of the vector x (K,) of the linear unknowns.
@@ -120,8 +125,8 @@ def design(
 
 def arrhenius_factors(temperature_degC: np.ndarray, rates: Rates, reference_degC: float) -> tuple[Any, Any, Any]:
     """Factors at each sample, (N,) or 1: of r0, of r_1 ... r_n, and of the rates 1 / tau_j."""
-    activations_K = (rates.activation_K, rates.pair_activation_K, -rates.tau_activation_K)
-    ohmic, pairs, faster = (arrhenius_factor(temperature_degC, A, reference_degC) for A in activations_K)
+    ohmic_K, pairs_K, tau_K = rates.activations_K
+    ohmic, pairs, faster = (arrhenius_factor(temperature_degC, A, reference_degC) for A in (ohmic_K, pairs_K, -tau_K))
     return ohmic, pairs, faster
 
 

@@ -17,8 +17,9 @@ from ohmward.optional import require
 
 #: Bounds of gamma.
 HYSTERESIS_RATES = (5.0, 200.0)
-#: The search counts the activation in this unit, so that all its parameters are of order 1 [K].
+#: The search counts activations in this unit, so that all its parameters are of order 1 [K], and within these bounds.
 ACTIVATION_UNIT_K = 1000.0
+_ACTIVATIONS_K = (-5000.0, 15000.0)
 #: Gamma of a circuit without hysteresis; nothing depends on it.
 _UNUSED_RATE = 20.0
 #: Steps of each search; each has as many evaluations more as there are parameters.
@@ -65,7 +66,8 @@ def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float],
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
     gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    first = [Rates(tau, gamma) for tau in _STARTS[pairs] for gamma in gammas]
+    usual_K = [A.mean for A in problem.prior.untested.activations_K]
+    first = [Rates(tau, gamma, *usual_K) for tau in _STARTS[pairs] for gamma in gammas]
     starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in first]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
@@ -114,18 +116,20 @@ def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[
 
 
 def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
-    """Log tau_1, log of the ratios of the further ones, log gamma, activation in 1000 K: the search parameters."""
+    """Log tau_1, log of the ratios of the further ones, log gamma, activations in 1000 K: the search parameters."""
     tau = np.log(np.array(rates.tau_s))
     tail = [np.log(rates.hysteresis_rate)] if any(problem.ocv.hysteresis_V) else []
-    return np.array([*tau[:1], *np.diff(tau), *tail, *([2.0] if problem.fit_activation else [])])
+    if problem.fit_activation:
+        tail += [A / ACTIVATION_UNIT_K for A in rates.activations_K]
+    return np.array([*tau[:1], *np.diff(tau), *tail])
 
 
 def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
-    activation_K = ACTIVATION_UNIT_K * float(rest.pop(0)) if problem.fit_activation else 0.0
-    return Rates(tau, gamma, activation_K, activation_K)
+    found_K = [ACTIVATION_UNIT_K * float(A) for A in rest]
+    return Rates(tau, gamma, *(found_K or [A.mean for A in problem.prior.untested.activations_K]))
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
@@ -142,6 +146,6 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
         low.append(np.log(HYSTERESIS_RATES[0]))
         high.append(np.log(HYSTERESIS_RATES[1]))
     if problem.fit_activation:
-        low.append(0.0)
-        high.append(10.0)
+        low += [_ACTIVATIONS_K[0] / ACTIVATION_UNIT_K] * 3
+        high += [_ACTIVATIONS_K[1] / ACTIVATION_UNIT_K] * 3
     return np.array(low), np.array(high)

@@ -9,11 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.chemistries import ChemistryPrior, chemistry_prior
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, ParameterLayout
 from ohmward.battery.models.ocv import OcvCurve
-
-#: A lithium-ion cell [V].
-CELL_V = 3.7
 
 
 class CircuitPrior(NamedTuple):
@@ -30,6 +28,7 @@ class CircuitPrior(NamedTuple):
     charging_factor: error of the model in a charge and the rest after it, over that elsewhere.
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
     model_V: error of the model at any SoC, however well it fits.
+    untested: activations and temperature of the curve, where the data do not show them.
     """
 
     walk_share: float = 0.25
@@ -48,6 +47,7 @@ class CircuitPrior(NamedTuple):
     rest_V: float = 0.002
     start_V: float = 0.03
     model_V: float = 0.003
+    untested: ChemistryPrior = chemistry_prior("")
 
 
 class SlowestPair(NamedTuple):
@@ -70,7 +70,7 @@ def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
             ocv_V=0.020, ocv_soc=0.03, ocv_length=0.3, direction_share=1.0, charging_factor=10.0, model_V=0.01
         )
     slow = SLOW.get(chemistry, SlowestPair(prior.slow_tau_s, prior.slow_tau_log_std))
-    return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std)
+    return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std, untested=chemistry_prior(chemistry))
 
 
 class GaussianPrior(NamedTuple):

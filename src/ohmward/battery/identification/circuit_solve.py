@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.chemistries import CELL_V
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
 from ohmward.battery.identification.circuit_prior import (
-    CELL_V,
     CircuitPrior,
     GaussianPrior,
     nuisance_prior,
@@ -53,7 +53,7 @@ class CircuitProblem(NamedTuple):
     samples: the thinned records; ocv: the curve to correct; capacity_Ah; prior: of circuit and curve.
     slow_shape: (21,) expected course of the slowest resistance along SoC, about 1.
     reference_degC: temperature at which the resistances hold.
-    fit_activation: True where the records differ enough in temperature.
+    fit_activation: True where currents flowed at temperatures that differ enough.
     """
 
     samples: tuple[FitSamples, ...]
@@ -154,7 +154,7 @@ def solve(
     measured = [np.isfinite(s.voltage_V) for s in problem.samples]
     residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=True))
     deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
-    of_prior = [_prior_residual(prior, x), _rates_residual(problem.prior, rates, layout.hysteresis)]
+    of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates, layout.hysteresis)]
     weighted = np.concatenate([*deviations, *of_prior])
     return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found))
 
@@ -248,14 +248,19 @@ def _prior_residual(prior: GaussianPrior, x: np.ndarray) -> np.ndarray:
     return L.T @ x - np.linalg.solve(L, prior.information)
 
 
-def _rates_residual(prior: CircuitPrior, rates: Rates, hysteresis: bool) -> np.ndarray:
-    """Deviations of the slowest of several time constants and of the hysteresis rate from their priors.
+def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> np.ndarray:
+    """Deviations of the slowest of several time constants, hysteresis rate and activations from their priors.
 
     Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. A faster pair
     with a slow hysteresis often fits a log as well, and then fails on longer loads and where there were no data.
     """
+    prior = problem.prior
     slow = rates.tau_s[-1:] if len(rates.tau_s) > 1 else ()
     deviations = [np.log(tau / prior.slow_tau_s) / prior.slow_tau_log_std for tau in slow]
     if hysteresis:
         deviations.append(np.log(rates.hysteresis_rate / prior.hysteresis_rate) / prior.hysteresis_rate_log_std)
+    if problem.fit_activation:
+        deviations += [
+            (A - p.mean) / p.std for A, p in zip(rates.activations_K, prior.untested.activations_K, strict=True)
+        ]
     return np.array(deviations)

@@ -14,6 +14,8 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
 
+#: Names of the activations, in the order of the search.
+ACTIVATIONS = ("activation_K", "pair_activation_K", "tau_activation_K")
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 #: Smaller currents, as a share of 1 C, show no resistance.
 _COVERED_RATE = 0.02
@@ -80,10 +82,11 @@ def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> li
     if hysteresis:
         found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
     if activation:
-        half = BAND_95 * ACTIVATION_UNIT_K * float(std[-1])
-        found.append(
-            ConfidenceInterval("activation_K", rates.activation_K, rates.activation_K - half, rates.activation_K + half)
-        )
+        halves_K = BAND_95 * ACTIVATION_UNIT_K * std[-len(ACTIVATIONS) :]
+        found += [
+            ConfidenceInterval(name, value, value - half, value + half)
+            for name, value, half in zip(ACTIVATIONS, rates.activations_K, halves_K.tolist(), strict=True)
+        ]
     return found
 
 

@@ -25,6 +25,7 @@ from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import edge_notes
 from ohmward.battery.identification.fit_samples import FitSamples, thin
+from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.log_details import LogDetails, details_of, log_fit
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_notes, find_branches, ocv_from_branches
@@ -34,6 +35,7 @@ from ohmward.battery.identification.rc_identification import RcIdentification, i
 from ohmward.battery.identification.rc_samples import outside_long_charges
 from ohmward.battery.identification.record import Record, make_records
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
+from ohmward.battery.identification.untested import untested_sentences
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensor import usual_sensor
@@ -47,8 +49,6 @@ from ohmward.optional import one_blas_thread
 
 MODELS = ("thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
 DEFAULT_MODEL = "thevenin-2rc"
-#: Records that differ by more show how resistances depend on temperature.
-_OTHER_TEMPERATURE_K = 5.0
 
 Progress = Callable[[str, float], None]
 
@@ -219,8 +219,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         notes=tuple(str(note) for note in (*prepared.notes, *edge_notes([e for d in details for e in d.edges]))),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
-    noise = noise_from_fit(fit.solution, problem, model, pulses_only)
-    missing = not_identified(fit, samples, Q, hysteresis)
+    noise = noise_from_fit(fit, problem, model, pulses_only)
+    missing = (*not_identified(fit, samples, Q, hysteresis), *untested_sentences(problem, settings.chemistry))
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     battery = _with_rc(battery, prepared, settings, model.ocv)
@@ -230,7 +230,6 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
 def _problem(
     prepared: Preparation, samples: tuple[FitSamples, ...], settings: IdentificationSettings
 ) -> CircuitProblem:
-    known_degC = _temperatures(prepared.fast)
     return CircuitProblem(
         samples,
         prepared.ocv,
@@ -238,7 +237,7 @@ def _problem(
         prior_for(settings.chemistry, settings.ocv is not None or _both_directions(prepared.branches)),
         slow_shape(prepared.ocv, samples, settings.capacity_Ah),
         _reference_degC(prepared.fast),
-        fit_activation=bool(known_degC) and max(known_degC) - min(known_degC) > _OTHER_TEMPERATURE_K,
+        fit_activation=load_temperature(samples).shows_activation,
     )
 
 
@@ -287,7 +286,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         model = Thevenin(Q, ocv, (0.0, 0.0), (0.0, 0.0), (), (), reference_degC=ocv.reference_degC)
         missing += " in the logs; taken as 0 (name a chemistry for start values)"
     one_way = "hysteresis: one direction only; taken as none"
-    battery = _battery(prepared, settings, thevenin=model, noise=start_noise(n, ocv_known=True))
+    battery = _battery(prepared, settings, thevenin=model, noise=start_noise(settings.chemistry, n, ocv_known=True))
     battery = replace(
         battery,
         identification=_provenance(prepared, settings),

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
+from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, last_direction
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
+from ohmward.battery.identification.untested import activation_std_K, ocv_std_V_per_K
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
@@ -39,14 +41,14 @@ _GRID_S = 10.0
 _HYSTERESIS_STD = 0.3
 
 
-def noise_from_fit(solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, pulses_only: bool) -> BatteryNoise:
+def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses_only: bool) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is the residual of the fit there and the standard deviation of its posterior, which is
     small where there were data and grows where there were none.
     pulses_only: no log has a lasting load.
     """
-    samples, volts = problem.samples, problem.volts
+    solution, samples, volts = fit.solution, problem.samples, problem.volts
     residual_V = residual_std_V(solution, problem)
     posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv)
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
@@ -60,6 +62,8 @@ def noise_from_fit(solution: CircuitSolution, problem: CircuitProblem, p: Theven
         overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
         correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
         capacity_std=_CAPACITY_STD,
+        activation_std_K=activation_std_K(fit, problem),
+        ocv_std_V_per_K=ocv_std_V_per_K(problem),
     )
 
 

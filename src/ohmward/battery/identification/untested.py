@@ -1,0 +1,59 @@
+"""Parameters that the logs do not show: the chemistry's prior in their place, its width, and a sentence on each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ohmward.battery.identification.circuit_fit import ACTIVATION_UNIT_K, CircuitFit
+from ohmward.battery.identification.circuit_solve import CircuitProblem
+from ohmward.battery.identification.load_temperature import load_temperature
+
+#: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
+#: and cold, and a fit at two temperatures is used beyond them.
+_ACTIVATION_FLOOR_K = 400.0
+#: Width of the curve's temperature slope where it was measured, over that where it was not: low-rate branches hold
+#: overpotential, which changes with temperature as well.
+_MEASURED_SLOPE = 0.5
+
+
+def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
+    """Standard deviation of all activations together [K]: of the fit, or the chemistry's at one temperature."""
+    usual_K = problem.prior.untested.activation_std_K
+    if not problem.fit_activation:
+        return usual_K
+    ohmic_pairs_tau = np.diag(fit.search_cov)[-3:]
+    found_K = ACTIVATION_UNIT_K * float(np.sqrt(ohmic_pairs_tau[:2].mean()))
+    return min(max(found_K, _ACTIVATION_FLOOR_K), usual_K)
+
+
+def ocv_std_V_per_K(problem: CircuitProblem) -> float:
+    """Standard deviation of the change of the open-circuit voltage with temperature [V/K]."""
+    usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
+    return _MEASURED_SLOPE * usual if any(problem.ocv.temperature_V_per_K) else usual
+
+
+def untested_sentences(problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
+    """Sentences on what was taken from the chemistry `chemistry`, "" for an unknown one."""
+    kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
+    return (*_activation(problem, kind), *_ocv_temperature(problem, kind))
+
+
+def _activation(problem: CircuitProblem, kind: str) -> list[str]:
+    if problem.fit_activation:
+        return []
+    prior = problem.prior.untested
+    ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
+    return [
+        f"activation: currents flowed at {load_temperature(problem.samples)} only; {ohmic} (R0), {pairs} (RC pairs) "
+        f"and {tau} (time constants), all +-{prior.activation_std_K:.0f} K, were taken, as usual for {kind}"
+    ]
+
+
+def _ocv_temperature(problem: CircuitProblem, kind: str) -> list[str]:
+    if any(problem.ocv.temperature_V_per_K):
+        return []
+    std_mV = 1e3 * ocv_std_V_per_K(problem)
+    return [
+        f"open-circuit voltage against temperature: needs low-rate tests at two temperatures; 0 +- {std_mV:.2g} mV/K "
+        f"was taken, as usual for {kind}"
+    ]

@@ -1,0 +1,92 @@
+"""What the temperatures of a test show of activations, and what stands in the file where they show nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from battery.identification.examples import cell, pulse_log
+from battery.identification.test_circuit import problem_of
+from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
+from ohmward.battery.identification import identify
+from ohmward.battery.identification.circuit_fit import fit_circuit
+from ohmward.battery.identification.confidence import confidence_intervals
+from ohmward.battery.identification.load_temperature import load_temperature
+from ohmward.battery.identification.open_loop import simulate
+from ohmward.battery.identification.untested import activation_std_K, ocv_std_V_per_K, untested_sentences
+
+TRUE = replace(cell(), activation_K=2200.0, pair_activation_K=4200.0, tau_activation_K=1200.0)
+
+
+def swept(low_degC, high_degC):
+    """One pulse test whose temperature goes through a range three times, with the voltage of a cell that feels it."""
+    problem = problem_of(pulse_log(cell(), count=6, rest_s=1800.0))
+    (s,) = problem.samples
+    share = 0.5 + 0.5 * np.cos(6 * np.pi * s.time_s / s.time_s[-1])
+    s = s._replace(temperature_degC=low_degC + (high_degC - low_degC) * share)
+    return problem._replace(
+        samples=(s._replace(voltage_V=simulate(s, TRUE)),), fit_activation=load_temperature((s,)).shows_activation
+    )
+
+
+def test_only_temperatures_at_which_current_flows_count():
+    (s,) = problem_of(pulse_log(cell(), count=3, rest_s=900.0)).samples
+    flows = s.mean_current_A != 0.0
+    warm_at_rest = s._replace(temperature_degC=np.where(flows, 20.0, 45.0))
+    assert load_temperature((warm_at_rest,)) == (20.0, 20.0)
+    assert str(load_temperature((warm_at_rest,))) == "20 degC"
+    warm_in_use = s._replace(temperature_degC=np.where(flows & (s.soc < 0.8), 45.0, 20.0))
+    assert load_temperature((warm_in_use,)).shows_activation
+    assert str(load_temperature((warm_in_use,))) == "20 to 45 degC"
+
+
+def test_a_sweep_inside_one_record_shows_three_activations():
+    problem = swept(0.0, 40.0)
+    assert problem.fit_activation
+    fit = fit_circuit(problem, 2)
+    assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=150.0)
+    assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
+    assert fit.solution.rates.tau_activation_K == pytest.approx(TRUE.tau_activation_K, abs=500.0)
+    assert 300.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
+    named = {c.name: c for c in confidence_intervals(fit, False, True)}
+    assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
+    assert not any("activation" in sentence for sentence in untested_sentences(problem, "nmc"))
+
+
+def test_one_temperature_leaves_the_prior_and_says_so():
+    problem = swept(24.0, 26.0)
+    assert not problem.fit_activation
+    fit = fit_circuit(problem, 2)
+    assert fit.solution.rates.activations_K == tuple(A.mean for A in problem.prior.untested.activations_K)
+    assert activation_std_K(fit, problem) == problem.prior.untested.activation_std_K
+    activation, curve = untested_sentences(problem, "nmc")
+    assert "24 to 26 degC only" in activation and "usual for nmc cells" in activation
+    assert "low-rate tests at two temperatures" in curve
+    assert "name the chemistry" in untested_sentences(problem, "")[0]
+
+
+def test_a_measured_temperature_slope_narrows_the_curve():
+    problem = swept(24.0, 26.0)
+    measured = problem._replace(ocv=replace(problem.ocv, temperature_V_per_K=(1e-4,) * len(problem.ocv.voltage_V)))
+    assert ocv_std_V_per_K(measured) < ocv_std_V_per_K(problem)
+    assert not any("open-circuit" in sentence for sentence in untested_sentences(measured, "nmc"))
+
+
+@pytest.mark.parametrize("chemistry", ["nmc", ""])
+def test_the_file_holds_the_prior_and_its_width(chemistry):
+    battery = identify(pulse_log(cell(), count=12, rest_s=1800.0), capacity_Ah=2.0, chemistry=chemistry)
+    prior = chemistry_prior(chemistry)
+    assert battery.thevenin is not None
+    assert battery.thevenin.activation_K == prior.activation_K.mean
+    assert battery.thevenin.pair_activation_K == prior.pair_activation_K.mean
+    assert battery.noise.activation_std_K == prior.activation_std_K
+    assert battery.noise.ocv_std_V_per_K > 0.0
+    assert any(sentence.startswith("activation: ") for sentence in battery.not_identified)
+
+
+def test_an_unknown_chemistry_is_the_widest():
+    for chemistry in CHEMISTRIES.values():
+        assert chemistry.prior.activation_std_K < chemistry_prior("").activation_std_K
+        for known, unknown in zip(chemistry.prior.activations_K, chemistry_prior("").activations_K, strict=True):
+            assert known.std <= unknown.std
+            assert abs(known.mean - unknown.mean) <= unknown.std
