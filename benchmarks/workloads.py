@@ -243,9 +243,9 @@ def curve_of(values: tuple[float, ...]) -> np.ndarray:
 
 
 class JointProblem(NamedTuple):
-    """x = [z_Cb, z_Cs, z_Re, z_Rt, V_cb, V_cs, V], V measured, as plain numbers; see `TextbookJoint`.
+    """x = [z_Cb, z_Cs, z_Re, z_R0, V_cb, V_cs, V], V measured, as plain numbers; see `TextbookJoint`.
 
-    moves: dt / (2 C_b), dt / (2 C_s), 1 / R_e and R_t at their nominal values.
+    moves: dt / (2 C_b), dt / (2 C_s), 1 / R_e and R_0 at their nominal values.
     least: (7,) below which no state goes.
     """
 
@@ -263,21 +263,22 @@ class JointProblem(NamedTuple):
         """Number of states."""
         return len(self.least)
 
-    def next_state(self, xp: Any, x: Any, mean_A: Any) -> Any:
-        return xp.stack(self.elements([x[..., k] for k in range(7)], mean_A), -1)
+    def next_state(self, xp: Any, x: Any, mean_A: Any, now_A: Any) -> Any:
+        return xp.stack(self.elements([x[..., k] for k in range(7)], mean_A, now_A), -1)
 
-    def elements(self, x: Sequence[Any], mean_A: Any) -> tuple:
+    def elements(self, x: Sequence[Any], mean_A: Any, now_A: Any) -> tuple:
         """The next state, element by element."""
-        z_bulk, z_surface, z_r, z_terminal, bulk_V, surface_V, V = x
+        z_bulk, z_surface, z_r, z_instant, bulk_V, surface_V, V = x
         bulk, surface, g = self.moves[0] * z_bulk, self.moves[1] * z_surface, self.moves[2] * z_r
         across_A = g * (surface_V - bulk_V)
-        terminal_V = bulk_V - V + self.moves[3] * z_terminal * mean_A
+        instant_ohm = self.moves[3] * z_instant
+        U = V - instant_ohm * (2 * mean_A - now_A)
         moved = (
             bulk_V + bulk * (across_A + mean_A),
             surface_V + surface * (mean_A - across_A),
-            V + (surface - bulk) * (g * terminal_V) + surface * mean_A,
+            U + (surface - bulk) * g * (bulk_V - U) + (surface + bulk) * 0.5 * mean_A + instant_ohm * now_A,
         )
-        return z_bulk, z_surface, z_r, z_terminal, *moved
+        return z_bulk, z_surface, z_r, z_instant, *moved
 
 
 def joint_ours() -> TextbookJoint:
@@ -289,10 +290,10 @@ def joint_ours() -> TextbookJoint:
 def joint_problem(steps: int) -> JointProblem:
     """The filter as `TextbookJoint` has it."""
     ours, drive = joint_ours(), make_drive(steps)
-    c_bulk, c_surface, r, r_terminal = ours.nominal
+    c_bulk, c_surface, r, _ = ours.nominal
     belief = unpack(joint_start(ours, drive).belief)
     return JointProblem(
-        (0.5 / c_bulk, 0.5 / c_surface, 1 / r, r_terminal),
+        (0.5 / c_bulk, 0.5 / c_surface, 1 / r, ours.instant_ohm),
         np.array([LEAST] * 4 + [-np.inf] * 3),
         np.diag(np.square(ours.walk)),
         ours.voltage_std_V**2,

@@ -177,9 +177,9 @@ def joint_step(problem: JointProblem) -> Step:
         state, sample = ca.SX.sym("state", 2 * n + n * n + 3), ca.SX.sym("sample", 3)
         mean, cov, K = state[:n], ca.reshape(state[n : n + n * n], n, n), state[n + n * n : 2 * n + n * n]
         innovation, residual, samples = ca.vertsplit(state[-3:])
-        _, mean_A, y = ca.vertsplit(sample)
+        now_A, mean_A, y = ca.vertsplit(sample)
         Q, R = problem.Q + innovation * K @ K.T, residual + cov[-1, -1] + problem.R
-        X = [ca.vertcat(*problem.elements(ca.vertsplit(x), mean_A)) for x in draw(mean, cov, spread)]
+        X = [ca.vertcat(*problem.elements(ca.vertsplit(x), mean_A, now_A)) for x in draw(mean, cov, spread)]
         mean, D = centred(X, Wm)
         cov = product(D, D, Wc) + Q
         mean, cov, K, nu = corrected(X, [x[-1] for x in X], mean, cov, y, R, Wm, Wc)

@@ -69,16 +69,16 @@ def run_joint(problem: JointProblem, steps: int) -> Posterior:
         1,
         1.0,
         lambda x: x[-1:],
-        lambda x, dt, i: problem.next_state(np, x, i),
+        lambda x, dt, i, j: problem.next_state(np, x, i, j),
         MerweScaledSigmaPoints(problem.n, *DEFAULT),
     )
     ukf.x, ukf.P = problem.start
     K, innovation, residual = np.zeros(problem.n), 0.0, 0.0
     means = np.empty((steps, problem.n))
-    for k, (_, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
+    for k, (now_A, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
         ukf.Q = problem.Q + innovation * np.outer(K, K)
         ukf.R = np.array([[residual + ukf.P[-1, -1] + problem.R]])
-        ukf.predict(i=mean_A)
+        ukf.predict(i=mean_A, j=now_A)
         ukf.update(np.array([y]))
         ukf.x = np.maximum(ukf.x, problem.least)
         K, nu, e = ukf.K[:, 0], ukf.y[0], y - ukf.x[-1]

@@ -50,8 +50,8 @@ def cell_step(problem: CellProblem) -> tuple[Callable, tuple]:
 
 def joint_step(problem: JointProblem) -> tuple[Callable, tuple]:
     def scanned(state: tuple, sample: tuple) -> tuple:
-        _, mean_A, y = sample
-        after = numpy_by_hand.joint_step(jnp, state, mean_A, y, problem)
+        now_A, mean_A, y = sample
+        after = numpy_by_hand.joint_step(jnp, state, now_A, mean_A, y, problem)
         return after, after[0]
 
     return scanned, numpy_by_hand.joint_start(jnp, problem)

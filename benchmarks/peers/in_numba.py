@@ -71,9 +71,9 @@ def joint_run(problem: JointProblem) -> Callable[[int], Posterior]:
     def run(steps: int) -> Posterior:
         mean, cov = problem.start.mean.copy(), problem.start.cov.copy()
         means = np.empty((steps, problem.n))
-        _, mean_A, voltage_V = problem.drive.first(steps)
+        current_A, mean_A, voltage_V = problem.drive.first(steps)
         constants = problem.moves, problem.least, problem.Q, problem.R, problem.window
-        adaptive(mean, cov, mean_A, voltage_V, *constants, problem.scaling, means)
+        adaptive(mean, cov, current_A, mean_A, voltage_V, *constants, problem.scaling, means)
         return Posterior(mean, cov)
 
     return run
@@ -141,7 +141,7 @@ def unscented(mean, cov, current_A, mean_A, voltage_V, decay, gain, rate, weight
 
 
 @fast
-def adaptive(mean, cov, mean_A, voltage_V, moves, least, Q_floor, R_floor, window, scaling, means):
+def adaptive(mean, cov, current_A, mean_A, voltage_V, moves, least, Q_floor, R_floor, window, scaling, means):
     n = len(mean)
     spread, Wm, Wc = scaling
     L, X, Y, C = np.zeros((n, n)), np.empty((2 * n + 1, n)), np.empty(2 * n + 1), np.empty(n)
@@ -154,7 +154,7 @@ def adaptive(mean, cov, mean_A, voltage_V, moves, least, Q_floor, R_floor, windo
         R = residual + cov[n - 1, n - 1] + R_floor
         draw(mean, cov, spread, L, X)
         for p in range(2 * n + 1):
-            next_state(X[p], mean_A[k], moves)
+            next_state(X[p], mean_A[k], current_A[k], moves)
             Y[p] = X[p, n - 1]
         moments(X, Wm, Wc, Q, mean, cov)
         y_hat, S = output(X, Y, mean, Wm, Wc, C)
@@ -172,11 +172,12 @@ def adaptive(mean, cov, mean_A, voltage_V, moves, least, Q_floor, R_floor, windo
 
 
 @fast
-def next_state(x, mean_A, moves):
+def next_state(x, mean_A, now_A, moves):
     bulk, surface, g = moves[0] * x[0], moves[1] * x[1], moves[2] * x[2]
     across_A = g * (x[5] - x[4])
-    terminal_V = x[4] - x[6] + moves[3] * x[3] * mean_A
-    x[6] += (surface - bulk) * (g * terminal_V) + surface * mean_A
+    instant_ohm = moves[3] * x[3]
+    U = x[6] - instant_ohm * (2 * mean_A - now_A)
+    x[6] = U + (surface - bulk) * g * (x[4] - U) + (surface + bulk) * 0.5 * mean_A + instant_ohm * now_A
     x[4] += bulk * (across_A + mean_A)
     x[5] += surface * (mean_A - across_A)
 

@@ -51,11 +51,11 @@ def run_joint(problem: JointProblem, steps: int) -> Posterior:
     moments = Moments(*problem.start)
     K, innovation, residual = np.zeros(problem.n), 0.0, 0.0
     means = np.empty((steps, problem.n))
-    for k, (_, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
+    for k, (now_A, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
         Q, R = problem.Q + innovation * np.outer(K, K), residual + moments.covariance[-1, -1] + problem.R
         points = moments2points(moments, *DEFAULT)
         _, prior = unscented_filter_predict(
-            lambda x, i=mean_A: problem.next_state(np, x, i), points, sigma_transition=Q
+            lambda x, i=mean_A, j=now_A: problem.next_state(np, x, i, j), points, sigma_transition=Q
         )
         points = moments2points(prior, *DEFAULT)
         mean, cov = unscented_filter_correct(

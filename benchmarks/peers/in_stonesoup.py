@@ -109,8 +109,8 @@ def run_joint(problem: JointProblem, steps: int) -> Posterior:
     state = started(problem)
     K, innovation, residual = np.zeros(problem.n), 0.0, 0.0
     means = np.empty((steps, problem.n))
-    for k, (_, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
-        transition.of = lambda x, i=mean_A: problem.next_state(np, x, i)
+    for k, (now_A, mean_A, y) in enumerate(zip(*problem.drive.first(steps), strict=True)):
+        transition.of = lambda x, i=mean_A, j=now_A: problem.next_state(np, x, i, j)
         transition.covariance = problem.Q + innovation * np.outer(K, K)
         measurement.covariance = np.array([[residual + state.covar[-1, -1] + problem.R]], dtype=float)
         state = advance(predictor, updater, state, k, y)

@@ -42,10 +42,10 @@ def run_cell(problem: CellProblem, steps: int) -> Posterior:
 
 def run_joint(problem: JointProblem, steps: int, redraw: bool = False) -> Posterior:
     state: Any = joint_start(np, problem)
-    _, mean_A, voltage_V = problem.drive.first(steps)
+    current_A, mean_A, voltage_V = problem.drive.first(steps)
     means = np.empty((steps, problem.n))
     for k in range(steps):
-        state = joint_step(np, state, mean_A[k], voltage_V[k], problem, redraw)
+        state = joint_step(np, state, current_A[k], mean_A[k], voltage_V[k], problem, redraw)
         means[k] = state[0]
     return Posterior(*state[:2])
 
@@ -87,12 +87,14 @@ def joint_start(xp: Any, problem: JointProblem) -> tuple:
     return xp.asarray(mean), xp.asarray(cov), xp.zeros(problem.n), 0.0, 0.0, 0.0
 
 
-def joint_step(xp: Any, state: tuple, mean_A: Any, y: Any, problem: JointProblem, redraw: bool = False) -> tuple:
+def joint_step(
+    xp: Any, state: tuple, now_A: Any, mean_A: Any, y: Any, problem: JointProblem, redraw: bool = False
+) -> tuple:
     """Adaptive unscented Kalman filter of states and parameters."""
     mean, cov, K, innovation, residual, samples = state
     spread, Wm, Wc = problem.scaling
     Q, R = problem.Q + innovation * xp.outer(K, K), residual + cov[-1, -1] + problem.R
-    X = problem.next_state(xp, draw(xp, mean, cov, spread), mean_A)
+    X = problem.next_state(xp, draw(xp, mean, cov, spread), mean_A, now_A)
     mean = Wm @ X
     D = X - mean
     cov = (Wc * D.T) @ D + Q
@@ -161,7 +163,7 @@ def unscented_lanes(
 
 
 def run_joint_lanes(problem: JointProblem, steps: int) -> Posterior:
-    _, mean_A, voltage_V = problem.drive.first(steps)
+    current_A, mean_A, voltage_V = problem.drive.first(steps)
     logs, (spread, Wm, Wc) = mean_A.shape[1], problem.scaling
     mean, cov = (np.repeat(a[None], logs, axis=0) for a in problem.start)
     K, innovation, residual = np.zeros((logs, problem.n)), np.zeros(logs), np.zeros(logs)
@@ -169,7 +171,7 @@ def run_joint_lanes(problem: JointProblem, steps: int) -> Posterior:
     for k in range(steps):
         Q = problem.Q + innovation[:, None, None] * K[:, :, None] * K[:, None, :]
         R = residual + cov[:, -1, -1] + problem.R
-        X = problem.next_state(np, draw_lanes(mean, cov, spread), mean_A[k][:, None])
+        X = problem.next_state(np, draw_lanes(mean, cov, spread), mean_A[k][:, None], current_A[k][:, None])
         mean, D, cov = moments(X, Wm, Wc)
         mean, cov, K, nu = corrected(D, X[..., -1], mean, cov + Q, voltage_V[k], R, Wm, Wc)
         mean = np.maximum(mean, problem.least)

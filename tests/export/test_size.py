@@ -48,10 +48,10 @@ def test_that_of_a_controller_too(tmp_path):
 
 @pytest.mark.skipif(not shutil.which(COMPILER), reason=f"{COMPILER} is not installed")
 def test_the_bare_filters_stay_small(tmp_path):
-    """Code and tables: the textbook filter's curve apart 2 KB, the joint filter 9 KB as lines and 1.6 KB as loops."""
+    """Code and tables: the textbook filter's curve apart 2 KB, the joint filter 9 KB as lines and 1.7 KB as loops."""
     joint, loops = (battery_export(WITH_RC, "textbook-joint", style=style) for style in ("lines", "loops"))
     assert measured(joint, tmp_path / "lines") < 9 * 1024
-    assert measured(loops, tmp_path / "loops") <= 1.6 * 1024
+    assert measured(loops, tmp_path / "loops") <= 1.7 * 1024
     textbook = battery_export(WITH_RC, "textbook-ukf", "soc", sample_time_s=1.0)
     assert WITH_RC.thevenin is not None
     curve = 4 * 4 * (len(WITH_RC.thevenin.ocv.voltage_V) + 1)

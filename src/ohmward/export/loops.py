@@ -62,7 +62,7 @@ def _joint_functions(joint: TextbookJoint, state: Any, name: str, sanitized: Pro
 
     def move(x: np.ndarray, clean: Any) -> np.ndarray:
         step_s = dt_s if isinstance(dt_s, float) else clean.dt_s
-        return joint.next_state(x, clean.mean_A, step_s)[PARAMETERS:]
+        return joint.next_state(x, clean.mean_A, clean.current_A, step_s)[PARAMETERS:]
 
     n = len(state.belief.mean)
     example = joint.sanitize(state, _EXAMPLE)

@@ -1,12 +1,19 @@
-"""States and parameters of the RC model together, by the filter as [T] 3.3 has it: Euler steps and nothing else.
+"""States and parameters of the RC model together, by the filter of [T] 3.3 in Euler steps; V jumps with the current.
 
-    x = [z_Cb, z_Cs, z_Re, z_Rt, V_cb, V_cs, V]    y = V    R_b = R_s = R_e
-    1/C_b = z_Cb / C_b0    1/C_s = z_Cs / C_s0    1/R_e = z_Re / R_e0    R_t = z_Rt R_t0
+    x = [z_Cb, z_Cs, z_Re, z_R0, V_cb, V_cs, V]    y = V    R_b = R_s = R_e    R_0 = R_t + R_e / 2
+    1/C_b = z_Cb / C_b0    1/C_s = z_Cs / C_s0    1/R_e = z_Re / R_e0    R_0 = z_R0 R_00
 
 the parameters being of order one by their nominal values. [T] has them at the end; at the front they cost less, because
 the Cholesky factor is triangular: the sigma points along the voltages all share the parameters of the mean.
 
-It trusts the current, assumes di/dt = 0 while V moves, and a sigma point may have a negative capacitance: `RcJoint`
+[T] has R_t itself, and V moves as if the current never changed (di/dt = 0). The voltage of a battery changes by R_0
+times the change of the current at once, and a filter that does not know it explains the jumps by a surface capacitor
+small enough to follow: with the exact circuit and an exactly right start C_s falls to a seventh and R_e to a fifth.
+Here the equation of [T] moves V - R_0 i, which does not jump, and V is that and R_0 times the current of its instant.
+With R_0 in place of R_t nothing has to be divided for that.
+
+It trusts the current, and a sigma point may have a negative capacitance. Euler steps make C_s too large by half a step
+over the time constant, a share dt (1/C_b + 1/C_s) / (4 R_e), and they are unstable where that exceeds one. `RcJoint`
 does all that better. This one is the published filter to compare with, and fits into a small microcontroller.
 """
 
@@ -56,7 +63,7 @@ class TextbookJointEstimate(NamedTuple):
 
     c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
     r_ohm: R_e, in front of each capacitor [ohm].
-    r_terminal_ohm: R_t [ohm].
+    r_terminal_ohm: R_t, R_0 less R_e / 2 [ohm].
     bulk_V, surface_V: voltages of the capacitors.
     innovation_V: measured minus expected voltage; nan when there was none.
     """
@@ -126,7 +133,7 @@ class TextbookJoint:
         before = unpack(state.belief)
         prior, correction = unscented.correct_reusing_points(
             before,
-            lambda x: self.next_state(x, clean.mean_A, clean.dt_s),
+            lambda x: self.next_state(x, clean.mean_A, clean.current_A, clean.dt_s),
             lambda x: x[TERMINAL:],
             np.array([clean.voltage_V]),
             self.process_noise(state),
@@ -159,33 +166,49 @@ class TextbookJoint:
         after = state._replace(belief=belief, noise=noise, current_A=clean.current_A)
         return after, self.estimate(mean, where(clean.measured, innovation_V, math.nan))
 
-    def next_state(self, x: np.ndarray, current_A: Scalar, dt_s: Scalar) -> np.ndarray:
-        """State (7,) after an Euler step; [T] (3.6) with R_b = R_s and its indices set right."""
-        z_bulk, z_surface, z_r, z_terminal, bulk_V, surface_V, V = x
+    def next_state(self, x: np.ndarray, mean_A: Scalar, now_A: Scalar, dt_s: Scalar) -> np.ndarray:
+        """State (7,) after an Euler step; [T] (3.6) with R_b = R_s, its indices set right, for U = V - R_0 i.
+
+            dU/dt = (1 / (2 R_e)) (1 / C_s - 1 / C_b) (V_cb - U) + (1 / (4 C_b) + 1 / (4 C_s)) i
+
+        mean_A: current over the step, half way between those of its ends.  now_A: current at its end.
+        """
+        z_bulk, z_surface, z_r, z_instant, bulk_V, surface_V, V = x
         bulk = dt_s * (0.5 / self.nominal.c_bulk_F) * z_bulk  # dt / (2 C): voltage per ampere of the step
         surface = dt_s * (0.5 / self.nominal.c_surface_F) * z_surface
         g = z_r * (1 / self.nominal.r_ohm)
+        instant_ohm = z_instant * self.instant_ohm
         across_A = g * (surface_V - bulk_V)
-        terminal_V = bulk_V - V + z_terminal * (self.nominal.r_terminal_ohm * current_A)
+        U = V - instant_ohm * (2 * mean_A - now_A)
+        U_next = U + (surface - bulk) * (g * (bulk_V - U)) + (surface + bulk) * (0.5 * mean_A)
         moved = [
-            bulk_V + bulk * (across_A + current_A),
-            surface_V + surface * (current_A - across_A),
-            V + (surface - bulk) * (g * terminal_V) + surface * current_A,
+            bulk_V + bulk * (across_A + mean_A),
+            surface_V + surface * (mean_A - across_A),
+            U_next + instant_ohm * now_A,
         ]
         return np.array([*x[:PARAMETERS], *moved])
 
+    @property
+    def instant_ohm(self) -> float:
+        """Nominal R_0 = R_t + R_e / 2 [ohm]."""
+        return self.nominal.r_terminal_ohm + 0.5 * self.nominal.r_ohm
+
     def possible(self, mean: np.ndarray) -> np.ndarray:
-        """The mean (7,) with its parameters positive."""
-        return np.array([*(maximum(z, LEAST) for z in mean[:PARAMETERS]), *mean[PARAMETERS:]])
+        """The mean (7,) with its parameters positive, and R_e so small that R_t is positive too."""
+        z_bulk, z_surface, z_r, z_instant = (maximum(z, LEAST) for z in mean[:PARAMETERS])
+        most_ohm = 2 * (z_instant * self.instant_ohm - LEAST * self.nominal.r_terminal_ohm)
+        z_r = maximum(z_r, self.nominal.r_ohm / most_ohm)
+        return np.array([z_bulk, z_surface, z_r, z_instant, *mean[PARAMETERS:]])
 
     def estimate(self, x: np.ndarray, innovation_V: Scalar) -> TextbookJointEstimate:
         """Parameters and voltages of state x in their units."""
-        z_bulk, z_surface, z_r, z_terminal = x[:PARAMETERS]
+        z_bulk, z_surface, z_r, z_instant = x[:PARAMETERS]
+        r_ohm = self.nominal.r_ohm / z_r
         return TextbookJointEstimate(
             c_bulk_F=self.nominal.c_bulk_F / z_bulk,
             c_surface_F=self.nominal.c_surface_F / z_surface,
-            r_ohm=self.nominal.r_ohm / z_r,
-            r_terminal_ohm=self.nominal.r_terminal_ohm * z_terminal,
+            r_ohm=r_ohm,
+            r_terminal_ohm=z_instant * self.instant_ohm - 0.5 * r_ohm,
             bulk_V=x[BULK],
             surface_V=x[SURFACE],
             innovation_V=innovation_V,
