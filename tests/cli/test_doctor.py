@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 from cli.examples import drive
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
 
@@ -52,3 +54,26 @@ def test_columns_and_units_can_be_named(tmp_path, as_json):
     words = ("--column", "voltage=a", "--unit", "voltage=mV", "--column", "current=b", "--unit", "current=A")
     survey = as_json("doctor", str(tmp_path / "x.csv"), *words)["logs"][0]["survey"]
     assert survey["voltage"]["maximum"] == pytest.approx(3.7)
+
+
+def test_a_battery_file_says_what_it_does_not_know_and_which_test_helps(here, capsys):
+    save_battery(generic_battery("nmc", 12.0, 4), here / "generic.toml")
+    assert main(["doctor", "generic.toml"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("generic.toml: battery 'generic nmc', 12 Ah, nmc, 4 in series\n")
+    for part in ("Not known:", "25 degC", "-10 degC", "as the file is", "at best after a slow discharge"):
+        assert part in out
+
+
+def test_the_bands_of_a_battery_file_are_in_json_and_on_the_page(here, as_json):
+    found = as_json("doctor", "battery.toml", "day.csv", "--report", "found.html")
+    assert [log["path"] for log in found["logs"]] == ["day.csv"]
+    (battery,) = found["batteries"]
+    assert [band["temperature_degC"] for band in battery["bands"]] == [25.0, 0.0, -10.0]
+    assert all(0.0 < band["known_start"] <= 1.05 * band["unknown_start"] < 10.0 for band in battery["bands"])
+    assert "as the file is" in (here / "found.html").read_text(encoding="utf-8")
+
+
+def test_another_toml_file_is_named(here, refused):
+    (here / "robot.toml").write_text('format = "ohmward-robot/1"\n')
+    assert "robot file; give a battery file" in refused("doctor", "robot.toml")

@@ -31,9 +31,10 @@ class SocTask(NamedTuple):
 
     @property
     def notes(self) -> list[str]:
-        """Everything that was assumed while reading."""
+        """Everything that was assumed while reading, and what the battery file does not know."""
         truth = [f"info: {self.truth.note}"] if self.truth else []
-        return [str(note) for note in self.log.notes] + truth
+        battery = [f"info: battery file: {text}" for text in self.battery.not_identified]
+        return [str(note) for note in self.log.notes] + truth + battery
 
 
 def read_battery_log(

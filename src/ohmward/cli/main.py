@@ -17,7 +17,7 @@ from ohmward.errors import OhmwardError
 
 #: The commands in the order of the help. The package `ohmward.cli.NAME` of a command is loaded only when it is typed.
 COMMANDS = {
-    "doctor": "what is in a log, what was assumed, what is wrong",
+    "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
     "identify": "from logs of tests to a battery file",
     "generic": "a battery file from chemistry and capacity alone, to start with",
     "soc": "state of charge along a log, with its uncertainty",

@@ -63,7 +63,7 @@ class Cause(NamedTuple):
 class Conditions(NamedTuple):
     """Present state of the battery in the quantities that the sentences need.
 
-    std: standard deviation of every state, by name.
+    std: largest standard deviation of the states of each cause.
     temperature_degC: of the battery; reference_degC: at which its resistances hold.
     slope_V: change of the open-circuit voltage per unit of SoC.
     error_V: standard deviation of each part of the model's voltage error [V], by cause.
@@ -127,12 +127,17 @@ def points(variance: float) -> float:
 
 
 def cause_states(state_names: tuple[str, ...]) -> dict[str, list[int]]:
-    """Indices of the states of each cause; the voltages of the RC pairs are one."""
+    """Indices of the states of each cause; several states, such as the voltages of the RC pairs, may be one."""
     groups: dict[str, list[int]] = {}
     for index, name in enumerate(state_names):
         if index != SOC:
-            groups.setdefault(_CAUSE_OF_STATE.get(name, "relaxation"), []).append(index)
+            groups.setdefault(cause_of_state(name), []).append(index)
     return groups
+
+
+def cause_of_state(name: str) -> str:
+    """The cause that a state of the filter stands for, by its name."""
+    return next((cause for part, cause in _CAUSE_BY_NAME.items() if part in name), "relaxation")
 
 
 def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, VariancePart]:
@@ -145,7 +150,9 @@ def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, 
     divided: dict[str, VariancePart] = {}
     for name, part in parts.items():
         for own, share in shares.get(name, {name: 1.0}).items():
-            divided[own] = VariancePart(share * part.variance, share * part.removable)
+            before = divided.get(own, VariancePart(0.0, 0.0))
+            more = VariancePart(share * part.variance, share * part.removable)
+            divided[own] = VariancePart(before.variance + more.variance, before.removable + more.removable)
     return divided
 
 
@@ -158,7 +165,8 @@ def _shares(stds: Mapping[str, float]) -> dict[str, float]:
 def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHistory) -> Conditions:
     """The conditions in a state of the filter."""
     belief = unpack(state.belief)
-    std = dict(zip(settings.state_names, np.sqrt(np.maximum(np.diag(belief.cov), 0.0)).tolist(), strict=True))
+    state_std = np.sqrt(np.maximum(np.diag(belief.cov), 0.0))
+    std = {cause: float(state_std[of].max()) for cause, of in cause_states(settings.state_names).items()}
     x = settings.system.split(belief.mean)
     u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC))
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
@@ -178,14 +186,16 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
     """Standard deviations [V] of the errors that the state `model_error` stands for."""
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
-    over_V = np.sqrt(sum(float(v) ** 2 for v in overpotentials(x.circuit, u, model, x.health)))
-    return {
+    over_V = np.sqrt(sum(float(v) ** 2 for v in overpotentials(x.circuit, u, model)))
+    errors = {
         "curve": float(noise.model_std_at(soc)),
         "axis": noise.soc_axis_std * slope_V,
         "overpotential": noise.overpotential_share * over_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
         "hysteresis_size": noise.hysteresis_std * float(model.ocv.hysteresis_at(soc)),
     }
+    own_states = cause_states(settings.state_names)
+    return {cause: std for cause, std in errors.items() if cause not in own_states}
 
 
 def counted_s(settings: TheveninFilter, belief: Belief) -> float:
@@ -198,7 +208,7 @@ def counted_s(settings: TheveninFilter, belief: Belief) -> float:
 
 def is_flat(now: Conditions) -> bool:
     """True where the voltage cannot tell SoC within `KNOWN_HALF_WIDTH`, even after a long rest."""
-    at_rest = (now.error_V["curve"], now.error_V["ocv_temperature"], now.error_V["hysteresis_size"])
+    at_rest = [now.error_V.get(cause, 0.0) for cause in ("curve", "ocv_temperature", "hysteresis_size")]
     return now.slope_V * KNOWN_HALF_WIDTH < BAND_95 * float(np.linalg.norm(at_rest))
 
 
@@ -223,12 +233,12 @@ def _curve(now: Conditions) -> str:
 
 def _activation(now: Conditions) -> str:
     T = now.temperature_degC
-    spread = now.std["activation_error_K"] * abs(1 / (T + KELVIN) - 1 / (now.settings.model.reference_degC + KELVIN))
+    spread = now.std["activation"] * abs(1 / (T + KELVIN) - 1 / (now.settings.model.reference_degC + KELVIN))
     return f"resistance at {T:.0f} degC known only within {within(spread)}"
 
 
 def _offset(now: Conditions) -> str:
-    return f"offset of the current sensor within ± {BAND_95 * now.std['offset_A']:.2g} A"
+    return f"offset of the current sensor within ± {BAND_95 * now.std['offset']:.2g} A"
 
 
 def _history(now: Conditions) -> str:
@@ -290,7 +300,7 @@ WORDINGS: dict[str, Wording] = {
         lambda now: "the data sheet of the current sensor ([sensor] in the battery file)",
     ),
     "resistance": Wording(
-        lambda now: f"resistance known within {within(now.std['resistance_ratio'])}",
+        lambda now: f"resistance known within {within(now.std['resistance'])}",
         lambda now: "an hour of driving with changing current",
     ),
     "activation": Wording(_activation, _cold_test),
@@ -300,12 +310,15 @@ WORDINGS: dict[str, Wording] = {
 #: Causes that a test would remove, of those that are wide because there was none.
 TESTED = ("activation", "capacity", "hysteresis_size", "ocv_temperature")
 
-#: Cause of each state of the filter that is not the voltage of an RC pair.
-_CAUSE_OF_STATE = {
+#: Cause of a state of the filter by a part of its name, looked at in this order; all others are voltages of RC pairs.
+_CAUSE_BY_NAME = {
+    "activation": "activation",
+    "hysteresis_": "hysteresis_size",
     "hysteresis": "hysteresis",
-    "offset_A": "offset",
+    "offset": "offset",
     "charge_gain": "charge_gain",
-    "resistance_ratio": "resistance",
-    "activation_error_K": "activation",
+    "shape": "overpotential",
+    "resistance": "resistance",
+    "_log": "resistance",
     "model_error": "voltage_error",
 }

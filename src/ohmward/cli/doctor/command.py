@@ -1,11 +1,14 @@
-"""`ohmward doctor`: contents, assumptions and faults of a log."""
+"""`ohmward doctor`: contents, assumptions and faults of a log; doubts of a battery file and the band that follows."""
 
 from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 
+from ohmward.battery.file import load_battery
 from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.doctor.battery import battery_summary, describe_battery, examine_battery
 from ohmward.cli.doctor.report import make_page
 from ohmward.cli.doctor.result import describe, summary
 from ohmward.cli.outcome import Outcome
@@ -13,13 +16,16 @@ from ohmward.logs import examine
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Examine each log; the exit status is 1 if one has an error."""
-    logs = [read_battery_log(path, args) for path in args.logs]
+    """Examine each file; the exit status is 1 if a log has an error."""
+    batteries = [path for path in args.files if Path(path).suffix == ".toml"]
+    paths = [path for path in args.files if path not in batteries]
+    logs = [read_battery_log(path, args) for path in paths]
     found = [examine(log) for log in logs]
+    known = [examine_battery(path, load_battery(path)) for path in batteries]
     return Outcome(
-        summary=summary(args.logs, found),
-        text="\n\n".join(map(describe, logs, found)),
+        summary=summary(paths, found) | {"batteries": [battery_summary(one) for one in known]},
+        text="\n\n".join([*map(describe, logs, found), *map(describe_battery, known)]),
         notes=[note for one in found for note in one.notes],
-        page=partial(make_page, logs, found),
+        page=partial(make_page, logs, found, known),
         status=int(any(one.worst == "error" for one in found)),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ohmward.cli.doctor.battery import BatteryFindings, add_battery
 from ohmward.cli.doctor.result import contents
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, grouped, sentence
@@ -13,12 +14,15 @@ from ohmward.logs.doctor import Findings
 from ohmward.report import Figure, Page
 
 
-def make_page(logs: Sequence[Log], found: Sequence[Findings]) -> Page:
-    """One section for each log: figures, findings, plots, assumptions."""
-    title = logs[0].name if len(logs) == 1 else f"{len(logs)} logs"
+def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequence[BatteryFindings]) -> Page:
+    """One section for each log and battery file: figures, findings, plots, assumptions."""
+    names = [log.name for log in logs] + [one.battery.name for one in batteries]
+    title = names[0] if len(names) == 1 else f"{len(names)} {'files' if batteries else 'logs'}"
     page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
     for log, findings in zip(logs, found, strict=True):
-        page = _section(page if len(logs) == 1 else page.heading(log.name), log, findings)
+        page = _section(page if len(names) == 1 else page.heading(log.name), log, findings)
+    for one in batteries:
+        page = add_battery(page if len(names) == 1 else page.heading(one.battery.name), one)
     return page
 
 

@@ -1,0 +1,126 @@
+"""Band of the state of charge that a battery file promises: on a working day, at any temperature, after one more test.
+
+The robot drives from 90 % down to 30 %, with loads that change and a rest in every hour, while the filter of the file
+looks on. Battery and sensors do exactly what the file says, so that what is left is what the file does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.soc.rehearsal import filtered
+from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.filters.belief import unpack
+from ohmward.filters.consistency import BAND_95
+from ohmward.trace import Kernel
+
+#: The day: SoC at its start and at its end, mean load in multiples of the capacity per hour, rest in every hour [s].
+START_SOC, END_SOC = 0.9, 0.3
+LOAD_C = 0.25
+REST_S = 600.0
+#: Time between two samples, and time for which one load lasts [s].
+STEP_S, LOAD_S = 10.0, 60.0
+#: Loads of a day in multiples of the mean load, in turn: standing, driving, climbing, driving on.
+LOADS = (0.2, 1.0, 2.0, 0.8)
+#: The band counts from here on [s]: an unknown start needs its first rests.
+COUNTED_FROM_S = 1800.0
+#: A start that is known, as a robot knows it in the morning: the default of `SocEstimator`.
+KNOWN_START_STD = 0.03
+#: Temperatures of a battery's usual report [degC].
+TEMPERATURES_DEGC = (25.0, 0.0, -10.0)
+
+
+@dataclass(frozen=True)
+class BandForecast:
+    """Half width of the 95 % band, root mean square along the day, in points.
+
+    Attributes:
+        temperature_degC: of the day.
+        known_start: where the day begins with a SoC known within 3 % (1 sigma).
+        unknown_start: where it begins with the first voltage.
+    """
+
+    temperature_degC: float
+    known_start: float
+    unknown_start: float
+
+
+@dataclass(frozen=True)
+class BandsAfterTest:
+    """Bands at the usual temperatures if one test left no doubt about what it shows.
+
+    Attributes:
+        test: in words, "after ..." or "with ...".
+        bands: one for each temperature, unchanged where the test says nothing.
+    """
+
+    test: str
+    bands: tuple[BandForecast, ...]
+
+
+def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:
+    """The bands of this battery file, from its default filter; () without a Thevenin model."""
+    if battery.thevenin is None:
+        return ()
+    settings = TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A)
+    first = SocSample(0.0, 0.0, np.nan, np.nan)
+    kernel = Kernel(settings.step, settings.init(first, START_SOC), first, lowering="python")
+    return tuple(
+        BandForecast(T, band(settings, kernel, T, START_SOC), band(settings, kernel, T, None))
+        for T in temperatures_degC
+    )
+
+
+def forecasts_after_tests(
+    battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC
+) -> tuple[BandsAfterTest, ...]:
+    """The bands after each test that the battery has not had, the one that narrows most first."""
+    found = [BandsAfterTest(test, forecast(after, temperatures_degC)) for test, after in after_tests(battery).items()]
+    return tuple(sorted(found, key=lambda f: sum(b.known_start + b.unknown_start for b in f.bands)))
+
+
+def after_tests(battery: Battery) -> dict[str, Battery]:
+    """The battery file after each test, at best: without the doubts that the test removes."""
+    noise = battery.noise
+    idle_A = 0.0 if battery.idle_current_A is None else battery.idle_current_A
+    exact = CurrentSensor(battery.sensor.noise_std_A, 0.0, 0.0, 0.0)
+    return {
+        "after a pulse test in the cold": replace(
+            battery, noise=replace(noise, activation_std_K=0.0, ocv_std_V_per_K=0.0)
+        ),
+        "after a slow discharge and a slow charge": replace(
+            battery, noise=replace(noise, hysteresis_std=0.0, soc_axis_std=0.0)
+        ),
+        "after a discharge from full to empty": replace(battery, noise=replace(noise, capacity_std=0.0)),
+        "after a new pulse test at room temperature": replace(battery, noise=replace(noise, resistance_std=0.0)),
+        "with a declared rest current": replace(battery, idle_current_A=idle_A),
+        "with a better current sensor": replace(battery, sensor=exact),
+    }
+
+
+def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc: float | None) -> float:
+    """Half width of the 95 % band, root mean square along the day, in points; soc: at the start, None if unknown."""
+    day = working_day(settings, temperature_degC)
+    first = SocSample(0.0, 0.0, settings.model.ocv.mean_V(START_SOC, temperature_degC), temperature_degC)
+    state = settings.init(first, soc, KNOWN_START_STD)
+    truth = unpack(settings.start(first, START_SOC, KNOWN_START_STD).belief).mean
+    std = filtered(settings, kernel, state, truth, day).soc_std[np.cumsum(day.dt_s) > COUNTED_FROM_S]
+    return 100 * BAND_95 * float(np.sqrt(np.mean(std**2)))
+
+
+def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:
+    """Samples (T,) of the day, without their voltage."""
+    drawn_s = (START_SOC - END_SOC) / LOAD_C * 3600.0
+    count = int(drawn_s * 3600.0 / (3600.0 - REST_S) / STEP_S)
+    time_s = STEP_S * np.arange(1, count + 1)
+    loads = np.array(LOADS)[(time_s / LOAD_S).astype(int) % len(LOADS)] / np.mean(LOADS)
+    idle_A = settings.idle_current_A or 0.0
+    current_A = np.where(time_s % 3600.0 < 3600.0 - REST_S, -LOAD_C * settings.model.capacity_Ah * loads, idle_A)
+    nothing = np.full(count, np.nan)
+    return SocSample(np.full(count, STEP_S), current_A, nothing, np.full(count, temperature_degC))
