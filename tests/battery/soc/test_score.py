@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.soc.sample import SocEstimate
-from ohmward.battery.soc.score import soc_scores, voltage_score
+from ohmward.battery.soc.score import score, soc_scores, voltage_score
 from ohmward.logs import Log
 
 TIME_S = np.arange(0.0, 7200.0, 10.0)
@@ -41,3 +41,29 @@ def test_no_voltage_no_score():
     assert voltage_score(LOG, estimates(TRUTH, TRUTH)) is None
     found = voltage_score(LOG, estimates(TRUTH, TRUTH, 12.1))
     assert found and found.mean == pytest.approx(0.1)
+
+
+def test_the_interval_score_of_a_band_is_its_width_and_40_times_the_distance_beyond_it():
+    # half width 1.96 * 0.01; the truth is inside in the first row, 0.03 - 0.0196 beyond in the second
+    found = score(np.array([0.5, 0.5]), np.array([0.505, 0.53]), np.array([0.01, 0.01]))
+    half = 1.959964 * 0.01
+    assert found and found.interval_95 == pytest.approx(2 * half + 0.5 * 40 * (0.03 - half))
+    assert found.error_over_std == pytest.approx(np.sqrt((0.5**2 + 3.0**2) / 2))
+
+
+def test_the_interval_score_is_least_for_the_right_sigma():
+    rng = np.random.default_rng(0)
+    error = 0.02 * rng.standard_normal(50_000)
+    scores = [score(error, 0 * error, np.full(error.size, std)) for std in (0.01, 0.015, 0.02, 0.027, 0.04)]
+    assert int(np.argmin([found.interval_95 for found in scores if found])) == 2
+    assert scores[2] and scores[2].error_over_std == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_error_of_more_than_four_sigma_is_confidently_wrong():
+    found = score(np.zeros(4), np.array([0.01, 0.039, 0.041, -0.05]), np.full(4, 0.01))
+    assert found and found.confidently_wrong == 0.5
+
+
+def test_without_a_sigma_there_is_no_score_of_the_band():
+    found = score(np.zeros(4), np.ones(4))
+    assert found and np.isnan([found.coverage_95, found.interval_95, found.error_over_std]).all()

@@ -1,4 +1,4 @@
-"""Errors of estimates where the truth is known: RMSE, MAE, extremes, coverage of the 95 % band."""
+"""Errors of estimates where the truth is known: RMSE, MAE, extremes; and of their bands: coverage, interval score."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from ohmward.logs.log import Log
 
 #: A start that was not known is found within the first hour or not at all.
 SETTLE_S = 3600.0
+
+#: An error of more standard deviations is a wrong answer given with confidence; of a normal distribution 0.006 %.
+CONFIDENTLY_WRONG = 4.0
 
 #: Fields of the score of a state of charge by the names of its figures.
 _SOC_FIGURES = {
@@ -33,6 +36,10 @@ class Score(NamedTuple):
     mean, std: of the error.
     max_error: largest absolute error.
     coverage_95: share of the samples whose truth is inside the estimate's own 95 % band; nan without a sigma.
+    interval_95: mean interval score of that band, in the unit of the estimate: its width, and 40 times the distance of
+        each truth outside it (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, equation 43); small is good.
+    error_over_std: root mean square of error over sigma; 1 where the band is as wide as the errors are.
+    confidently_wrong: share of the samples with an error of more than 4 sigma.
     samples: number of samples with a truth.
     """
 
@@ -42,6 +49,9 @@ class Score(NamedTuple):
     std: float
     max_error: float
     coverage_95: float
+    interval_95: float
+    error_over_std: float
+    confidently_wrong: float
     samples: int
 
 
@@ -61,15 +71,37 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
     if not known.any():
         return None
     error = estimate[known] - truth[known]
-    covered = np.nan if std is None else float(np.mean(np.abs(error) <= BAND_95 * std[known]))
+    band = _BandScore(*(4 * (np.nan,))) if std is None else _band_score(error, std[known])
     return Score(
         _rms(error),
         float(np.mean(np.abs(error))),
         float(error.mean()),
         float(error.std()),
         float(np.abs(error).max()),
-        covered,
+        *band,
         int(known.sum()),
+    )
+
+
+class _BandScore(NamedTuple):
+    """The fields of `Score` that need a sigma."""
+
+    coverage_95: float
+    interval_95: float
+    error_over_std: float
+    confidently_wrong: float
+
+
+def _band_score(error: np.ndarray, std: np.ndarray) -> _BandScore:
+    """Scores of the band that the standard deviations (T,) claim for the errors (T,)."""
+    size, half = np.abs(error), BAND_95 * std
+    outside = np.maximum(size - half, 0.0)
+    ratio = size / np.maximum(std, np.finfo(float).tiny)
+    return _BandScore(
+        coverage_95=float(np.mean(size <= half)),
+        interval_95=float(np.mean(2 * half + 2 / 0.05 * outside)),
+        error_over_std=_rms(ratio),
+        confidently_wrong=float(np.mean(ratio > CONFIDENTLY_WRONG)),
     )
 
 

@@ -1,0 +1,7 @@
+"""Cells of porous electrodes, simulated with PyBaMM: batteries that no model of this package describes exactly."""
+
+from ohmward.simulate.electrochemical.cell import ElectrochemicalCell
+from ohmward.simulate.electrochemical.days import DayPlan, working_day
+from ohmward.simulate.electrochemical.run import CellTruth, aged, capacity_Ah, simulate_cell
+
+__all__ = ["CellTruth", "DayPlan", "ElectrochemicalCell", "aged", "capacity_Ah", "simulate_cell", "working_day"]
