@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.checks import require_between, require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.simulate.electrochemical.stepper import Equations, Limits, step_function
+from ohmward.simulate.electrochemical.stepper import CellEquations, VoltageLimits, step_function
 
 _USER = "a simulated electrochemical cell"
 _CURRENT, _AMBIENT = "Current function [A]", "Ambient temperature [K]"
@@ -63,11 +63,11 @@ class ElectrochemicalCell:
             raise InputError("cell.lost_lithium must be 0 in a lead-acid cell; use cell.lost_material")
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> VoltageLimits:
         """Voltage limits of one cell."""
         values = _parameter_values(self.parameter_set)
         low, high = values["Lower voltage cut-off [V]"], values["Upper voltage cut-off [V]"]
-        return Limits(
+        return VoltageLimits(
             low if self.voltage_min_V is None else self.voltage_min_V,
             high if self.voltage_max_V is None else self.voltage_max_V,
         )
@@ -145,7 +145,7 @@ def _compile(cell: ElectrochemicalCell) -> tuple[Any, Callable[[float], np.ndarr
         [_VOLTAGE, _TEMPERATURE], input_parameter_order=[_CURRENT, _AMBIENT]
     )
     outputs = ca.vertcat(found["variables"][_VOLTAGE], found["variables"][_TEMPERATURE])
-    equations = Equations(found["x"], found["z"], found["inputs"], found["rhs"], found["algebraic"], outputs)
+    equations = CellEquations(found["x"], found["z"], found["inputs"], found["rhs"], found["algebraic"], outputs)
     start = ca.Function("start", [found["inputs"]], [ca.vertcat(found["x0"], found["z0"])])
     first = ca.Function("first", [found["x"], found["z"], found["inputs"]], [outputs[0]])
 

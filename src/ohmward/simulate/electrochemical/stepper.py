@@ -27,7 +27,7 @@ _GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 _NEWTON_STEPS = 2
 
 
-class Equations(NamedTuple):
+class CellEquations(NamedTuple):
     """CasADi expressions of a model: x, z, u as symbols, f, g, and the outputs voltage [V] and temperature [K]."""
 
     x: Any
@@ -38,14 +38,14 @@ class Equations(NamedTuple):
     outputs: Any
 
 
-class Limits(NamedTuple):
+class VoltageLimits(NamedTuple):
     """Lowest and highest voltage [V] of one cell that protection and charger keep to."""
 
     low_V: float
     high_V: float
 
 
-def step_function(equations: Equations, limits: Limits) -> Any:
+def step_function(equations: CellEquations, limits: VoltageLimits) -> Any:
     """CasADi function (y, inputs) -> (y+, outputs) of one step.
 
     y: x, z, the last current [A, > 0 discharges] and the last voltage [V].
@@ -69,7 +69,7 @@ def step_function(equations: Equations, limits: Limits) -> Any:
     return _one_step(ca, (residual, outputs, slope, effect), (equations.x.numel(), equations.z.numel()), limits)
 
 
-def _one_step(ca: Any, functions: tuple[Any, ...], sizes: tuple[int, int], limits: Limits) -> Any:
+def _one_step(ca: Any, functions: tuple[Any, ...], sizes: tuple[int, int], limits: VoltageLimits) -> Any:
     residual, outputs, slope, effect = functions
     total = sum(sizes)
     mass = ca.sparsify(ca.diag(ca.DM([1.0] * sizes[0] + [0.0] * sizes[1])))
@@ -99,8 +99,10 @@ def _one_step(ca: Any, functions: tuple[Any, ...], sizes: tuple[int, int], limit
 
     first = stage(y, y)
     after = stage(first, y + (1.0 - _GAMMA) * h * mass @ residual(first, u))
-    shown = outputs(after, u)
-    return ca.Function("step", [state, inputs], [ca.vertcat(after, current_A, shown[0]), ca.vertcat(current_A, shown)])
+    terminal = outputs(after, u)
+    return ca.Function(
+        "step", [state, inputs], [ca.vertcat(after, current_A, terminal[0]), ca.vertcat(current_A, terminal)]
+    )
 
 
 def _expands(*functions: Any) -> bool:
