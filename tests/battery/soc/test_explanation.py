@@ -138,7 +138,7 @@ def test_the_time_since_the_last_full_charge_is_that_of_the_log():
     assert since_s is not None
     truth = simulate(LFP, columns.current_A, 1.0).soc
     assert truth[int(7200 - since_s) - 1] == pytest.approx(0.95, abs=0.02)
-    assert run(settings_of(LFP), columns_of(LFP, 0.5), 0.5).history() == ChargeHistory(None, STEPS - 1.0)
+    assert run(settings_of(LFP), columns_of(LFP, 0.5), 0.5).history() == ChargeHistory(None, STEPS - 1.0, None)
 
 
 def test_live_it_says_the_same_without_the_log():
@@ -156,6 +156,23 @@ def test_a_missing_current_is_the_reason():
     current_A = np.where(np.arange(1200) < 600, columns.current_A, np.nan)
     found = run(settings_of(LFP), columns._replace(current_A=current_A), 0.55).explain()
     assert "current not measured for 10 minutes" in [c.text for c in found.causes]
+
+
+def test_a_contradiction_is_the_reason_until_the_next_full_charge():
+    """The voltage of a battery that is nearly empty, while the filter counts from a SoC that it was sure of."""
+    columns = columns_of(NMC, 0.1, 1200)
+    found = run(
+        settings_of(NMC), columns._replace(voltage_V=columns.voltage_V + np.linspace(0.0, 2.0, 1200)), 0.9, 1e-3
+    )
+    assert "diverged" in found.counts()
+    since_s = found.history().since_diverged_s
+    assert since_s is not None and since_s < 1200
+    assert "the voltage contradicted the estimate" in " ".join(c.text for c in found.explain().causes)
+
+
+def test_bounds_that_say_nothing_are_not_said():
+    found = explain(object(), SocEstimator(settings_of(NMC)).kernel, None, estimate_of(0.5, 0.5), ChargeHistory())
+    assert found.sentence == "SoC not known"
 
 
 def test_other_filters_say_their_band_without_reasons():

@@ -6,6 +6,7 @@ model's voltage error and the charge gain, is shared out by the variances that t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -36,10 +37,12 @@ class ChargeHistory(NamedTuple):
 
     since_full_s: since the battery was certainly full.
     recorded_s: since the log began.
+    since_diverged_s: since the voltage contradicted the estimate for so long that SoC was declared unknown.
     """
 
     since_full_s: float | None = None
     recorded_s: float | None = None
+    since_diverged_s: float | None = None
 
 
 class Cause(NamedTuple):
@@ -244,6 +247,9 @@ def _offset(now: Conditions) -> str:
 def _history(now: Conditions) -> str:
     if now.unknown_s > _MISSING_S:
         return f"current not measured for {time_in_words(now.unknown_s)}"
+    diverged_s = now.history.since_diverged_s
+    if diverged_s is not None and diverged_s < (now.history.since_full_s or math.inf):
+        return f"the voltage contradicted the estimate {time_in_words(diverged_s)} ago"
     if now.history.since_full_s is not None:
         return f"not charged fully for {time_in_words(now.history.since_full_s)}"
     if now.history.recorded_s is not None:
@@ -254,7 +260,8 @@ def _history(now: Conditions) -> str:
 
 
 def _settling(now: Conditions) -> str:
-    return f"{time_in_words(2.0 * max(now.settings.model.tau_s, default=0.0))} of rest"
+    minutes = 2.0 * max(now.settings.model.tau_s, default=0.0) / 60.0
+    return f"{time_in_words(300.0 * max(math.ceil(minutes / 5.0), 1))} of rest"
 
 
 def _cold_test(now: Conditions) -> str:

@@ -46,14 +46,18 @@ class SocRun(Run[SocEstimate]):
         return explain(self.settings, self.kernel, self.end, last, self.history())
 
     def history(self) -> ChargeHistory:
-        """Time since the battery was certainly full, and since the log began."""
-        recorded_s = float(self.time_s[-1] - self.time_s[0])
+        """Time since the battery was certainly full, since the log began, and since SoC was declared unknown."""
         half = BAND_95 * self.estimates.soc_std
         full = (self.estimates.soc >= 1.0 - FULL_WITHIN) & (half <= FULL_WITHIN)
-        if not full.any():
-            return ChargeHistory(recorded_s=recorded_s)
-        last = len(full) - 1 - int(np.argmax(full[::-1]))
-        return ChargeHistory(float(self.time_s[-1] - self.time_s[last]), recorded_s)
+        diverged = (self.flags & SocFlag.DIVERGED) > 0
+        return ChargeHistory(self._since(full), float(self.time_s[-1] - self.time_s[0]), self._since(diverged))
+
+    def _since(self, happened: np.ndarray) -> float | None:
+        """Time [s] since something last happened, (T,) along the log; None if it never did."""
+        if not happened.any():
+            return None
+        last = len(happened) - 1 - int(np.argmax(happened[::-1]))
+        return float(self.time_s[-1] - self.time_s[last])
 
 
 class SocEstimator(LiveEstimator[SocSample, SocEstimate]):

@@ -24,6 +24,8 @@ from ohmward.trace import Kernel
 
 #: Lengths of a rest that are proposed [min].
 REST_MINUTES = (10, 20, 30, 45, 60, 90, 120)
+#: Bounds that reach from below 1 - this to above this say nothing.
+ANYWHERE = 0.98
 #: A longer rest is worth its time if it narrows the band by more than this factor.
 _ABOUT = 1.1
 #: A remedy is worth its time if it narrows the band to this share.
@@ -94,7 +96,8 @@ def known_sentence(soc: float, half: float) -> str:
 
 def unknown_sentence(low: float, high: float, said: tuple[str, ...], advice: str) -> str:
     """Bounds of SoC, the reasons, and what would settle it."""
-    bounds = f"SoC between {100 * low:.0f} and {100 * high:.0f} %"
+    anywhere = low <= 1 - ANYWHERE and high >= ANYWHERE
+    bounds = "SoC not known" if anywhere else f"SoC between {100 * low:.0f} and {100 * high:.0f} %"
     sentence = f"{bounds}: {', '.join(said)}" if said else bounds
     return f"{sentence}; {advice}" if advice else sentence
 

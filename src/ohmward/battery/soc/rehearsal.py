@@ -7,6 +7,8 @@ and the filter itself runs on it from its present state. The mean of the two var
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ohmward.battery.soc.augmented_thevenin import SOC
@@ -27,24 +29,25 @@ POINTS = (-1.0, 1.0)
 
 def std_along_rest(settings: TheveninFilter, kernel: Kernel, state: FilterState, duration_s: float) -> np.ndarray:
     """(T,) standard deviation of SoC to expect along a rest, every `STEP_S`; kernel: the filter's step, compiled."""
-    samples = _steady(settings, state, _rest_A(settings, state), duration_s)
     variance = 0.0
     for point in POINTS:
         x = truth_at(settings, unpack(state.belief), point)
+        samples = _steady(state, _shown_A(settings, x, settings.idle_current_A or 0.0), duration_s)
         variance = variance + filtered(settings, kernel, state, x, samples).soc_std ** 2 / len(POINTS)
     return np.sqrt(variance)
 
 
 def std_after_full_charge(settings: TheveninFilter, kernel: Kernel, state: FilterState) -> float:
     """Standard deviation of SoC to expect some time after a full charge."""
-    charge_A, rest_A = CHARGE_C * settings.model.capacity_Ah, _rest_A(settings, state)
+    charge_A, idle_A = CHARGE_C * settings.model.capacity_Ah, settings.idle_current_A or 0.0
     variance = 0.0
     for point in POINTS:
         x = truth_at(settings, unpack(state.belief), point)
-        missing_s = (1.0 - float(x[SOC])) * settings.model.capacity_As / charge_A
-        steady = _steady(settings, state, charge_A, missing_s + AFTER_CHARGE_S)
-        charging = np.cumsum(steady.dt_s) <= missing_s
-        samples = steady._replace(current_A=np.where(charging, charge_A, rest_A))
+        stored_A = charge_A * settings.model.coulombic_efficiency * settings.system.split(x).charge_gain
+        missing_s = (1.0 - float(x[SOC])) * settings.model.capacity_As / float(stored_A)
+        steady = _steady(state, 0.0, missing_s + AFTER_CHARGE_S)
+        true_A = np.where(np.cumsum(steady.dt_s) <= missing_s, charge_A, idle_A)
+        samples = steady._replace(current_A=_shown_A(settings, x, true_A))
         variance += float(filtered(settings, kernel, state, x, samples).soc_std[-1]) ** 2 / len(POINTS)
     return float(np.sqrt(variance))
 
@@ -85,13 +88,12 @@ def true_voltage(settings: TheveninFilter, state: FilterState, x: np.ndarray, sa
     return voltage_V
 
 
-def _rest_A(settings: TheveninFilter, state: FilterState) -> float:
-    """Current that the sensor shows at rest: the declared one and the offset that is believed."""
-    offset_A = unpack(state.belief).mean[settings.system.offset_index]
-    return (settings.idle_current_A or 0.0) + float(offset_A)
+def _shown_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
+    """Current that the sensor shows of a true one, where the true state is x."""
+    return true_A + float(x[settings.system.offset_index])
 
 
-def _steady(settings: TheveninFilter, state: FilterState, current_A: float, duration_s: float) -> SocSample:
+def _steady(state: FilterState, current_A: float, duration_s: float) -> SocSample:
     """Samples (T,) of a steady current at the present temperature, without a voltage."""
     count = int(np.ceil(duration_s / STEP_S))
     temperature_degC = np.full(count, float(state.temperature_degC))

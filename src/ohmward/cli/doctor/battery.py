@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.soc.band_forecast import (
     TEMPERATURES_DEGC,
     BandForecast,
@@ -96,6 +96,11 @@ def sources(battery: Battery) -> dict[str, str]:
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
     }
+
+
+def _soc_range(fit: LogFit) -> str:
+    low, high = (round(100 * min(max(soc, 0.0), 1.0)) for soc in (fit.soc_min, fit.soc_max))
+    return f"{low} to {high} %"
 
 
 def band_header() -> list[str]:
