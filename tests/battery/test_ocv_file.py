@@ -122,7 +122,7 @@ def test_drives_alone_identify_with_a_given_curve(tmp_path):
     logs = [drive_alone("a", 5, 0.95), drive_alone("b", 6, 0.8)]
     battery = identify(logs, capacity_Ah=2.0, ocv=path, initial_soc={"a": 0.95, "b": 0.8}, chemistry="nmc")
     soc = np.linspace(0.45, 0.95, 11)
-    assert battery.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(np.asarray(NMC_OCV.mean_V(soc, 25.0)), abs=0.006)
+    assert battery.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(np.asarray(NMC_OCV.mean_V(soc, 25.0)), abs=0.008)
     seen = np.array(battery.thevenin.r0_discharge_ohm)[9:19]
     assert seen == pytest.approx(0.030, rel=0.1)
     assert any("ocv.csv" in note for note in battery.identification.notes)

@@ -53,10 +53,13 @@ def battery() -> Battery:
 
 
 def write_files(folder: Path) -> None:
-    """test.csv, day.csv and battery.toml, the names that the help uses."""
+    """test.csv, day.csv, ocv.csv and battery.toml, the names that the help uses."""
     write_log(pulse_test(), folder / "test.csv")
     write_log(drive(), folder / "day.csv")
     save_battery(battery(), folder / "battery.toml")
+    soc = np.linspace(0.0, 100.0, 51)
+    rows = zip(soc, np.asarray(MODEL.ocv.mean_V(soc / 100, 25.0)) / 3, strict=True)
+    (folder / "ocv.csv").write_text("SOC [%],OCV (V)\n" + "".join(f"{s:g},{v:.5f}\n" for s, v in rows))
 
 
 def _log(name: str, time_s: np.ndarray, current_A: np.ndarray, soc: float) -> Log:

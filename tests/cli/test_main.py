@@ -82,7 +82,7 @@ def test_help_names_what_there_is(capsys):
     assert set(re.findall(r"\b[a-z.-]+\b", help_of("soc", capsys))) >= set(ESTIMATORS)
     text = help_of("identify", capsys)
     assert all(name in text for name in ("thevenin-0rc", "thevenin-3rc", "rc"))
-    assert MODELS[0] == "thevenin-0rc" and MODELS[-2:] == ("thevenin-3rc", "rc")
+    assert MODELS[:2] == ("thevenin", "thevenin-0rc") and MODELS[-2:] == ("thevenin-3rc", "rc")
     assert all(name in text for name in CHEMISTRIES)
 
 
@@ -177,7 +177,7 @@ def test_nothing_half_written_when_the_disk_refuses(here, monkeypatch, refused):
     assert "No space left on device" in message
     message = refused("soc", "day.csv", "--battery", "battery.toml", "--report", "report.html")
     assert "No space left on device" in message
-    assert sorted(p.name for p in here.iterdir()) == ["battery.toml", "day.csv", "test.csv"]
+    assert sorted(p.name for p in here.iterdir()) == ["battery.toml", "day.csv", "ocv.csv", "test.csv"]
 
 
 @pytest.mark.parametrize(("text", "value"), [("current=I batt", ("current", "I batt")), ("a=b=c", ("a", "b=c"))])

@@ -182,7 +182,7 @@ def test_gap_of_unknown_charge_without_a_curve():
     [
         ({"capacity_Ah": 0.0}, "capacity_Ah must be > 0"),
         ({"capacity_Ah": np.nan}, "capacity_Ah must be finite"),
-        ({"model": "thevenin-4rc"}, "model must be one of thevenin-0rc"),
+        ({"model": "thevenin-4rc"}, "model must be one of thevenin, thevenin-0rc"),
         ({"chemistry": "unobtainium"}, "chemistry must be one of"),
         ({"initial_soc": {"other": 0.5}}, "initial_soc names 'other', but the logs are 'pulses'"),
         ({"initial_soc": {"pulses": 80.0}}, r"between 0 and 1 \(0.8 is 80 %\)"),
@@ -203,7 +203,7 @@ def test_bad_logs(pulses):
 
 
 def test_models_are_named():
-    assert MODELS[2] == "thevenin-2rc"
+    assert MODELS[0] == "thevenin" and MODELS[3] == "thevenin-2rc"
 
 
 def test_the_rc_model_of_a_log_that_begins_with_a_charge():

@@ -6,7 +6,7 @@ logarithms of time constants and rates only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,31 +57,41 @@ class CircuitFit(NamedTuple):
         return np.sqrt(np.diag(self.solution.cov)[rows])
 
 
-def fit_circuit(problem: CircuitProblem, pairs: int, progress: Callable[[float], None] | None = None) -> CircuitFit:
+def fit_circuit(
+    problem: CircuitProblem,
+    pairs: int,
+    progress: Callable[[float], None] | None = None,
+    near: Sequence[Rates] = (),
+) -> CircuitFit:
     """The circuit with `pairs` RC pairs that fits the records best.
 
     Several starts are compared, two of them searched from, and the better one searched on.
     progress: called with the share done, from 0 to 1.
+    near: rates near which it lies, as another fit shows; the best of them alone is searched from, once.
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
-    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    usual_K = [A.mean for A in problem.prior.untested.activations_K]
-    first = [Rates(tau, gamma, *usual_K) for tau in _STARTS[pairs] for gamma in gammas]
-    starts = [np.clip(_to_search(rates, problem), low + _STEP, high - _STEP) for rates in first]
+    starts = [np.clip(_to_search(r, problem), low + _STEP, high - _STEP) for r in near or _first_rates(problem, pairs)]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
         tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
         report(0.3 * (k + 1) / len(starts))
     searches = []
-    for k, start in enumerate(_best_apart(starts, tried)):
+    for k, start in enumerate(_best_apart(starts, tried)[: 1 if near else 2]):
         searches.append(_search(problem, pairs, start, (low, high)))
         report(0.3 + 0.25 * (k + 1))
     best = min(searches, key=lambda s: s.solution.score)
-    solution, theta, jacobian = _search(problem, pairs, best.theta, (low, high))
+    solution, theta, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
     return CircuitFit(solution, theta, search_cov, tuple((s.rates, s.score) for s in tried))
+
+
+def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
+    """Rates to start from where nothing is known."""
+    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
+    usual_K = [A.mean for A in problem.prior.untested.activations_K]
+    return [Rates(tau, gamma, *usual_K) for tau in _STARTS[pairs] for gamma in gammas]
 
 
 class Search(NamedTuple):

@@ -43,6 +43,8 @@ _OVERPOTENTIAL_SHARE = 0.03
 #: Error of the SoC axis, and the half step for the slope of the curve there.
 _SOC_STD = 0.003
 _DSOC = 0.005
+#: A time constant beyond what the records can show is held there within about this share.
+_BEYOND_LOG_STD = 0.02
 #: Currents below this share of the largest keep the direction of the one before.
 _REST_SHARE = 0.03
 
@@ -54,6 +56,7 @@ class CircuitProblem(NamedTuple):
     slow_shape: (21,) expected course of the slowest resistance along SoC, about 1.
     reference_degC: temperature at which the resistances hold.
     fit_activation: True where currents flowed at temperatures that differ enough.
+    longest_tau_s: slowest time constant that the records can show.
     """
 
     samples: tuple[FitSamples, ...]
@@ -63,6 +66,7 @@ class CircuitProblem(NamedTuple):
     slow_shape: np.ndarray
     reference_degC: float
     fit_activation: bool
+    longest_tau_s: float = np.inf
 
     @property
     def volts(self) -> float:
@@ -257,6 +261,8 @@ def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> 
     prior = problem.prior
     slow = rates.tau_s[-1:] if len(rates.tau_s) > 1 else ()
     deviations = [np.log(tau / prior.slow_tau_s) / prior.slow_tau_log_std for tau in slow]
+    if rates.tau_s:
+        deviations.append(np.log(max(rates.tau_s[-1] / problem.longest_tau_s, 1.0)) / _BEYOND_LOG_STD)
     if hysteresis:
         deviations.append(np.log(rates.hysteresis_rate / prior.hysteresis_rate) / prior.hysteresis_rate_log_std)
     if problem.fit_activation:

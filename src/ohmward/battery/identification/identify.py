@@ -31,6 +31,7 @@ from ohmward.battery.identification.noise_from_fit import current_noise_A, noise
 from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_notes, find_branches, ocv_from_branches
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.open_loop import simulate
+from ohmward.battery.identification.pairs import choose_pairs, longest_tau_s
 from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.identification.rc_samples import outside_long_charges
 from ohmward.battery.identification.record import Record, make_records
@@ -47,8 +48,9 @@ from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
 from ohmward.optional import one_blas_thread
 
-MODELS = ("thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
-DEFAULT_MODEL = "thevenin-2rc"
+#: "thevenin" chooses the number of RC pairs by evidence.
+MODELS = ("thevenin", "thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
+DEFAULT_MODEL = "thevenin"
 
 Progress = Callable[[str, float], None]
 
@@ -204,7 +206,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     parts = [thin(r, a.soc) for r, a in zip(prepared.fast, prepared.axes, strict=True)]
     samples = tuple(part for parts_of_record in parts for part in parts_of_record)
     problem = _problem(prepared, samples, settings)
-    fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
+    fit, choice = _fit(problem, settings.model, progress)
     model = circuit_of(fit.solution, problem, min(axis.efficiency for axis in prepared.axes))
     voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(samples))
     details = tuple(
@@ -216,7 +218,9 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         _provenance(prepared, settings),
         logs=(*(d.quality for d in details), *_branch_fits(prepared.branches)),
         confidence=confidence_intervals(fit, hysteresis, problem.fit_activation),
-        notes=tuple(str(note) for note in (*prepared.notes, *edge_notes([e for d in details for e in d.edges]))),
+        notes=tuple(
+            str(note) for note in (*prepared.notes, *choice, *edge_notes([e for d in details for e in d.edges]))
+        ),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     noise = noise_from_fit(fit, problem, model, pulses_only)
@@ -225,6 +229,14 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     battery = replace(battery, identification=provenance, not_identified=missing)
     battery = _with_rc(battery, prepared, settings, model.ocv)
     return Identified(battery, prepared.branches, ocv, details, fit)
+
+
+def _fit(problem: CircuitProblem, model: str, progress: Callable[[float], None]) -> tuple[CircuitFit, tuple[Note, ...]]:
+    """The circuit with the number of RC pairs that the model names, or with that of most evidence and a note on it."""
+    if model == DEFAULT_MODEL:
+        choice = choose_pairs(problem, progress)
+        return choice.fit, (choice.note,)
+    return fit_circuit(problem, int(model[len("thevenin-")]), progress), ()
 
 
 def _problem(
@@ -238,6 +250,7 @@ def _problem(
         slow_shape(prepared.ocv, samples, settings.capacity_Ah),
         _reference_degC(prepared.fast),
         fit_activation=load_temperature(samples).shows_activation,
+        longest_tau_s=longest_tau_s(prepared.fast),
     )
 
 

@@ -81,7 +81,7 @@ def require_thevenin(battery: Battery) -> Thevenin:
     if battery.thevenin is None:
         raise InputError(
             f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; "
-            "identify one with `ohmward identify ... --model thevenin-2rc`"
+            "identify one with `ohmward identify ... --model thevenin`"
         )
     return battery.thevenin
 

@@ -42,6 +42,6 @@ def estimator_names(battery: Battery, wanted: str | None, with_published: bool =
     if not names:
         raise InputError(
             f"battery {battery.name!r}: no estimator works with the models in its file; "
-            "identify it with --model thevenin-2rc"
+            "identify it with --model thevenin"
         )
     return names

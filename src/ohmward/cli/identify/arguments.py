@@ -11,7 +11,8 @@ EXAMPLES = """\
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
   ohmward identify test.csv --capacity-ah 12 --chemistry lfp --n-series 4 --report identify.html -o battery.toml
   ohmward identify test.csv --capacity-ah 12 --model thevenin-1rc --initial-soc test=1.0 --json
-  ohmward identify monday.csv tuesday.csv --capacity-ah 12 --ocv ocv.csv --initial-soc 1.0 -o battery.toml
+  ohmward identify day.csv --capacity-ah 12 --n-series 3 --ocv ocv.csv --initial-soc 0.9 -o battery.toml
+  ohmward identify test.csv day.csv --capacity-ah 12 --chemistry nmc --n-series 3 --initial-soc day=0.9 -o battery.toml
 
 A file that holds several recordings may be named several times: ocv.parquet:script=1,temp_C=25
 """
@@ -26,9 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--model",
-        default="thevenin-2rc",
+        default="thevenin",
         metavar="NAME",
-        help="thevenin-0rc to thevenin-3rc, or rc (default %(default)s)",
+        help="thevenin, its number of RC pairs chosen by evidence, or thevenin-0rc to thevenin-3rc, or rc (default "
+        "%(default)s)",
     )
     group.add_argument("--chemistry", default="", metavar="NAME", help="such as lfp, nmc, nca, lipo, lead-acid")
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")

@@ -18,7 +18,7 @@ def summary(battery: Battery, model: str, seconds: float) -> dict[str, Any]:
     return {
         "command": "identify",
         "name": battery.name,
-        "model": model,
+        "model": model if battery.thevenin is None else f"thevenin-{battery.thevenin.pairs}rc",
         "chemistry": battery.chemistry or None,
         "n_series": battery.n_series,
         "capacity_Ah": battery.capacity_Ah,
