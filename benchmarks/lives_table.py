@@ -34,7 +34,7 @@ class LifeRow(NamedTuple):
     chemistry: the pooled row that it belongs to.
     cell, tested, life: in words: the cell, the tests that identified it, the life and its start.
     bands: by method, after SETTLED_S; None where the battery file has no model for the method.
-    errors: the same, after FOUND_S where the start was not the right one; the RMSE that is shown and judged.
+    errors: the same, from the beginning, after FOUND_S where the start was not the right one; their RMSE is judged.
     rmse_bar: of the default, in SoC; None without one.
     kept_out: settings were never chosen on this cell.
     """
@@ -63,22 +63,24 @@ def life_row(
     kept_out: bool = False,
     idle_current_A: float | None = None,
     methods: Sequence[str] = METHODS,
+    settled_s: float = SETTLED_S,
 ) -> LifeRow:
     """The row of a life: every method on its log.
 
     initial_soc: given to the estimators; None for unknown. Judged after FOUND_S where it is not the truth.
     truth: (T,) of the state of charge, nan where it is not known.
+    settled_s: the band is judged after this time, the RMSE of a start that was not right after twice the time at most.
     """
     right = initial_soc is not None and abs(initial_soc - truth[np.isfinite(truth)][0]) < 0.02
     since_s = log.time_s - log.time_s[0]
-    late = since_s >= (SETTLED_S if right else FOUND_S)
+    late = since_s >= (0.0 if right else min(FOUND_S, 2 * settled_s))
     known = available(battery)
     settings = EstimatorSettings(battery.idle_current_A if idle_current_A is None else idle_current_A)
     bands: dict[str, Score | None] = dict.fromkeys(methods)
     errors: dict[str, Score | None] = dict.fromkeys(methods)
     for method in (method for method in methods if method in known):
         run = SocEstimator(make_estimator(method, battery, settings), initial_soc).run(log).estimates
-        for scores, part in ((bands, since_s >= SETTLED_S), (errors, late)):
+        for scores, part in ((bands, since_s >= settled_s), (errors, late)):
             scores[method] = score(run.soc[part], truth[part], run.soc_std[part])
     return LifeRow(chemistry, cell, tested, life, bands, errors, rmse_bar, kept_out)
 
@@ -104,17 +106,16 @@ def missed_bars(row: LifeRow) -> tuple[str, ...]:
 
 
 def pooled(rows: Iterable[LifeRow], method: str = DEFAULT) -> Score | None:
-    """Scores over all samples of the rows together, after SETTLED_S; the largest error of all."""
+    """Scores over all rows together, after SETTLED_S; the largest error of all. A row counts as one, at any rate."""
     found = [s for s in (row.bands.get(method) for row in rows) if s is not None and np.isfinite(s.error_over_std)]
     if not found:
         return None
-    weights = np.array([s.samples for s in found], dtype=float)
 
     def mean(field: str) -> float:
-        return float(np.average([getattr(s, field) for s in found], weights=weights))
+        return float(np.mean([getattr(s, field) for s in found]))
 
     def rms(field: str) -> float:
-        return float(np.sqrt(np.average([getattr(s, field) ** 2 for s in found], weights=weights)))
+        return float(np.sqrt(np.mean([getattr(s, field) ** 2 for s in found])))
 
     spread = np.sqrt(max(rms("rmse") ** 2 - mean("mean") ** 2, 0.0))
     return Score(
@@ -127,7 +128,7 @@ def pooled(rows: Iterable[LifeRow], method: str = DEFAULT) -> Score | None:
         interval_95=mean("interval_95"),
         error_over_std=rms("error_over_std"),
         confidently_wrong=mean("confidently_wrong"),
-        samples=int(weights.sum()),
+        samples=sum(s.samples for s in found),
     )
 
 

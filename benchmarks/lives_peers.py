@@ -1,0 +1,110 @@
+"""The default beside PyBatterySE on the cells that PyBatterySE was written for, see `lives.py`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import NamedTuple
+
+import numpy as np
+
+import measured_cells as cells
+from figure import verdict
+from lives_table import COVERAGE_BAR, FOUND_S, SETTLED_S
+from measured_lives import LOW, ONE_PERCENT, RIGHT, Start, short
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.score import Score, score
+
+#: The records that identify, and those that are estimated.
+SPLITS = {
+    "nmc": (("identification_data",), ("drive_cycle_data",)),
+    "lfp": (("identification_data_first",), ("identification_data_second", "identification_data_third")),
+    "nmc_with_temperature": (
+        ("identification_data_1_6",),
+        ("identification_data_2_6", "identification_data_3_6", "identification_data_5_6"),
+    ),
+}
+
+
+class PeerRow(NamedTuple):
+    """One record from one start: the default's score, and PyBatterySE's or why it has none."""
+
+    cell: str
+    tested: str
+    record: str
+    start: str
+    ours: Score
+    theirs: Score | str
+
+    @property
+    def met(self) -> bool:
+        """True where the default's RMSE is no larger and its band covers."""
+        better = isinstance(self.theirs, str) or self.ours.rmse <= self.theirs.rmse
+        return better and self.ours.coverage_95 >= COVERAGE_BAR
+
+
+def rows() -> Iterator[PeerRow]:
+    """Every record from every start; nothing, and a message, where the package or the data are absent."""
+    try:
+        peer = import_module("peers.in_pybatteryse")
+        for cell, (tests, records) in SPLITS.items():
+            battery = cells.tue_battery(cell, *tests)
+            for record in records:
+                recording = cells.tue(cell, record)
+                fifty_mA = Start("right, +50 mA", offset_C=0.05 / battery.capacity_Ah)
+                for start in (RIGHT, LOW, fifty_mA, ONE_PERCENT):
+                    log, told = _sensed(recording, start, battery.capacity_Ah)
+                    run = SocEstimator(battery, told).run(log).estimates
+                    ours = _scored(run.soc, run.soc_std, recording, start)
+                    try:
+                        theirs = _scored(*peer.estimate(cell, tests, log, told), recording, start)
+                    except KeyError as missing:
+                        theirs = f"KeyError: {missing}"
+                    words = f"TUE {cell}".replace("_", " "), " + ".join(map(short, tests)), short(record)
+                    yield PeerRow(*words, start.words, ours, theirs)
+    except ModuleNotFoundError as missing:
+        print(f"PyBatterySE is not compared with: {missing}", file=sys.stderr)
+    except FileNotFoundError as missing:
+        print(f"{missing} is absent, skipped (OHMWARD_DATA names the folder)", file=sys.stderr)
+
+
+def _sensed(recording: cells.Recording, start: Start, capacity_Ah: float) -> tuple[cells.Log, float]:
+    """The log as the sensor gives it, and the state of charge that an estimator is told."""
+    log = replace(recording.log, current_A=recording.log.current_A + start.offset_C * capacity_Ah)
+    return log, float(np.clip(recording.truth[0] + (start.error or 0.0), 0.0, 1.0))
+
+
+def _scored(soc: np.ndarray, std: np.ndarray, recording: cells.Recording, start: Start) -> Score:
+    """RMSE of a right start from the beginning, of others after FOUND_S; the band after SETTLED_S."""
+    since_s = recording.log.time_s - recording.log.time_s[0]
+    found = since_s >= (0.0 if start.error == 0.0 else FOUND_S)
+    settled = since_s >= SETTLED_S
+    error, band = (score(soc[part], recording.truth[part], std[part]) for part in (found, settled))
+    assert error is not None and band is not None
+    return band._replace(rmse=error.rmse)
+
+
+def table(found: Sequence[PeerRow]) -> list[str]:
+    """The rows in Markdown."""
+    lines = [
+        "| cell | identified from | record | start | default: RMSE | covered | PyBatterySE: RMSE | covered | |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in found:
+        theirs = (row.theirs, "") if isinstance(row.theirs, str) else _figures(row.theirs)
+        cells_of_row = (*row[:4], *_figures(row.ours), *theirs, verdict(row.met))
+        lines.append(f"| {' | '.join(cells_of_row)} |")
+    return lines
+
+
+def line(row: PeerRow) -> str:
+    """A row for the terminal."""
+    theirs = row.theirs if isinstance(row.theirs, str) else " ".join(_figures(row.theirs))
+    ours = " ".join(_figures(row.ours))
+    return f"{row.cell} from {row.tested}, {row.record}, {row.start}: {ours}, PyBatterySE {theirs} {verdict(row.met)}"
+
+
+def _figures(found: Score) -> tuple[str, str]:
+    return f"{100 * found.rmse:.2f}", f"{100 * found.coverage_95:.0f} %"
