@@ -111,7 +111,7 @@ def test_an_unknown_charge_on_a_plateau_is_said_with_its_reasons_and_the_remedy(
     bounds = f"SoC between {100 * found.low:.0f} and {100 * found.high:.0f} %: flat part of the curve, "
     assert found.sentence.startswith(bounds)
     assert "not charged fully in the 10 minutes of the log" in found.sentence
-    assert found.sentence.endswith("; a full charge would settle it")
+    assert "; a full charge would " in found.sentence
     assert found.low <= 0.55 <= found.high
 
 

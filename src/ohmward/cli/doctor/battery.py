@@ -84,9 +84,7 @@ def add_battery(page: Page, found: BatteryFindings) -> Page:
 def sources(battery: Battery) -> dict[str, str]:
     """Provenance of the numbers of a battery."""
     known = battery.identification
-    logs = (
-        [f"{fit.log} ({fit.test}, SoC {fit.soc_min:.0%} to {fit.soc_max:.0%})" for fit in known.logs] if known else []
-    )
+    logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
     models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
     idle = battery.idle_current_A
     return {
