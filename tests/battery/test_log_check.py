@@ -1,5 +1,7 @@
 """A log is checked against the range of its battery's tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,3 +33,14 @@ def test_voltages_beyond_the_tests_are_a_warning():
 def test_another_battery_is_refused(share):
     with pytest.raises(InputError, match="is it a log of another battery, of one of its cells, or in another unit"):
         check_log(log(share * BATTERY.voltage_max_V), BATTERY)
+
+
+def test_a_temperature_that_the_tests_do_not_show_is_a_warning_and_no_refusal():
+    usual_V = 0.5 * (BATTERY.voltage_min_V + BATTERY.voltage_max_V)
+    warm = replace(log(usual_V), temperature_degC=np.full(100, 20.0))
+    assert check_log(warm, BATTERY) is warm
+    cold = replace(warm, temperature_degC=np.where(TIME_S < 50, 20.0, -30.0))
+    (note,) = check_log(cold, BATTERY).notes
+    assert note.level == "warning" and note.text.startswith("the log goes to -30 degC, where the resistance follows")
+    unmeasured = replace(warm, temperature_degC=np.full(100, np.nan))
+    assert check_log(unmeasured, BATTERY) is unmeasured

@@ -1,9 +1,11 @@
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cli.examples import CAPACITY_AH, START_SOC, drive
+from cli.examples import CAPACITY_AH, START_SOC, battery, drive
+from ohmward.battery.file import save_battery
 from ohmward.battery.soc.score import score
 from ohmward.cli.main import main
 from ohmward.logs import read_log
@@ -122,3 +124,27 @@ def test_every_form_of_the_truth_gives_the_same_errors(column, words, says, here
 def test_samples_without_a_truth_are_left_out(here, as_json):
     found, whole = as_json(*SOC, "--truth", "half_true"), as_json(*SOC, "--truth", "soc_true")
     assert found["soc_rmse"] == pytest.approx(whole["soc_rmse_after_1h"])
+
+
+def test_options_that_contradict_the_file_or_the_log_are_named(here, as_json):
+    save_battery(replace(battery(), idle_current_A=-0.1), here / "idle.toml")
+    idle = ("soc", "day.csv", "--battery", "idle.toml")
+    said = " ".join(as_json(*idle, "--rest-current", "0", "--initial-soc", "0.2")["notes"])
+    assert "warning: --rest-current 0 A was used; the battery file says -0.1 A" in said
+    assert "warning: --initial-soc 0.2 contradicts the first voltage" in said
+    agreed = as_json(*idle, "--rest-current", "-0.1", "--initial-soc", str(START_SOC))["notes"]
+    assert not [note for note in agreed if note.startswith("warning: --")]
+    assert "--rest-current unknown was used" in " ".join(as_json(*idle, "--rest-current", "unknown")["notes"])
+
+
+def test_the_sentence_and_the_causes_are_in_every_form(here, as_json, capsys):
+    explanation = as_json(*SOC, "--report", "soc.html")["explanation"]
+    assert set(explanation) == {"soc", "low", "high", "known", "sentence", "causes", "remedies"}
+    assert explanation["low"] <= explanation["soc"] <= explanation["high"]
+    page = (here / "soc.html").read_text(encoding="utf-8")
+    assert explanation["sentence"] in page
+    assert explanation["causes"][0]["text"] in page
+    main(list(SOC))
+    out = capsys.readouterr().out
+    assert explanation["sentence"] in out
+    assert "What makes the band wide" in out

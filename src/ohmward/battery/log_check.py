@@ -1,10 +1,11 @@
-"""Check that a log can be of the battery that it is estimated with."""
+"""Check that a log can be of the battery that it is estimated with, and under conditions that its tests have shown."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.models.temperature import KELVIN
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
 
@@ -14,8 +15,14 @@ OTHER_BATTERY = 0.2
 BEYOND_TESTS = 0.02
 
 
+#: A resistance that is known worse than this at a temperature of the log is worth a warning (1 sigma, relative).
+DOUBTFUL_RESISTANCE = 0.1
+
+
 def check_log(log: Log, battery: Battery) -> Log:
     """The log, with a warning where its voltage leaves the range of the battery's tests by more than 2 %.
+
+    Likewise where the tests say little of the resistance at its temperatures.
 
     Raises:
         InputError: the median voltage is more than 20 % outside: another battery, or another unit.
@@ -28,8 +35,25 @@ def check_log(log: Log, battery: Battery) -> Log:
             f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
             "(--unit voltage=mV)?"
         )
+    log = _check_temperature(log, battery)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
     if not outside.any():
         return log
     text = f"{outside.mean():.2%} of the voltages lie outside the battery's tests, {low_V:g} to {high_V:g} V"
+    return log.with_notes(Note(text, "warning"))
+
+
+def _check_temperature(log: Log, battery: Battery) -> Log:
+    """The log, with a warning where the resistance is doubtful at its temperatures."""
+    if battery.thevenin is None or log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
+        return log
+    degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC
+    spread = battery.noise.activation_std_K * np.abs(1 / (degC + KELVIN) - 1 / (reference_degC + KELVIN))
+    worst = int(np.nanargmax(spread))
+    if spread[worst] < DOUBTFUL_RESISTANCE:
+        return log
+    text = (
+        f"the log goes to {degC[worst]:.0f} degC, where the resistance follows from {reference_degC:.0f} degC within "
+        f"+-{spread[worst]:.0%} only (1 sigma); the band is wider there"
+    )
     return log.with_notes(Note(text, "warning"))

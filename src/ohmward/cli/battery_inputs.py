@@ -10,9 +10,11 @@ from typing import NamedTuple
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
-from ohmward.battery.soc.estimator import SocEstimator, SocRun
+from ohmward.battery.soc.augmented_thevenin import SOC
+from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.reference import SocReference
 from ohmward.battery.soc.registry import EstimatorSettings
+from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
@@ -23,18 +25,20 @@ from ohmward.published.registry import make_estimator
 
 
 class SocTask(NamedTuple):
-    """One log to estimate: the battery it is of, and the truth if there is one."""
+    """One log to estimate: the battery it is of, the truth if there is one, options that contradict file or log."""
 
     battery: Battery
     log: Log
     truth: SocReference | None
+    contradictions: tuple[str, ...] = ()
 
     @property
     def notes(self) -> list[str]:
         """Everything that was assumed while reading, and what the battery file does not know."""
         truth = [f"info: {self.truth.note}"] if self.truth else []
         battery = [f"info: battery file: {text}" for text in self.battery.not_identified]
-        return [str(note) for note in self.log.notes] + truth + battery
+        contradictions = [f"warning: {text}" for text in self.contradictions]
+        return [str(note) for note in self.log.notes] + contradictions + truth + battery
 
 
 def read_battery_log(
@@ -72,10 +76,36 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     battery = load_battery(args.battery)
     extra = None if args.truth else ()
     log = check_log(read_battery_log(args.log, args, extra, report), battery)
+    contradictions = (*_rest_current(battery, args), *_start(battery, log, args))
     if not args.truth:
-        return SocTask(battery, log, None)
+        return SocTask(battery, log, None, contradictions)
     start_soc = args.initial_soc if args.truth_start is None else args.truth_start
-    return SocTask(battery, log, read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc))
+    return SocTask(battery, log, read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc), contradictions)
+
+
+def _rest_current(battery: Battery, args: argparse.Namespace) -> list[str]:
+    """The rest current, where the battery file says another one."""
+    given, known_A = args.rest_current, battery.idle_current_A
+    if given is None or known_A is None or given == known_A:
+        return []
+    word = given if given == UNKNOWN else f"{given:g} A"
+    return [f"--rest-current {word} was used; the battery file says {known_A:g} A"]
+
+
+def _start(battery: Battery, log: Log, args: argparse.Namespace) -> list[str]:
+    """The initial SoC, where the first voltage contradicts it."""
+    if battery.thevenin is None or args.initial_soc is None:
+        return []
+    state = make_estimator("ekf", battery).init(
+        SocSample(*(float(column[0]) for column in samples_of(log))), args.initial_soc, args.initial_soc_std
+    )
+    start = float(state.belief.mean[SOC])
+    if abs(start - args.initial_soc) < 2 * args.initial_soc_std:
+        return []
+    return [
+        f"--initial-soc {args.initial_soc:g} contradicts the first voltage, {log.voltage_V[0]:.4g} V; the Thevenin "
+        f"filters start at {100 * start:.0f} %"
+    ]
 
 
 def estimate(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> SocRun:
