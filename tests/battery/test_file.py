@@ -42,9 +42,10 @@ FULL = Battery(
     ("hysteresis: none seen",),
 )
 PLAIN = Battery("plain", 2.0, thevenin=THEVENIN)
+ALONG_SOC = replace(FULL, noise=BatteryNoise(overpotential_share=(0.1, 0.5)))
 
 
-@pytest.mark.parametrize("battery", [FULL, PLAIN, Battery("rc", 2.0, rc=RC)])
+@pytest.mark.parametrize("battery", [FULL, PLAIN, ALONG_SOC, Battery("rc", 2.0, rc=RC)])
 def test_round_trip(battery, tmp_path):
     save_battery(battery, tmp_path / "battery.toml")
     assert load_battery(tmp_path / "battery.toml") == battery

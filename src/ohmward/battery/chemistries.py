@@ -80,6 +80,7 @@ class Chemistry:
         tau_s: of both RC pairs.
         coulombic_efficiency: share of the charging current that is stored.
         prior: of what a test may not show.
+        gases: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell.
     """
 
     title: str
@@ -92,6 +93,7 @@ class Chemistry:
     tau_s: tuple[float, float]
     coulombic_efficiency: float = 1.0
     prior: ChemistryPrior = _LITHIUM
+    gases: bool = False
 
     def ocv(self) -> OcvCurve:
         """The curve on a uniform grid."""
@@ -127,6 +129,7 @@ CHEMISTRIES: dict[str, Chemistry] = {
         (60.0, 3000.0),
         0.95,
         _LEAD_ACID,
+        gases=True,
     ),
 }
 

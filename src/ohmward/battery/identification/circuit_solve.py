@@ -195,8 +195,13 @@ def _weights(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
         _SOC_STD * np.asarray(slope_V),
     ]
     std_V = np.sqrt(sum(term**2 for term in terms_V))
-    charging = np.where(last_direction(samples.mean_current_A) > 0, problem.prior.charging_factor, 1.0)
-    return np.where(np.isfinite(samples.voltage_V), share, 0.0) / (charging * std_V)
+    return np.where(np.isfinite(samples.voltage_V), share, 0.0) / (error_factor(problem.prior, samples) * std_V)
+
+
+def error_factor(prior: CircuitPrior, samples: FitSamples) -> np.ndarray:
+    """(N,) error of the model over a lithium-ion cell's: larger in a charge and the rest after it, most with gas."""
+    charging = np.where(samples.soc > prior.gassing_soc, prior.gassing_factor, prior.charging_factor)
+    return np.where(last_direction(samples.mean_current_A) > 0, charging, prior.discharging_factor)
 
 
 def last_direction(current_A: np.ndarray) -> np.ndarray:

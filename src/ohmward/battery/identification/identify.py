@@ -158,8 +158,9 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
     Q = settings.capacity_Ah
     voltage_V = np.concatenate([r.log.voltage_V for r in records])
     given = None if settings.ocv is None else given_ocv(settings.ocv, voltage_V, settings.n_series)
-    slow = [r for r in records if r.test == "low-rate" and not given]
-    fast = tuple(r for r in records if r.test != "low-rate" or given)
+    fitted = given or _gases(records, settings)
+    slow = [r for r in records if r.test == "low-rate" and not fitted]
+    fast = tuple(r for r in records if r.test != "low-rate" or fitted)
     branches = tuple(b for r in slow for b in find_branches(r, Q, settings.initial_soc.get(r.log.name)))
     reference_degC = _reference_degC(fast or slow)
     if given:
@@ -176,6 +177,12 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
         *(note for axis in axes for note in axis.notes),
     )
     return Preparation(records, fast, axes, branches, ocv, notes)
+
+
+def _gases(records: Sequence[Record], settings: IdentificationSettings) -> bool:
+    """True where a charge shows gas instead of the open-circuit voltage, and another test has rests that show it."""
+    gases = bool(settings.chemistry) and CHEMISTRIES[settings.chemistry].gases
+    return gases and any(r.test != "low-rate" for r in records)
 
 
 def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings, reference_degC: float) -> OcvCurve:
@@ -266,8 +273,9 @@ def _with_rc(battery: Battery, prepared: Preparation, settings: IdentificationSe
 def _find_rc(
     prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve
 ) -> tuple[RcIdentification, Record, SocAxis]:
-    """The RC model from the record that moves most charge, and that record with its axis."""
-    most = int(np.argmax([float(np.abs(r.charge.moved_Ah).sum()) for r in prepared.fast]))
+    """The RC model from the record that moves most charge, a low-rate test aside, and that record with its axis."""
+    moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) * (r.test != "low-rate") for r in prepared.fast]
+    most = int(np.argmax(moved_Ah))
     record, axis = prepared.fast[most], prepared.axes[most]
     curve = None if settings.chemistry == "lead-acid" else ocv
     first_s = outside_long_charges(record.log, settings.capacity_Ah).time_s[0]

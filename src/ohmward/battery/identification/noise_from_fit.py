@@ -8,7 +8,12 @@ import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
 from ohmward.battery.identification.circuit_fit import CircuitFit
-from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, last_direction
+from ohmward.battery.identification.circuit_solve import (
+    CircuitProblem,
+    CircuitSolution,
+    error_factor,
+    last_direction,
+)
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.untested import activation_std_K, ocv_std_V_per_K
@@ -32,6 +37,8 @@ _UNSEEN_STD_V = 0.03
 #: Relative error of the overpotential: usual, and largest.
 _OVERPOTENTIAL_SHARE = 0.1
 _LARGEST_SHARE = 0.5
+#: Charges count for it within this distance of a state of charge.
+_SHARE_WINDOW = 0.1
 #: Standard deviation over median absolute value of normal numbers.
 _MAD = 1.4826
 #: Bounds of the correlation time of the residual [s], and the grid on which it is sought.
@@ -54,12 +61,14 @@ def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
-    share = overpotential_share(solution, problem, p)
     return BatteryNoise(
         soc_axis_std=SOC_AXIS_STD,
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
-        overpotential_share=max(share, _PULSES_SHARE) if pulses_only else share,
+        model_soc_length=problem.prior.model_soc_length,
+        overpotential_share=overpotential_share(
+            solution, problem, p, _PULSES_SHARE if pulses_only else _OVERPOTENTIAL_SHARE
+        ),
         correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
         capacity_std=_CAPACITY_STD,
         activation_std_K=activation_std_K(fit, problem),
@@ -83,7 +92,7 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
     Samples that count little in the fit, as the charge of a lead-acid battery, count little here.
     """
     soc = np.concatenate([s.soc for s in problem.samples])
-    factor = np.where(_charging(problem), problem.prior.charging_factor, 1.0)
+    factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
     weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
     residual_V = np.concatenate(solution.residual_V)
     near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _WINDOW) & np.isfinite(residual_V)
@@ -91,15 +100,23 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
     return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
 
 
-def overpotential_share(solution: CircuitSolution, problem: CircuitProblem, p: Thevenin) -> float:
-    """Relative error of the overpotential: 10 %, or the residual in charges that count little in the fit."""
+def overpotential_share(
+    solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, least: float
+) -> float | tuple[float, ...]:
+    """Relative error of the overpotential: `least`, or (21,) by the residuals about each SoC of charges in the fit."""
     if problem.prior.charging_factor == 1.0:
-        return _OVERPOTENTIAL_SHARE
-    charging = _charging(problem)
-    over_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])[charging]
-    residual_V = np.concatenate(solution.residual_V)[charging]
-    share = float(np.sqrt(np.nansum(residual_V**2) / max(float(np.nansum(over_V**2)), 1e-12)))
-    return min(max(share, _OVERPOTENTIAL_SHARE), _LARGEST_SHARE)
+        return least
+    soc = np.concatenate([s.soc for s in problem.samples])
+    over_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])
+    residual_V = np.concatenate(solution.residual_V)
+    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW) & np.isfinite(residual_V) & _charging(problem)
+    over_V2, residual_V2 = near @ np.nan_to_num(over_V) ** 2, near @ np.nan_to_num(residual_V) ** 2
+    seen = over_V2 > 0
+    if not seen.any():
+        return least
+    share = np.sqrt(residual_V2[seen] / over_V2[seen])
+    share = np.interp(RESISTANCE_GRID, RESISTANCE_GRID[seen], share)
+    return tuple(np.clip(share, least, _LARGEST_SHARE).tolist())
 
 
 def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p: Thevenin) -> np.ndarray:

@@ -57,7 +57,7 @@ class BatteryNoise:
         model_std_V: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is
             large where the identification had no data.
         model_soc_length: correlation length of that error, as a change of SoC.
-        overpotential_share: relative error of the overpotential.
+        overpotential_share: relative error of the overpotential; one number, or (M,) on a uniform grid of SoC.
         soc_axis_std: error of the SoC axis of the OCV curve.
         correlation_s: correlation time of the errors that depend on current; samples further apart are independent.
         capacity_std: relative error of the capacity.
@@ -72,7 +72,7 @@ class BatteryNoise:
     voltage_std_V: float = 0.005
     model_std_V: tuple[float, ...] = (0.008, 0.008)
     model_soc_length: float = 0.1
-    overpotential_share: float = 0.05
+    overpotential_share: float | tuple[float, ...] = 0.05
     soc_axis_std: float = 0.01
     correlation_s: float = 200.0
     capacity_std: float = 0.01
@@ -94,6 +94,11 @@ class BatteryNoise:
     def model_std_at(self, soc: Scalar) -> Scalar:
         """Standard deviation of the model's voltage error [V] at this SoC."""
         return on_soc_grid(self.model_std_V, soc)
+
+    def overpotential_share_at(self, soc: Scalar) -> Scalar:
+        """Relative error of the overpotential at this SoC."""
+        share = self.overpotential_share
+        return on_soc_grid(share, soc) if isinstance(share, tuple) else share
 
     def capacity_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance of the relative error of the capacity in one step."""

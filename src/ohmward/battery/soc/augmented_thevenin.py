@@ -192,7 +192,7 @@ class AugmentedThevenin:
         curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
         over = overpotentials(state.circuit, u, self.model, state.health)  # they may cancel, their errors do not
         over_V2 = sum(v * v for v in over)
-        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share**2 * over_V2
+        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share_at(soc) ** 2 * over_V2
         resistance_ohm = ohmic_resistance(soc, u, self.model) + sum(pair_resistances(soc, u, self.model))
         unmeasured_V = where(clean.current_measured, 0.0, resistance_ohm * (MOMENTARY_C * self.model.capacity_Ah))
         return VoltageError(

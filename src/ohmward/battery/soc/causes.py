@@ -70,6 +70,7 @@ class Conditions(NamedTuple):
     temperature_degC: of the battery; reference_degC: at which its resistances hold.
     slope_V: change of the open-circuit voltage per unit of SoC.
     error_V: standard deviation of each part of the model's voltage error [V], by cause.
+    overpotential_share: relative error of the overpotential at the present SoC.
     unknown_s: time for which the current has been missing.
     counted_s: time over which charge has been counted since the voltage last showed it.
     """
@@ -80,6 +81,7 @@ class Conditions(NamedTuple):
     temperature_degC: float
     slope_V: float
     error_V: Mapping[str, float]
+    overpotential_share: float
     unknown_s: float
     counted_s: float
 
@@ -180,6 +182,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         u.temperature_degC,
         slope_V,
         voltage_errors(settings, x, u, slope_V),
+        float(settings.noise.overpotential_share_at(x.circuit[SOC])),
         float(state.unknown_s),
         counted_s(settings, belief),
     )
@@ -193,7 +196,7 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
     errors = {
         "curve": float(noise.model_std_at(soc)),
         "axis": noise.soc_axis_std * slope_V,
-        "overpotential": noise.overpotential_share * over_V,
+        "overpotential": float(noise.overpotential_share_at(soc)) * over_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
         "hysteresis_size": noise.hysteresis_std * float(model.ocv.hysteresis_at(soc)),
     }
@@ -284,7 +287,7 @@ WORDINGS: dict[str, Wording] = {
         lambda now: _BOTH_BRANCHES,
     ),
     "overpotential": Wording(
-        lambda now: f"voltage drop under load known within {within(now.settings.noise.overpotential_share)}",
+        lambda now: f"voltage drop under load known within {within(now.overpotential_share)}",
         _settling,
     ),
     "ocv_temperature": Wording(

@@ -227,7 +227,7 @@ class RcFilter:
         soc = self.link.soc(prior.mean)
         over_V = self.overpotential(prior.mean, current_A, p)
         H = self.output(p, self.link.model_std_V(soc), over_V)
-        R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), parameters.resistance_std)
+        R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), parameters.resistance_std, soc)
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         y = where(clean.voltage_measured, clean.voltage_V, y_hat)
         prior_V2 = (H @ prior.cov @ H.T)[0, 0]
@@ -265,15 +265,20 @@ class RcFilter:
         return row[None]
 
     def voltage_variance(
-        self, clean: CleanSocSample, overpotential_V: Scalar, slope_V: Scalar, resistance_std: Scalar = 0.0
+        self,
+        clean: CleanSocSample,
+        overpotential_V: Scalar,
+        slope_V: Scalar,
+        resistance_std: Scalar = 0.0,
+        soc: Scalar = 0.5,
     ) -> Scalar:
         """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
 
         overpotential_V: voltage beyond the open circuit's.  slope_V: slope of the open-circuit voltage per unit of SoC.
-        resistance_std: further relative error of the overpotential.
+        resistance_std: further relative error of the overpotential.  soc: at which `overpotential_share` is taken.
         """
         noise = self.noise
-        over_V2 = (noise.overpotential_share**2 + resistance_std**2) * overpotential_V**2
+        over_V2 = (noise.overpotential_share_at(soc) ** 2 + resistance_std**2) * overpotential_V**2
         axis_V2 = (noise.soc_axis_std * slope_V) ** 2
         return (noise.voltage_std_V**2 + over_V2 + axis_V2) * noise.samples_per_error(clean.dt_s)
 

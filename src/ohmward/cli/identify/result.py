@@ -12,13 +12,13 @@ PARAMETERS = ["parameter", "value", "95 % interval"]
 FITS = ["log", "test", "SoC", "voltage error, RMS", "largest"]
 
 
-def summary(battery: Battery, model: str, seconds: float) -> dict[str, Any]:
+def summary(battery: Battery, seconds: float) -> dict[str, Any]:
     """The object of --json."""
     source = battery.identification
     return {
         "command": "identify",
         "name": battery.name,
-        "model": model if battery.thevenin is None else f"thevenin-{battery.thevenin.pairs}rc",
+        "model": f"thevenin-{battery.thevenin.pairs}rc" if battery.thevenin else "rc",
         "chemistry": battery.chemistry or None,
         "n_series": battery.n_series,
         "capacity_Ah": battery.capacity_Ah,
