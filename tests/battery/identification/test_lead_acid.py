@@ -55,7 +55,7 @@ def test_the_slow_acid_is_found_in_a_pulse_test(battery):
     assert battery.thevenin.pairs == 3
     assert 3600.0 < battery.thevenin.tau_s[-1] < 10000.0
     assert 0.5 * true_ohm < slow_ohm < 1.5 * true_ohm
-    assert ocv_error_V(battery) < 0.045
+    assert ocv_error_V(battery) < 0.05
 
 
 @pytest.mark.slow
