@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check accuracy bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark check accuracy lives bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -12,6 +12,7 @@ help:
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
+	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
 	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
@@ -28,7 +29,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-spark check accuracy bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-spark check accuracy lives bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
@@ -52,6 +53,9 @@ format: $(VENV)/dev.stamp
 accuracy: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python docs/fill_readme.py
+
+lives: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/lives.py
 
 # The packages to compare with are large and pin versions of their own: they get an environment for themselves.
 bench:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -89,7 +90,7 @@ class ElectrochemicalCell:
             _lose_material_and_lithium(values, self.lost_material, self.lost_lithium)
         _raise_resistance(values, self.resistance_ratio)
         values[_CURRENT] = values[_AMBIENT] = "[input]"
-        values["Initial temperature [K]"] = require("pybamm", _USER).InputParameter(_AMBIENT)
+        values["Initial temperature [K]"] = _pybamm().InputParameter(_AMBIENT)
         return values
 
     @cached_property
@@ -98,8 +99,14 @@ class ElectrochemicalCell:
         return _compile(self)
 
 
+def _pybamm() -> Any:
+    """The package; its reports of use to its makers, for which it asks at the first import, are left off."""
+    os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")
+    return require("pybamm", _USER)
+
+
 def _parameter_values(name: str) -> Any:
-    pybamm = require("pybamm", _USER)
+    pybamm = _pybamm()
     if name not in (known := sorted(pybamm.parameter_sets)):
         raise InputError(f"cell.parameter_set must be one of {', '.join(known)}, got {name!r}")
     return pybamm.ParameterValues(name)
@@ -132,7 +139,7 @@ def _divided(value: Any, ratio: float) -> Any:
 
 
 def _compile(cell: ElectrochemicalCell) -> tuple[Any, Callable[[float], np.ndarray]]:
-    pybamm, ca = require("pybamm", _USER), require("casadi", _USER)
+    pybamm, ca = _pybamm(), require("casadi", _USER)
     pybamm.set_logging_level("ERROR")
     cooled = cell.parameters.get("Cell cooling surface area [m2]") is not None
     options = {"thermal": "lumped" if cooled else "isothermal"}

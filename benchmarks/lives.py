@@ -1,0 +1,137 @@
+"""Lives beyond the test bench: `make lives` writes benchmarks/lives.md, `python benchmarks/lives.py lfp` runs a part.
+
+Parts are chemistries, simulated here, and "measured": `measured_lives.py`. The measured part needs what is not part of
+the repository, `../shared/data` or the folder named by OHMWARD_DATA; without it, the part is skipped with a message.
+The first run simulates the cells, for some minutes; later ones take them from build/lives.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+
+import lives_cases
+from figure import HERE, Figure, verdict
+from lives_cells import CELLS
+from lives_health import health, health_table
+from lives_table import LifeRow, figures, line, missed_bars, missed_pooled_bars, pooled, table
+
+PAGE = HERE / "lives.md"
+MEASURED = "measured"
+INTRODUCTION = """\
+# Lives beyond the test bench
+
+Written by `make lives`. A battery is tested once, in a warm room, and then lives: in the cold, with charges in between,
+for years. Each row identifies a battery with the defaults from the tests in its first column, and estimates another
+record. Simulated cells are those of [PyBaMM](https://www.pybamm.org), which no model of this package describes exactly;
+nothing is tuned per cell or record.
+
+A day has eight hours and more of drives with regeneration and idle draw, rests, and two charges in between, with the
+temperature named and 3 K to either side. RMSE (in points of percent) from the first half hour on; where the start was
+wrong or unknown, from the first hour on. From the first half hour on: *covered*, the share of samples whose truth lies
+in the 95 % band (%); *interval*, the mean interval score of the band (points; its width, and 40 times the distance of
+each truth beyond it); the root mean square of *error / sigma*; the share of samples beyond 4 sigma (%). Other methods:
+RMSE (covered). Every row is to cover 90 %, to have fewer than 0.1 % beyond 4 sigma, and to be no worse than the better
+of `textbook-ukf` and `rc` by more than 0.3 points.
+"""
+HEALTH_INTRODUCTION = """\
+Five days at 25 degC, each charged fully, of a cell that has aged to 80 % of its capacity and about 1.5 times its
+resistance, with the file of the new cell from pulses at 25 degC and the right start.
+"""
+
+
+def main() -> int:
+    chosen = arguments(sys.argv[1:])
+    began = time.monotonic()
+    found = {part: of_part(part, began) for part in chosen.parts or all_parts()}
+    skipped = [part for part, rows in found.items() if rows is None]
+    rows = [row for part in found.values() for row in part or ()]
+    if chosen.json:
+        print(json.dumps([as_dict(row) for row in rows]))
+    if not chosen.parts and not skipped:
+        PAGE.write_text(page(rows, health()), encoding="utf-8")
+    elif skipped:
+        print(f"skipped {', '.join(skipped)}: {PAGE.name} is unchanged", file=sys.stderr)
+    print(*summary_table(rows), sep="\n", file=sys.stderr)
+    return 0
+
+
+def arguments(given: Sequence[str]) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Estimators over lives beyond the test bench.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(all_parts())}; all by default")
+    parser.add_argument("--json", action="store_true", help="every row as JSON on standard output")
+    chosen = parser.parse_args(given)
+    if unknown := set(chosen.parts) - set(all_parts()):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(all_parts())}")
+    return chosen
+
+
+def all_parts() -> tuple[str, ...]:
+    """Names of the parts: the chemistries of the simulated cells, and the measured data."""
+    return (*dict.fromkeys(cell.chemistry for cell in CELLS), MEASURED)
+
+
+def of_part(part: str, began: float) -> list[LifeRow] | None:
+    """The rows of a part, reported as they come; None where its data are absent."""
+    rows = []
+    try:
+        for row in part_rows(part):
+            rows.append(row)
+            print(f"{time.monotonic() - began:5.0f} s {line(row)}", file=sys.stderr, flush=True)
+    except FileNotFoundError as missing:
+        print(f"{part}: {missing} is absent (set OHMWARD_DATA to the folder of the data)", file=sys.stderr)
+        return None
+    return rows
+
+
+def part_rows(part: str) -> Iterator[LifeRow]:
+    """The rows of a part."""
+    if part == MEASURED:
+        import measured_lives
+
+        yield from measured_lives.rows()
+    for cell in CELLS:
+        if cell.chemistry == part:
+            yield from lives_cases.rows(cell)
+
+
+def page(rows: Sequence[LifeRow], of_health: Sequence[Figure]) -> str:
+    """The page: the summary, then a table for each chemistry, simulated before measured."""
+    lines = [INTRODUCTION, *summary_table(rows), ""]
+    for chemistry in dict.fromkeys(row.chemistry for row in rows):
+        of_chemistry = [row for row in rows if row.chemistry == chemistry]
+        lines += [f"## {chemistry}", *table(of_chemistry), ""]
+    lines += ["## State of health", "", HEALTH_INTRODUCTION, *health_table(of_health), ""]
+    return "\n".join(lines)
+
+
+def summary_table(rows: Sequence[LifeRow]) -> list[str]:
+    """Each chemistry in one line: the rows that meet all bars, and the pooled band."""
+    head = ["| | rows | that meet every bar | covered | error / sigma | > 4 sigma | pooled bars |"]
+    lines = [*head, "|---|---|---|---|---|---|---|"]
+    for chemistry in dict.fromkeys(row.chemistry for row in rows):
+        of_chemistry = [row for row in rows if row.chemistry == chemistry]
+        met = sum(not missed_bars(row) for row in of_chemistry)
+        if (found := pooled(of_chemistry)) is not None:
+            _, covered, _, ratio, beyond = figures(found)
+            missed = ", ".join(missed_pooled_bars(found))
+            word = f"{verdict(False)}: {missed}" if missed else verdict(True)
+            lines.append(f"| {chemistry} | {len(of_chemistry)} | {met} | {covered} | {ratio} | {beyond} | {word} |")
+    return lines
+
+
+def as_dict(row: LifeRow) -> dict:
+    """A row as JSON has it."""
+    scores = {
+        name: {method: found and found._asdict() for method, found in getattr(row, name).items()}
+        for name in ("bands", "errors")
+    }
+    return row._asdict() | scores | {"missed": missed_bars(row)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

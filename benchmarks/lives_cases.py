@@ -1,0 +1,184 @@
+"""Lives of the simulated half of the table: a base case for each test, and what is changed about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from lives_cells import (
+    EVERYDAY,
+    LABEL,
+    PULSES,
+    PULSES_SLOW,
+    TWO_TEMPERATURES,
+    Life,
+    LifeCell,
+    battery_from,
+    make_sensors,
+    measured,
+    truth_of_life,
+)
+from lives_table import METHODS, LifeRow, life_row
+from ohmward.errors import InputError
+from ohmward.logs import Log
+from ohmward.simulate.electrochemical import CellTruth, DayPlan
+
+#: RMSE to reach from a right start, at 25, 5 and -10 degC, with a file from pulses at 25 degC.
+_BARS = {
+    "lfp": (0.01, 0.02, 0.03),
+    "nmc": (0.01, 0.015, 0.025),
+    "nca": (0.01, 0.015, 0.025),
+    "lipo": (0.01, 0.015, 0.025),
+    "lead-acid": (0.015, 0.025, 0.04),
+}
+#: The same with a file from two temperatures; and what an unknown start may add, once it was found.
+_TWO_TEMPERATURE_BARS, _UNKNOWN_ADDS = (0.008, 0.01, 0.02), 0.01
+_TEMPERATURES = (25.0, 5.0, -10.0)
+_SWING_K = 3.0
+
+
+class Case(NamedTuple):
+    """One row: a file, a life, a start and a sensor.
+
+    start: error of the initial value; None where it is unknown.
+    offset, gain: of the current sensor, as shares of C and of the current.
+    interval_s: of the logger.
+    """
+
+    tested: str
+    temperature_degC: float = 25.0
+    capacity_ratio: float = 1.0
+    start: float | None = 0.0
+    offset: float = 0.0
+    gain: float = 0.0
+    interval_s: float = 1.0
+    swing_K: float = _SWING_K
+    charges: bool = True
+
+    @property
+    def life(self) -> Life:
+        """The day of this case."""
+        plan = DayPlan(self.temperature_degC, self.swing_K, opportunity_charges=self.charges)
+        return Life((plan,), self.capacity_ratio)
+
+    @property
+    def words(self) -> str:
+        """What is special about this life, in words."""
+        start = {None: "start unknown", 0.0: "", -0.3: "start 30 points low", 0.05: "start 5 points high"}[self.start]
+        parts = (
+            f"{self.temperature_degC:g} degC" + (f" +- {self.swing_K:g}" if self.swing_K != _SWING_K else ""),
+            f"aged to {100 * self.capacity_ratio:.0f} %" if self.capacity_ratio < 1 else "",
+            start,
+            f"offset {100 * self.offset:+.0f} % of C" if self.offset else "",
+            f"gain {100 * self.gain:+.0f} %" if self.gain else "",
+            f"every {self.interval_s:g} s" if self.interval_s != 1.0 else "",
+            "" if self.charges else "no charges",
+        )
+        return ", ".join(part for part in parts if part)
+
+
+def cases(kept_out: bool) -> list[Case]:
+    """The rows of a cell; of one that was kept out a part of them."""
+    base = [
+        *(Case(PULSES, T) for T in (*_TEMPERATURES, 40.0)),
+        *(Case(PULSES, T, start=None) for T in _TEMPERATURES),
+        Case(PULSES, 5.0, capacity_ratio=0.8),
+        Case(PULSES, offset=0.01),
+        *(Case(TWO_TEMPERATURES, T) for T in _TEMPERATURES),
+        Case(TWO_TEMPERATURES, -10.0, start=None),
+        *(Case(EVERYDAY, T) for T in (25.0, 5.0)),
+        *(Case(LABEL, T) for T in (25.0, 5.0)),
+    ]
+    return base if kept_out else base + _variations()
+
+
+def _variations() -> list[Case]:
+    """One factor at a time, and the pairs that are worst together."""
+    return [
+        *(Case(PULSES, T, start=-0.3) for T in _TEMPERATURES),
+        *(Case(PULSES, T, capacity_ratio=0.9) for T in (25.0, 5.0)),
+        *(Case(PULSES, T, capacity_ratio=0.8) for T in (25.0, -10.0)),
+        *(Case(PULSES, T, offset=o) for T, o in ((25.0, -0.01), (5.0, 0.01), (5.0, -0.01), (-10.0, 0.01))),
+        *(Case(PULSES, T, gain=0.02) for T in (25.0, 5.0)),
+        *(Case(PULSES, interval_s=s) for s in (10.0, 60.0)),
+        Case(PULSES, 15.0, swing_K=12.0),
+        *(Case(PULSES, T, charges=False) for T in (25.0, 5.0)),
+        Case(PULSES, 5.0, start=None, offset=-0.01),
+        Case(PULSES, 25.0, start=None, offset=0.01),
+        Case(PULSES, 5.0, capacity_ratio=0.8, start=None),
+        Case(PULSES, 25.0, capacity_ratio=0.8, offset=-0.01),
+        *(Case(PULSES_SLOW, T) for T in _TEMPERATURES),
+        *(Case(PULSES_SLOW, T, start=None) for T in (25.0, 5.0)),
+        Case(PULSES_SLOW, 25.0, capacity_ratio=0.8),
+        Case(TWO_TEMPERATURES, 5.0, start=None),
+        Case(TWO_TEMPERATURES, 5.0, capacity_ratio=0.8),
+        Case(EVERYDAY, -10.0),
+        Case(EVERYDAY, 25.0, start=None),
+        Case(LABEL, -10.0),
+        Case(LABEL, 25.0, start=None),
+        Case(LABEL, 25.0, offset=0.01),
+    ]
+
+
+def rows(cell: LifeCell) -> Iterator[LifeRow]:
+    """The rows of a cell, one after the other."""
+    for case in cases(cell.kept_out):
+        yield row(cell, case)
+
+
+def row(cell: LifeCell, case: Case) -> LifeRow:
+    """One row; without scores where identification refuses the tests."""
+    bar = rmse_bar(cell.chemistry, case)
+    try:
+        battery = battery_from(cell, case.tested)
+    except InputError:
+        nothing = dict.fromkeys(METHODS)
+        return LifeRow(cell.chemistry, cell.name, case.tested, case.words, nothing, nothing, bar, cell.kept_out)
+    truth = truth_of_life(cell, case.life)
+    sensors = make_sensors(cell, case.offset, case.gain)
+    log = measured(truth, cell, case.words, sensors)
+    soc = truth.soc
+    if case.interval_s != 1.0:
+        log, soc = averaged(log, truth, round(case.interval_s))
+    initial = None if case.start is None else float(truth.soc[0] + case.start)
+    return life_row(
+        cell.chemistry, cell.name, case.tested, case.words, battery, log, soc, initial, rmse_bar=bar,
+        kept_out=cell.kept_out,
+    )  # fmt: skip
+
+
+def averaged(log: Log, truth: CellTruth, count: int) -> tuple[Log, np.ndarray]:
+    """The log of a logger that stores means over `count` samples, and the state of charge at the end of each."""
+    groups = len(log) // count
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return values[: groups * count].reshape(groups, count).mean(axis=1)
+
+    ends = np.arange(1, groups + 1) * count - 1
+    assert log.temperature_degC is not None
+    stored = replace(
+        log,
+        time_s=log.time_s[ends],
+        current_A=mean(log.current_A),
+        voltage_V=mean(log.voltage_V),
+        temperature_degC=mean(log.temperature_degC),
+    )
+    return stored, truth.soc[ends]
+
+
+def rmse_bar(chemistry: str, case: Case) -> float | None:
+    """RMSE to reach: of new cells with a clean sensor, at the temperatures that have a bar."""
+    plain = case == Case(case.tested, case.temperature_degC, start=case.start)
+    if not plain or case.temperature_degC not in _TEMPERATURES or case.start not in (0.0, None):
+        return None
+    at = _TEMPERATURES.index(case.temperature_degC)
+    bars = {PULSES: _BARS[chemistry], PULSES_SLOW: _BARS[chemistry], TWO_TEMPERATURES: _TWO_TEMPERATURE_BARS}
+    if case.tested not in bars:
+        return None
+    if case.start is None:
+        # the flat curve of LFP tells nothing until it is left: there only the band is judged
+        return None if chemistry == "lfp" else bars[case.tested][at] + _UNKNOWN_ADDS
+    return bars[case.tested][at]
