@@ -1,0 +1,118 @@
+"""Fill the tables of `docs/how-sure.md` from the code: `python docs/fill_how_sure.py`.
+
+The meaning of the keys and the priors come from the docstrings and tables that the filter uses; the bands are those of
+`ohmward doctor` for batteries of which only chemistry and capacity are known, and for the battery of the demo after its
+pulse test.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from inspect import getdoc
+from pathlib import Path
+from typing import Any
+
+import ohmward as ow
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, Normal, chemistry_prior
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
+
+PAGE = Path(__file__).parent / "how-sure.md"
+CAPACITY_AH, N_SERIES = 12.0, 4
+
+
+def main() -> None:
+    """Rewrite the blocks between the markers."""
+    text = described(PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(replaced(text, "bands", band_table()), encoding="utf-8")
+
+
+def described(text: str) -> str:
+    """The text of the page with the tables of keys and priors made anew."""
+    text = replaced(text, "noise", key_table(BatteryNoise))
+    text = replaced(text, "sensor", key_table(CurrentSensor))
+    return replaced(text, "priors", prior_table())
+
+
+def replaced(text: str, name: str, lines: Iterable[str]) -> str:
+    """The text with these lines between the markers of that name."""
+    begin, end = f"<!-- {name}: written by docs/fill_how_sure.py -->\n", f"<!-- /{name} -->"
+    before, rest = text.split(begin)
+    _, after = rest.split(end)
+    return before + begin + "".join(f"{line}\n" for line in lines) + end + after
+
+
+def key_table(cls: type) -> list[str]:
+    """A row for each attribute of a dataclass: its name and what its docstring says."""
+    return ["| key | |", "|---|---|", *(f"| `{name}` | {text} |" for name, text in attributes(cls).items())]
+
+
+def attributes(cls: type) -> dict[str, str]:
+    """Text of the docstring on each attribute; names that share a text stand in one row."""
+    text = getdoc(cls) or ""
+    section = (text.partition("Attributes:\n")[2] or text.partition("\n\n")[2]).partition("\n\n")[0]
+    indent = len(section) - len(section.lstrip())
+    entries = re.sub(rf"\n\s{{{indent + 1},}}", " ", section)
+    found = (line.strip().partition(": ") for line in entries.splitlines())
+    return {name.replace(", ", "`, `"): text.rstrip(".") for name, _, text in found if text}
+
+
+def prior_table() -> list[str]:
+    """A row for each doubt and a column for each chemistry."""
+    names = [*CHEMISTRIES, ""]
+    meaning = attributes(ChemistryPrior)
+    rows = []
+    for key in ChemistryPrior._fields:
+        text = next((text for shown, text in meaning.items() if key in shown), "")
+        values = (value_of(getattr(chemistry_prior(name), key)) for name in names)
+        rows.append(f"| `{key}` | {text} | {' | '.join(values)} |")
+    titles = " | ".join(name or "not named" for name in names)
+    return [f"| | | {titles} |", "|---|---|" + "---|" * len(names), *rows]
+
+
+def value_of(value: Any) -> str:
+    """A prior as mean and standard deviation, or a number."""
+    if isinstance(value, Normal):
+        return f"{value.mean:g} ± {value.std:g}"
+    return f"{value:g}"
+
+
+def band_table() -> list[str]:
+    """Bands of four battery files as they are, and after each test that narrows them."""
+    header = " | ".join(f"{T:g} degC" for T in TEMPERATURES_DEGC)
+    lines = [f"| battery file | {header} |", "|---|" + "---|" * len(TEMPERATURES_DEGC)]
+    for title, battery in batteries().items():
+        before = forecast(battery)
+        lines.append(f"| **{title}** | {cells(before)} |")
+        for after in forecasts_after_tests(battery):
+            if total(after.bands) < 0.95 * total(before):
+                lines.append(f"| at best {after.test} | {cells(after.bands)} |")
+    return lines
+
+
+def batteries() -> dict[str, Battery]:
+    """Battery files by title: label only, and after the pulse test of the demo."""
+    label = {
+        f"{name}, label only": ow.generic_battery(name, CAPACITY_AH, N_SERIES) for name in ("nmc", "lfp", "lead-acid")
+    }
+    test = ow.make_robot_day("lfp").pulse_test
+    return label | {
+        "lfp, pulse test at 20 degC": ow.identify(test, capacity_Ah=CAPACITY_AH, chemistry="lfp", n_series=N_SERIES)
+    }
+
+
+def cells(bands: Iterable[BandForecast]) -> str:
+    """Half widths with a known and an unknown start, one cell for each temperature."""
+    return " | ".join(f"± {band.known_start:.1f} / {band.unknown_start:.1f}" for band in bands)
+
+
+def total(bands: Iterable[BandForecast]) -> float:
+    """Sum of all half widths."""
+    return sum(band.known_start + band.unknown_start for band in bands)
+
+
+if __name__ == "__main__":
+    main()
