@@ -18,11 +18,7 @@ from ohmward.errors import InputError
 from ohmward.logs import Log
 
 LINE = model_of(EVEN).ocv
-
-
-def four_numbers(p):
-    """C, R_0, R_1 and tau of a circuit, as in the equivalent Thevenin circuit."""
-    return p.c_bulk_F + p.c_surface_F, rc.instant_resistance(p), rc.slow_resistance(p), 1 / rc.relaxation_rate(p)
+four_numbers = rc.four_numbers
 
 
 def pulses(circuit, dt_s=0.02, count=4):
@@ -185,6 +181,57 @@ def test_log_that_shows_no_battery_leaves_the_rule():
     """Voltage that does not depend on current beyond the edges: the fit is refused and said so."""
     samples = outside_long_charges(log_of(simulate(EVEN, 500).samples), CAPACITY_AH)
     assert fit_voltage(samples._replace(voltage_V=12.0 - 0.05 * samples.current_A)) is None
+
+
+@pytest.mark.parametrize("circuit", [EVEN, UNEVEN], ids=["even", "uneven"])
+@pytest.mark.parametrize("dt_s", [0.1, 1.0], ids=["10 Hz", "1 Hz"])
+def test_an_hour_of_driving_shows_the_four_numbers_within_1_percent(circuit, dt_s):
+    """With 2 mV and 20 mA of noise; the rule has R_0 within 2 %, and no time constant, which is slower than 500 ms."""
+    run = simulate(circuit, int(3600 / dt_s), 6, dt_s=dt_s, voltage_std_V=0.002, current_std_A=0.02, soc=0.9)
+    found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=0.9)
+    np.testing.assert_allclose(four_numbers(found.model), four_numbers(circuit), rtol=0.01)
+    assert rc.instant_resistance(found.rule) == pytest.approx(rc.instant_resistance(circuit), rel=0.02)
+    assert not found.tau.found
+    assert any("tau by the rule" in sentence for sentence in found.not_identified)
+    assert found.fit is not None
+    assert found.fit.rms_V < found.rule_rms_V
+
+
+def test_samples_slower_than_the_relaxation_leave_the_resistances():
+    """A minute between samples: R_0 and R_1 together are right, and what is not seen is said."""
+    run = simulate(EVEN, 600, 0, dt_s=60.0, voltage_std_V=0.002, current_std_A=0.02)
+    found = identify_rc(log_of(run.samples), None, CAPACITY_AH, start_soc=1.0)
+    assert rc.dc_resistance(found.model) == pytest.approx(rc.dc_resistance(EVEN), rel=0.15)
+    said = " ".join(found.not_identified)
+    assert "R_total by the rule: the log shows the voltage only 60 s after an edge" in said
+    assert "the time constant: shorter than the 60 s between two samples" in said
+
+
+def test_without_a_curve_its_bend_is_not_taken_for_a_slow_relaxation():
+    """A curve that bends, a drive of C/2, no curve given: R_1 and tau come out as with the curve."""
+    soc = np.linspace(0.0, 1.0, 21)
+    curve = OcvCurve(tuple(11.8 + 0.9 * soc + 0.3 * soc**3))
+    run = simulate(EVEN, 5000, 3, voltage_std_V=0.002)
+    bent_V = curve.mean_V(run.soc, 25.0) - np.interp(run.soc, [0, 1], LINE.voltage_V)
+    log = log_of(run.samples._replace(voltage_V=run.samples.voltage_V + bent_V))
+    found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
+    np.testing.assert_allclose(four_numbers(found.model)[1:], four_numbers(EVEN)[1:], rtol=0.1)
+
+
+def test_the_longest_time_constant_is_no_finding():
+    slow = rc.Circuit(17_000.0, 8_000.0, 0.2, 0.03, 0.02)
+    log = log_of(simulate(slow, 6000, 3).samples)
+    found = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
+    assert any("s is the longest that was looked for" in sentence for sentence in found.not_identified)
+
+
+def test_a_relaxation_that_explains_next_to_nothing_is_none():
+    """White noise of the size of the drop: an exponential always explains a little of it."""
+    run = simulate(EVEN, 400, 1, dt_s=60.0, voltage_std_V=0.3)
+    found = identify_rc(log_of(run.samples), LINE, CAPACITY_AH, start_soc=1.0)
+    assert found.fit is not None
+    assert found.fit.r1_ohm == 0.0
+    assert any("the relaxation: the log shows no exponential" in sentence for sentence in found.not_identified)
 
 
 @pytest.mark.parametrize(

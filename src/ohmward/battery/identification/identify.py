@@ -32,15 +32,13 @@ from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_n
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.pairs import choose_pairs, longest_tau_s
-from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
-from ohmward.battery.identification.rc_samples import outside_long_charges
-from ohmward.battery.identification.record import Record, make_records
+from ohmward.battery.identification.rc_identification import RcIdentification, rc_of_records
+from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.identification.untested import untested_sentences
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensor import usual_sensor
-from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.ocv_file import given_ocv
 from ohmward.checks import require_one_of, require_positive
@@ -73,6 +71,7 @@ class Identified(NamedTuple):
 
     branches: low-rate discharges and charges; first_ocv: the curve before the fit corrected it;
     logs: one for each log that the circuit was fitted to; fit: the fit, None without such a log.
+    rc: the RC model, by the 75 % rule and by least squares; None where the logs do not give one.
     """
 
     battery: Battery
@@ -80,13 +79,14 @@ class Identified(NamedTuple):
     first_ocv: OcvCurve
     logs: tuple[LogDetails, ...] = ()
     fit: CircuitFit | None = None
+    rc: RcIdentification | None = None
 
 
 class Preparation(NamedTuple):
     """Results of the stages before the fit.
 
     records: those of all logs; fast: those to fit, with their axes of SoC; branches: low-rate discharges and charges.
-    ocv: the first curve; notes: how it was done.
+    ocv: the first curve; notes: how it was done. has_curve: False where the curve is a straight line through a drive.
     """
 
     records: tuple[Record, ...]
@@ -95,6 +95,7 @@ class Preparation(NamedTuple):
     branches: tuple[OcvBranch, ...]
     ocv: OcvCurve
     notes: tuple[Note, ...]
+    has_curve: bool = True
 
 
 def identify(
@@ -144,7 +145,7 @@ def identify_in_detail(
     records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
     report("open-circuit voltage", 0.05)
     with one_blas_thread():
-        prepared = prepare(records, settings)
+        prepared = (_prepare_rc if settings.model == "rc" else prepare)(records, settings)
         if not prepared.fast:
             return _curve_alone(prepared, settings)
         report("circuit", 0.1)
@@ -162,13 +163,13 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
     slow = [r for r in records if r.test == "low-rate" and not fitted]
     fast = tuple(r for r in records if r.test != "low-rate" or fitted)
     branches = tuple(b for r in slow for b in find_branches(r, Q, settings.initial_soc.get(r.log.name)))
-    reference_degC = _reference_degC(fast or slow)
+    at_degC = reference_degC(fast or slow)
     if given:
         ocv = given.curve
     elif branches:
-        ocv = ocv_from_branches(branches, reference_degC)
+        ocv = ocv_from_branches(branches, at_degC)
     else:
-        ocv = _ocv_from_rests(fast, settings, reference_degC)
+        ocv = _ocv_from_rests(fast, settings, at_degC)
     axes = tuple(_axis(r, settings, ocv) for r in fast)
     notes = (
         *(given.notes if given else ()),
@@ -183,6 +184,30 @@ def _gases(records: Sequence[Record], settings: IdentificationSettings) -> bool:
     """True where a charge shows gas instead of the open-circuit voltage, and another test has rests that show it."""
     gases = bool(settings.chemistry) and CHEMISTRIES[settings.chemistry].gases
     return gases and any(r.test != "low-rate" for r in records)
+
+
+def _prepare_rc(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
+    """As `prepare`; where the logs show no curve the RC model takes the straight line through a drive."""
+    try:
+        return prepare(records, settings)
+    except InputError as refusal:
+        if settings.ocv is not None:
+            raise
+        return _prepare_on_a_line(records, settings, refusal)
+
+
+def _prepare_on_a_line(
+    records: tuple[Record, ...], settings: IdentificationSettings, refusal: InputError
+) -> Preparation:
+    """State of charge along the drives that tell it without a curve, and the straight line through one of them."""
+    axes = tuple(_axis(r, settings, None) for r in records)
+    line, record, _ = rc_of_records(records, axes, settings.capacity_Ah, None)
+    notes = (
+        *(note for r in records for note in r.charge.notes),
+        *(note for axis in axes for note in axis.notes),
+        Note(f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}", "warning"),
+    )
+    return Preparation(records, records, axes, (), line.model.ocv, notes, has_curve=False)
 
 
 def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings, reference_degC: float) -> OcvCurve:
@@ -234,8 +259,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     missing = (*not_identified(fit, samples, Q, hysteresis), *untested_sentences(problem, settings.chemistry))
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
-    battery = _with_rc(battery, prepared, settings, model.ocv)
-    return Identified(battery, prepared.branches, ocv, details, fit)
+    battery, found = _with_rc(battery, prepared, settings, model.ocv)
+    return Identified(battery, prepared.branches, ocv, details, fit, found)
 
 
 def _fit(problem: CircuitProblem, model: str, progress: Callable[[float], None]) -> tuple[CircuitFit, tuple[Note, ...]]:
@@ -255,45 +280,43 @@ def _problem(
         settings.capacity_Ah,
         prior_for(settings.chemistry, settings.ocv is not None or _both_directions(prepared.branches)),
         slow_shape(prepared.ocv, samples, settings.capacity_Ah),
-        _reference_degC(prepared.fast),
+        reference_degC(prepared.fast),
         fit_activation=load_temperature(samples).shows_activation,
         longest_tau_s=longest_tau_s(prepared.fast),
     )
 
 
-def _with_rc(battery: Battery, prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve) -> Battery:
+def _with_rc(
+    battery: Battery, prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve
+) -> tuple[Battery, RcIdentification | None]:
     """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
+    curve = None if _straight(settings) else ocv
     try:
-        found, *_ = _find_rc(prepared, settings, ocv)
+        found, *_ = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
     except InputError as refusal:
-        return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}"))
-    return replace(battery, rc=found.model, rc_noise=found.noise)
+        return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}")), None
+    return replace(battery, rc=found.model, rc_noise=found.noise), found
 
 
-def _find_rc(
-    prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve
-) -> tuple[RcIdentification, Record, SocAxis]:
-    """The RC model from the record that moves most charge, a low-rate test aside, and that record with its axis."""
-    moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) * (r.test != "low-rate") for r in prepared.fast]
-    most = int(np.argmax(moved_Ah))
-    record, axis = prepared.fast[most], prepared.axes[most]
-    curve = None if settings.chemistry == "lead-acid" else ocv
-    first_s = outside_long_charges(record.log, settings.capacity_Ah).time_s[0]
-    start_soc = float(np.interp(first_s, record.log.time_s, axis.soc))
-    return identify_rc(record.log, curve, settings.capacity_Ah, start_soc), record, axis
+def _straight(settings: IdentificationSettings) -> bool:
+    """True where the RC model has a straight line for its curve: lead-acid, unless the user knows the curve."""
+    return settings.chemistry == "lead-acid" and settings.ocv is None
 
 
 def _rc(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     """The RC model alone."""
-    found, record, axis = _find_rc(prepared, settings, prepared.ocv)
+    curve = prepared.ocv if prepared.has_curve and not _straight(settings) else None
+    found, record, axis = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
+    errors_V = (found.fit.rms_V, float(np.abs(found.fit.residual_V).max())) if found.fit else (found.rule_rms_V,)
     provenance = replace(
         _provenance(prepared, settings),
-        logs=(log_fit(record.log.name, record.test, axis.soc),),
+        logs=(log_fit(record.log.name, record.test, axis.soc, *errors_V),),
         notes=(*(str(note) for note in prepared.notes), *found.notes),
     )
     battery = _battery(prepared, settings, rc=found.model, noise=found.noise, rc_noise=found.noise)
-    battery = replace(battery, identification=provenance, not_identified=found.not_identified)
-    return Identified(battery, prepared.branches, prepared.ocv)
+    line = () if prepared.has_curve else ("open-circuit voltage: no curve in the logs; a straight line was taken",)
+    battery = replace(battery, identification=provenance, not_identified=(*line, *found.not_identified))
+    return Identified(battery, prepared.branches, prepared.ocv, rc=found)
 
 
 def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Identified:
@@ -351,16 +374,6 @@ def _branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
 
 def _both_directions(branches: Sequence[OcvBranch]) -> bool:
     return len({b.direction for b in branches}) == 2
-
-
-def _reference_degC(records: Sequence[Record]) -> float:
-    known_degC = _temperatures(records)
-    return float(np.median(known_degC)) if known_degC else ROOM_DEGC
-
-
-def _temperatures(records: Sequence[Record]) -> list[float]:
-    """Typical temperature of every record that has one [degC]."""
-    return [degC for r in records if (degC := r.typical_degC()) is not None]
 
 
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:

@@ -32,7 +32,9 @@ from ohmward.optional import require
 #: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
 _LONGEST_WEIGHT_S = 60.0
 #: Slower processes belong to the open-circuit voltage of a model with one time constant.
-_LONGEST_TAU_S = 900.0
+LONGEST_TAU_S = 900.0
+#: A relaxation that explains less of the square of the residual is none: slow samples do not tell it from R_0.
+_LEAST_EXPLAINED = 0.05
 #: Points of the grid of time constants before the search.
 _RATES = 40
 
@@ -58,38 +60,45 @@ class VoltageFit(NamedTuple):
         return float(np.sqrt(np.mean(self.residual_V**2)))
 
 
-def fit_voltage(samples: RcSamples, ocv_V: np.ndarray | None = None) -> VoltageFit | None:
+def fit_voltage(
+    samples: RcSamples, ocv_V: np.ndarray | None = None, longest_tau_s: float = LONGEST_TAU_S
+) -> VoltageFit | None:
     """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
 
     Samples weigh as the time they stand for, up to 60 s. No number may be negative.
 
     ocv_V: (T,) open-circuit voltage along the log where it is known [V].
+    longest_tau_s: no slower relaxation is looked for.
     """
     minimize_scalar = require("scipy.optimize", "identification").minimize_scalar
 
-    longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), _LONGEST_TAU_S)
+    longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), longest_tau_s)
     grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
     best = int(np.argmin([_solve(samples, ocv_V, tau)[1] for tau in grid]))
     low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
     found = minimize_scalar(
         lambda log_tau: _solve(samples, ocv_V, math.exp(log_tau))[1], bounds=(low, high), method="bounded"
     )
-    return _fit_at(samples, ocv_V, math.exp(found.x))
-
-
-def _fit_at(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> VoltageFit | None:
-    """The fit with this time constant."""
-    (r0, r1, per_C), _ = _solve(samples, ocv_V, tau_s)
+    tau_s = math.exp(found.x)
+    (r0, r1, per_C), cost = _solve(samples, ocv_V, tau_s)
+    alone, cost_alone = _solve(samples, ocv_V, math.inf)
+    if r0 == 0.0 or cost > (1 - _LEAST_EXPLAINED) * cost_alone:
+        r0, r1, per_C = alone
     if not (per_C > 0 and r0 > 0):
         return None
+    return voltage_fit(samples, ocv_V, (1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples)))
+
+
+def voltage_fit(samples: RcSamples, ocv_V: np.ndarray | None, numbers: tuple[float, float, float, float]) -> VoltageFit:
+    """The voltage with these four numbers C, R_0, R_1 and tau, and with the V_start that suits them best."""
+    capacitance_F, r0, r1, tau_s = numbers
     over_V = r0 * samples.current_A + r1 * filtered(samples, tau_s)
-    charge_V = per_C * charge_in_part(samples)
+    charge_V = charge_in_part(samples) / capacitance_F
     open_V = samples.voltage_V - over_V if ocv_V is None else ocv_V
     start_V = _means(samples, open_V - charge_V)
     if ocv_V is None:
         open_V = start_V[samples.part] + charge_V
-    residual_V = samples.voltage_V - (open_V + over_V)
-    return VoltageFit(start_V, 1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples), residual_V)
+    return VoltageFit(start_V, capacitance_F, r0, r1, tau_s, samples.voltage_V - (open_V + over_V))
 
 
 def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:

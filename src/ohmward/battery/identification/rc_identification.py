@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.rc_fit import VoltageFit, charge_in_part, circuit_of, fit_voltage
+from ohmward.battery.identification.rc_fit import (
+    LONGEST_TAU_S,
+    VoltageFit,
+    charge_in_part,
+    circuit_of,
+    fit_voltage,
+    voltage_fit,
+)
 from ohmward.battery.identification.rc_rule import (
     FIRST_S,
     EdgeResponse,
@@ -17,6 +25,8 @@ from ohmward.battery.identification.rc_rule import (
     find_time_constant,
 )
 from ohmward.battery.identification.rc_samples import RcSamples, outside_long_charges
+from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.soc_axis import SocAxis
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
@@ -26,6 +36,13 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: A log that moves SoC by less does not show the slope of its open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
+#: Without a curve a relaxation is looked for that lasts until SoC has moved by so much at the current of the log: a
+#: slower one cannot be told from a bend of the open-circuit voltage (a DST on NMC: 893 s and ten times the R_1).
+_STRAIGHT_SOC = 0.02
+#: A time constant so close to the longest one is that which the search allows, not that of the battery.
+_AT_LIMIT = 0.95
+#: A voltage seen later after an edge is not that of the edge [s]; [P] fits the time constant to the first 500 ms.
+_SLOW_DELAY_S = 10.0
 #: No sensor is better, whatever a short log shows.
 _LEAST_VOLTAGE_STD_V = 0.001
 #: Two estimates of the resistances may agree by chance.
@@ -44,7 +61,9 @@ class RcIdentification(NamedTuple):
     model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
     noise: what a filter on this model should assume: voltage noise, and model error along SoC.
     rule: by [P]'s rule alone.
+    rule_rms_V: root mean square of the error that the rule's circuit leaves on the whole log.
     response: of the voltage to the edges of the current.
+    tau: time constant by the rule.
     fit: least squares on the whole log; None where it was not possible.
     notes: what was done.
     not_identified: what could not be identified, and why.
@@ -53,10 +72,27 @@ class RcIdentification(NamedTuple):
     model: RcModel
     noise: BatteryNoise
     rule: RcModel
+    rule_rms_V: float
     response: EdgeResponse
+    tau: TimeConstant
     fit: VoltageFit | None
     notes: tuple[str, ...]
     not_identified: tuple[str, ...]
+
+
+def rc_of_records(
+    records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah: float, ocv: OcvCurve | None
+) -> tuple[RcIdentification, Record, SocAxis]:
+    """The RC model from the record that moves most charge, a low-rate test aside, and that record with its axis.
+
+    ocv: None takes the straight line through the record.
+    """
+    moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) * (r.test != "low-rate") for r in records]
+    most = int(np.argmax(moved_Ah))
+    record, axis = records[most], axes[most]
+    first_s = outside_long_charges(record.log, capacity_Ah).time_s[0]
+    start_soc = float(np.interp(first_s, record.log.time_s, axis.soc))
+    return identify_rc(record.log, ocv, capacity_Ah, start_soc), record, axis
 
 
 def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: float | None = None) -> RcIdentification:
@@ -75,30 +111,40 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     samples = outside_long_charges(log, capacity_Ah)
     response = find_response(samples, capacity_Ah)
     tau = find_time_constant(response)
+    longest_tau_s = LONGEST_TAU_S if ocv else min(LONGEST_TAU_S, _straight_s(samples, capacity_Ah))
     fit: VoltageFit | None
     if ocv is None:
-        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc)
-        soc = _soc_along(samples, start, capacity_Ah)
+        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc, longest_tau_s)
+        soc, ocv_V = _soc_along(samples, start, capacity_Ah), None
     else:
         curve = ocv
         soc = _soc_along(samples, _start_soc(samples, response, ocv, start_soc), capacity_Ah)
-        fit = fit_voltage(samples, ocv.mean_V(soc, ocv.reference_degC))
+        ocv_V = ocv.mean_V(soc, ocv.reference_degC)
+        fit = fit_voltage(samples, ocv_V)
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
     noise = BatteryNoise() if fit is None else _noise(fit, response, soc)
     notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
-    return RcIdentification(model, noise, rule, response, fit, notes, _missing(response, tau, fit))
+    rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V
+    missing = _missing(response, tau, fit, (float(np.median(samples.dt_s[1:])), longest_tau_s))
+    return RcIdentification(model, noise, rule, rule_rms_V, response, tau, fit, notes, missing)
+
+
+def _straight_s(samples: RcSamples, capacity_Ah: float) -> float:
+    """Time in which the root mean square of the current moves SoC by `_STRAIGHT_SOC` [s]."""
+    rms_A = float(np.sqrt(np.mean(samples.current_A**2)))
+    return _STRAIGHT_SOC * SECONDS_PER_HOUR * capacity_Ah / rms_A
 
 
 def _fit_with_line(
-    samples: RcSamples, capacity_Ah: float, start_soc: float | None
+    samples: RcSamples, capacity_Ah: float, start_soc: float | None, longest_tau_s: float
 ) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
     """Least squares without a curve, the straight OCV line that it means, and the SoC at the start of each part."""
     if start_soc is None:
         raise InputError("identify_rc needs ocv, or start_soc to lay a straight line through the log; both are None")
     soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
-    fit = fit_voltage(samples) if soc_range > _LEAST_SOC_RANGE else None
+    fit = fit_voltage(samples, None, longest_tau_s) if soc_range > _LEAST_SOC_RANGE else None
     if fit is None:
         raise InputError(
             f"ocv is None, and the log, which moves SoC by {100 * soc_range:.2g} %, does not show an open-circuit "
@@ -183,12 +229,28 @@ def _fit_notes(fit: VoltageFit | None, total_F: float) -> tuple[str, ...]:
     )
 
 
-def _missing(response: EdgeResponse, tau: TimeConstant, fit: VoltageFit | None) -> tuple[str, ...]:
+def _missing(
+    response: EdgeResponse, tau: TimeConstant, fit: VoltageFit | None, limits_s: tuple[float, float]
+) -> tuple[str, ...]:
+    """Sentences on what the log does not show; limits_s: usual time between samples, longest time constant sought."""
+    step_s, longest_s = limits_s
     sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
+    if response.delay_s > _SLOW_DELAY_S:
+        sentences.append(
+            f"R_total by the rule: the log shows the voltage only {response.delay_s:.0f} s after an edge, when it has "
+            "relaxed and charge has flowed"
+        )
     if not tau.found:
         sentences.append(f"tau by the rule: no exponential in the first {response.window_s:g} s after the edges")
     if fit is None:
         sentences.append("the whole log: its voltage does not rise with charge and current; the rule alone was used")
     elif fit.r1_ohm == 0.0:
         sentences.append("the relaxation: the log shows no exponential beside R_0 and the open-circuit voltage")
+    elif fit.tau_s < step_s:
+        sentences.append(f"the time constant: shorter than the {step_s:g} s between two samples, or none")
+    elif fit.tau_s > _AT_LIMIT * longest_s:
+        sentences.append(
+            f"the time constant: {fit.tau_s:.0f} s is the longest that was looked for; slower ones are not told from "
+            "the open-circuit voltage"
+        )
     return tuple(sentences)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ohmward.battery.identification.charge import ChargeIntegral, count_charge, known_current_A
 from ohmward.battery.identification.segments import FEWEST_SAMPLES, Phase, Test, find_phases, is_rest, kind_of_test
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note, counted
 
@@ -79,3 +81,9 @@ def _rests_through(record: Record, k: int) -> bool:
     at_rest = all(any(is_rest(p, 0.0) and p.first <= i <= p.last for p in record.phases) for i in (k - 1, k))
     before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]
     return at_rest and bool(abs(after_V - before_V) <= _SAME_VOLTAGE * abs(before_V))
+
+
+def reference_degC(records: Sequence[Record]) -> float:
+    """Median of the typical temperatures of the records [degC], room temperature where none is known."""
+    known_degC = [degC for r in records if (degC := r.typical_degC()) is not None]
+    return float(np.median(known_degC)) if known_degC else ROOM_DEGC

@@ -165,6 +165,11 @@ def dc_resistance(p: Circuit | RcModel) -> Any:
     return instant_resistance(p) + slow_resistance(p)
 
 
+def four_numbers(p: Circuit | RcModel) -> tuple[Any, Any, Any, Any]:
+    """C = C_b + C_s [F], R_0 and R_1 [ohm] and tau = 1 / `relaxation_rate` [s]: all that the voltage depends on."""
+    return p.c_bulk_F + p.c_surface_F, instant_resistance(p), slow_resistance(p), 1 / relaxation_rate(p)
+
+
 def next_state_with_voltage(
     x: np.ndarray, before_A: Scalar, mean_A: Scalar, now_A: Scalar, p: Circuit | RcModel, dt_s: Scalar
 ) -> np.ndarray:
@@ -207,6 +212,5 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
     Its SoC is that of both capacitors together; R_0 = `instant_resistance`, R_1 = `slow_resistance`,
     tau_1 = 1 / `relaxation_rate`.
     """
-    r0, r1 = instant_resistance(model), slow_resistance(model)
-    tau_s = 1 / relaxation_rate(model)
+    _, r0, r1, tau_s = four_numbers(model)
     return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))

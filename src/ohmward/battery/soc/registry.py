@@ -80,8 +80,8 @@ def require_thevenin(battery: Battery) -> Thevenin:
     """The Thevenin model of a battery file, or InputError where it has none."""
     if battery.thevenin is None:
         raise InputError(
-            f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; "
-            "identify one with `ohmward identify ... --model thevenin`"
+            f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; choose `--filter rc`, "
+            "or identify one with `ohmward identify ... --model thevenin`"
         )
     return battery.thevenin
 

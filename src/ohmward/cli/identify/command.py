@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> Outcome:
     seconds = time.perf_counter() - began
     if args.output:
         save_battery(found.battery, args.output)
-    figures = summary(found.battery, seconds)
+    figures = summary(found, seconds)
     notes = _notes(logs) + figures["notes"]
     figures |= {"notes": notes, "output": args.output, "report": args.report}
     return Outcome(figures, describe(found.battery, figures), notes, partial(make_page, found, notes))

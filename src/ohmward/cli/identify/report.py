@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification import Identified, LogDetails
+from ohmward.cli.identify.rc import HEADER, rc_rows, rc_summary
 from ohmward.cli.identify.result import FITS, PARAMETERS, fit_rows, parameter_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
@@ -25,6 +26,7 @@ def make_page(found: Identified, notes: Sequence[str]) -> Page:
     page = _circuit(page, found)
     for details in found.logs:
         page = _log(page, details)
+    page = _rc(page, found)
     page = page.heading("Parameters").table(FITS, fit_rows(battery), "How well each log is reproduced")
     if rows := parameter_rows(battery):
         page = page.table(PARAMETERS, rows, "Parameters with 95 % confidence intervals")
@@ -60,6 +62,15 @@ def _circuit(page: Page, found: Identified) -> Page:
         page = page.heading("Resistances").plot(pictures.resistance_figure(model, found.fit))
     edges = [edge for log in found.logs for edge in log.edges]
     return page.plot(pictures.edge_figure(edges)) if edges else page
+
+
+def _rc(page: Page, found: Identified) -> Page:
+    """The RC model: the rule's values beside those of least squares, and the voltage after the edges."""
+    if found.rc is None:
+        return page
+    circuits = {HEADER[1]: found.rc.rule} | ({HEADER[2]: found.rc.model} if found.rc.fit else {})
+    page = page.heading("RC model").table(HEADER, rc_rows(rc_summary(found.rc)))
+    return page.plot(pictures.edge_response_figure(found.rc.response, circuits))
 
 
 def _log(page: Page, details: LogDetails) -> Page:

@@ -6,14 +6,17 @@ from dataclasses import asdict
 from typing import Any
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.identification import Identified
 from ohmward.cli import wording
+from ohmward.cli.identify.rc import HEADER, rc_rows, rc_summary
 
 PARAMETERS = ["parameter", "value", "95 % interval"]
 FITS = ["log", "test", "SoC", "voltage error, RMS", "largest"]
 
 
-def summary(battery: Battery, seconds: float) -> dict[str, Any]:
+def summary(found: Identified, seconds: float) -> dict[str, Any]:
     """The object of --json."""
+    battery = found.battery
     source = battery.identification
     return {
         "command": "identify",
@@ -24,6 +27,7 @@ def summary(battery: Battery, seconds: float) -> dict[str, Any]:
         "capacity_Ah": battery.capacity_Ah,
         "capacity_measured_Ah": source.capacity_measured_Ah or None if source else None,
         "parameters": [asdict(c) for c in source.confidence] if source else [],
+        "rc": rc_summary(found.rc) if found.rc else None,
         "logs": [asdict(fit) for fit in source.logs] if source else [],
         "not_identified": list(battery.not_identified),
         "seconds": seconds,
@@ -42,6 +46,7 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
     return wording.paragraphs(
         title,
         wording.table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
+        wording.table(HEADER, rc_rows(figures["rc"])) if figures["rc"] and figures["model"] == "rc" else "",
         wording.table(FITS, fit_rows(battery)),
         wording.bullets("Not identified", battery.not_identified),
         wording.assumptions(figures["notes"]),
