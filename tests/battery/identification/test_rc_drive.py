@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from battery.identification.examples import LFP_OCV, identify_in_detail, measured
+from battery.identification.examples import LFP_OCV, identify, identify_in_detail, measured
 from battery.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
-from ohmward.battery.identification import IdentificationSettings, identify
+from ohmward.battery.identification import IdentificationSettings
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
