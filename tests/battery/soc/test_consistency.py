@@ -53,7 +53,7 @@ def draw_runs(settings, start, columns, rng):
         error = system.voltage_error(Belief(x, cov / 1e4), clean)
         return x, (x, system.voltage(x, clean, error)[0], np.sqrt(error.variance * error.weight))
 
-    x = (belief.mean + rng.standard_normal((RUNS, n)) * np.sqrt(np.diag(cov))).T
+    x = (belief.mean + rng.standard_normal((RUNS, n)) @ np.linalg.cholesky(cov).T).T
     inputs = (columns, before_A, rng.standard_normal((STEPS, n, RUNS)))
     kernel = Kernel(step, belief.mean, (row(columns, 0), 0.0, np.zeros(n)))
     _, (states, clean_V, std_V) = kernel.scan_lanes(x, inputs)

@@ -249,7 +249,7 @@ def test_estimates_stay_within_empty_and_full():
 def test_names_of_the_belief():
     assert TheveninFilter(NMC).state_names == (
         *("soc", "v1_V", "v2_V", "hysteresis"),
-        *("offset_A", "charge_gain", "resistance_ratio", "model_error"),
+        *("offset_A", "charge_gain", "ohmic_log_ratio", "pair_log_ratio", "model_error"),
     )
 
 

@@ -43,6 +43,9 @@ _SHARE_WINDOW = 0.1
 _MAD = 1.4826
 #: Bounds of the correlation time of the residual [s], and the grid on which it is sought.
 _CORRELATION_S = (60.0, 1000.0)
+#: A fit leaves a residual that is whiter than the errors of another drive: those of the relaxation last about as long
+#: as the slowest pair, but not much longer than the loads of a drive [s].
+_RELAXATION_S = 300.0
 _GRID_S = 10.0
 #: Relative error of the hysteresis.
 _HYSTERESIS_STD = 0.3
@@ -69,7 +72,10 @@ def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses
         overpotential_share=overpotential_share(
             solution, problem, p, _PULSES_SHARE if pulses_only else _OVERPOTENTIAL_SHARE
         ),
-        correlation_s=max(correlation_s(solution, samples), _PULSES_CORRELATION_S if pulses_only else 0.0),
+        correlation_s=max(
+            correlation_s(solution, samples),
+            _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
+        ),
         capacity_std=_CAPACITY_STD,
         activation_std_K=activation_std_K(fit, problem),
         ocv_std_V_per_K=ocv_std_V_per_K(problem),

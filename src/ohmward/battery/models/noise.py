@@ -108,6 +108,10 @@ class BatteryNoise:
         """Process variance of the relative error of the resistances in one step."""
         return walk_variance(self.resistance_walk, 100 * HOUR_S, dt_s)
 
+    def resistance_variance(self, coldness_per_K: Any) -> Any:
+        """Variance of ln R at this distance from the temperature of the test (`temperature.coldness_per_K`)."""
+        return self.resistance_std**2 + (self.activation_std_K * coldness_per_K) ** 2
+
     def samples_per_error(self, dt_s: Scalar) -> Scalar:
         """Number of samples that share one error that holds on for `correlation_s`, at least 1: R is so much larger."""
         return maximum(1.0, 2 * self.correlation_s / maximum(dt_s, _SHORTEST_STEP_S))

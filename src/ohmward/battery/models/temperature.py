@@ -20,4 +20,9 @@ def arrhenius_factor(temperature_degC: Any, activation_K: float, reference_degC:
     """
     if activation_K == 0.0:
         return 1.0
-    return exp(activation_K * (1 / (temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)))
+    return exp(activation_K * coldness_per_K(temperature_degC, reference_degC))
+
+
+def coldness_per_K(temperature_degC: Any, reference_degC: float) -> Any:
+    """1/T - 1/T_0 [1/K], the distance from a reference temperature in an Arrhenius law; > 0 where it is colder."""
+    return 1 / (temperature_degC + KELVIN) - 1 / (reference_degC + KELVIN)

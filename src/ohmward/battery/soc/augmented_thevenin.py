@@ -3,13 +3,20 @@
     soc, v_1 ... v_n, hysteresis     the circuit
     offset_A                         of the current sensor; a random walk
     charge_gain                      of the current sensor over capacity, 1 / soh_capacity; a slow random walk
-    resistance_ratio                 of the resistances to the file's; a slow random walk
-    model_error                      voltage error of the model in its own standard deviations: of the curve, of its SoC
-                                     axis, of the overpotential. A Gauss-Markov state along SoC, not time: it stays
-                                     while SoC stays, and is new after `model_soc_length`.
+    ohmic_log_ratio, pair_log_ratio  ln of the resistances over the file's: R_0, and those of the RC pairs together;
+                                     slow random walks. As logarithms they cannot turn negative, and twice as large is
+                                     as likely as half as large.
+    model_error                      voltage error of the model in its own standard deviations: of the curve, its SoC
+                                     axis and its temperature, and of the overpotential. A Gauss-Markov state along SoC,
+                                     not time: it stays while SoC stays, and is new after `model_soc_length`.
+    ohmic_activation_error_K, pair_activation_error_K
+                                     errors of the activation temperatures: the band opens where the battery leaves the
+                                     temperature of the test, and closes where it comes back
+    hysteresis_log_ratio             ln of the hysteresis voltage over the file's
 
-The measurement noise is not white either: an error that holds on for `correlation_s` is one observation in that time,
-however often it is sampled, so R = variance * 2 correlation_s / dt. Axis and overpotential err in both ways.
+The last three are there only where the file is in doubt about them. The measurement noise is not white either: an error
+that holds on for a correlation time is one observation in that time, however often it is sampled, so
+R = variance * 2 correlation time / dt. Axis and overpotential err in both ways.
 """
 
 from __future__ import annotations
@@ -29,6 +36,7 @@ from ohmward.battery.models.noise import (
     BatteryNoise,
 )
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     StateOfHealth,
@@ -44,7 +52,7 @@ from ohmward.battery.models.thevenin import (
 from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
 from ohmward.filters.belief import Belief
-from ohmward.trace import clip, linearize, minimum, where
+from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, where
 from ohmward.trace.expression import Scalar
 
 #: Standard deviation [V] that an RC voltage has at the start at least, so that no variance is zero: far below a sensor.
@@ -52,6 +60,19 @@ LEAST_PAIR_STD_V = 1e-5
 
 #: The curvature is taken at least this far inside the ends of the curve, which goes on there as a straight line.
 END_MARGIN = 0.01
+
+#: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
+RESISTANCE_CORRELATION = 0.7
+
+#: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
+#: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
+UNEVEN_ACTIVATION = 0.5
+
+#: Below this SoC the surface of a cold cell runs empty under load, and that share grows, up to so many times at SoC 0.
+LOW_SOC, LOW_SOC_FACTOR = 0.2, 6.0
+
+#: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
+HYSTERESIS_RATE_STD = 0.5
 
 #: Index of the state of charge in the state.
 SOC = 0
@@ -61,23 +82,26 @@ class AugmentedState(NamedTuple):
     """The state vector taken apart; likewise vectors of standard deviations or of process variances.
 
     circuit: (n + 2,) state of the model, as `Thevenin.state_names`.
-    offset_A, charge_gain, resistance_ratio, model_error: the four states of the errors.
+    All others are the states of the errors; one that the file does not doubt is 0.
     """
 
     circuit: Any
     offset_A: Any
     charge_gain: Any
-    resistance_ratio: Any
+    ohmic_log_ratio: Any
+    pair_log_ratio: Any
     model_error: Any
+    ohmic_activation_error_K: Any = 0.0
+    pair_activation_error_K: Any = 0.0
+    hysteresis_log_ratio: Any = 0.0
 
-    @property
-    def health(self) -> StateOfHealth:
-        """State of health of the circuit: resistance only, because the gain acts on the charge."""
-        return StateOfHealth(resistance_ratio=self.resistance_ratio)
+    def ohmic(self, coldness: Scalar) -> StateOfHealth:
+        """State of health of R_0 at this coldness; of the resistance only, because the gain acts on the charge."""
+        return StateOfHealth(resistance_ratio=exp(self.ohmic_log_ratio + coldness * self.ohmic_activation_error_K))
 
-    def vector(self) -> np.ndarray:
-        """The elements in one vector (n + 6,)."""
-        return np.array([*self.circuit, self.offset_A, self.charge_gain, self.resistance_ratio, self.model_error])
+    def pair(self, coldness: Scalar) -> StateOfHealth:
+        """The same of the RC pairs."""
+        return StateOfHealth(resistance_ratio=exp(self.pair_log_ratio + coldness * self.pair_activation_error_K))
 
 
 class VoltageError(NamedTuple):
@@ -110,7 +134,17 @@ class AugmentedThevenin:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the state, in order."""
-        return (*self.model.state_names, *AugmentedState._fields[1:])
+        return (*self.model.state_names, *self.error_names)
+
+    @property
+    def error_names(self) -> tuple[str, ...]:
+        """Names of the states of the errors, in order; without those that the file does not doubt."""
+        doubts = {
+            "ohmic_activation_error_K": self.noise.activation_std_K,
+            "pair_activation_error_K": self.noise.activation_std_K,
+            "hysteresis_log_ratio": self.noise.hysteresis_std * any(self.model.ocv.hysteresis_V),
+        }
+        return tuple(name for name in AugmentedState._fields[1:] if doubts.get(name, 1.0))
 
     @property
     def hysteresis_index(self) -> int:
@@ -126,37 +160,61 @@ class AugmentedThevenin:
         """Belief before the first sample, at this SoC with current and temperature u."""
         noise = self.noise
         likely_A = abs(u.current_A) + self.sensor.offset_std_A
-        pairs = [r * likely_A + LEAST_PAIR_STD_V for r in pair_resistances(soc, u, self.model)]
+        wider = exp(noise.resistance_variance(self.coldness(u)))  # root of the second moment of a log-normal ratio
+        pairs = [wider * r * likely_A + LEAST_PAIR_STD_V for r in pair_resistances(soc, u, self.model)]
         std = AugmentedState(
             circuit=[soc_std, *pairs, HYSTERESIS_UNKNOWN_STD],
             offset_A=self.sensor.offset_std_A,
             charge_gain=math.hypot(noise.capacity_std, self.sensor.gain_std),
-            resistance_ratio=noise.resistance_std,
+            ohmic_log_ratio=noise.resistance_std,
+            pair_log_ratio=noise.resistance_std,
             model_error=1.0,
+            ohmic_activation_error_K=noise.activation_std_K,
+            pair_activation_error_K=noise.activation_std_K,
+            hysteresis_log_ratio=noise.hysteresis_std,
         )
-        relaxed = [soc, *(0.0 for _ in pairs), 0.0]
-        mean = AugmentedState(relaxed, offset_A=0.0, charge_gain=1.0, resistance_ratio=1.0, model_error=0.0)
-        return Belief(mean.vector(), np.diag(np.square(std.vector())))
+        mean = AugmentedState([soc, *(0.0 for _ in pairs), 0.0], 0.0, 1.0, 0.0, 0.0, 0.0)
+        cov = np.diag(np.square(self.vector(std)))
+        i, j = (self.state_names.index(name) for name in ("ohmic_log_ratio", "pair_log_ratio"))
+        cov[i, j] = cov[j, i] = RESISTANCE_CORRELATION * noise.resistance_std**2
+        return Belief(self.vector(mean), cov)
 
     def split(self, x: np.ndarray) -> AugmentedState:
-        """The elements of a state vector (n + 6,)."""
-        *circuit, offset_A, charge_gain, resistance_ratio, model_error = x
-        return AugmentedState(np.array(circuit), offset_A, charge_gain, resistance_ratio, model_error)
+        """The elements of a state vector."""
+        n = self.model.pairs + 2
+        return AugmentedState(x[:n], **dict(zip(self.error_names, x[n:], strict=True)))
+
+    def vector(self, state: AugmentedState) -> np.ndarray:
+        """The elements in one vector, as `state_names`."""
+        return np.array([*state.circuit, *(getattr(state, name) for name in self.error_names)])
+
+    def coldness(self, u: CircuitInput) -> Scalar:
+        """Distance from the temperature of the file in an Arrhenius law, 1/T - 1/T_reference [1/K]."""
+        return coldness_per_K(u.temperature_degC, self.model.reference_degC)
 
     def next_state(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
-        """Mean of the state after the step, (n + 6,)."""
+        """Mean of the state after the step."""
         before = self.split(x)
         u = CircuitInput(clean.mean.current_A - before.offset_A, clean.mean.temperature_degC)
-        soc, *rest = next_state(before.circuit, u, self.model, clean.dt_s, before.health)
+        soc, *rest = next_state(before.circuit, u, self.model, clean.dt_s, before.pair(self.coldness(u)))
         charged = before.circuit[SOC] + before.charge_gain * (soc - before.circuit[SOC])
         decay = self.error_decay(u.current_A, clean)
-        return before._replace(circuit=[charged, *rest], model_error=decay * before.model_error).vector()
+        return self.vector(before._replace(circuit=[charged, *rest], model_error=decay * before.model_error))
 
     def voltage(self, x: np.ndarray, clean: CleanSocSample, error: VoltageError) -> np.ndarray:
         """Terminal voltage [V] expected in state x, (1,)."""
         state = self.split(x)
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
-        return voltage(state.circuit, u, self.model, state.health) + error.model_std_V * state.model_error
+        *rest, h = state.circuit
+        circuit = np.array([*rest, h * exp(state.hysteresis_log_ratio)])
+        return voltage(circuit, u, self.model, state.ohmic(self.coldness(u))) + error.model_std_V * state.model_error
+
+    def resistance_ratio(self, state: AugmentedState) -> Scalar:
+        """Resistance to a steady current over that of the file, at the temperature of the file."""
+        soc, u = state.circuit[SOC], CircuitInput(-1.0, self.model.reference_degC)
+        ohmic_ohm, pair_ohm = ohmic_resistance(soc, u, self.model), sum(pair_resistances(soc, u, self.model))
+        grown_ohm = ohmic_ohm * exp(state.ohmic_log_ratio) + pair_ohm * exp(state.pair_log_ratio)
+        return where(ohmic_ohm + pair_ohm > 0.0, grown_ohm / (ohmic_ohm + pair_ohm + _LEAST_OHM), 1.0)
 
     def error_decay(self, current_A: Scalar, clean: CleanSocSample) -> Scalar:
         """Decay factor of the model error by the charge of this step."""
@@ -165,22 +223,36 @@ class AugmentedThevenin:
         return np.exp(-moved_As / (self.model.capacity_As * self.noise.model_soc_length))
 
     def process_noise(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
-        """Q (n + 6, n + 6) of this step from the state x."""
-        noise, p, dt_s = self.noise, self.model, clean.dt_s
-        moved = abs(clean.mean.current_A) * dt_s / p.capacity_As
+        """Q of this step from the state x, (n, n) for n states."""
+        noise, p, dt_s, state = self.noise, self.model, clean.dt_s, self.split(x)
         wander_A = where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * p.capacity_Ah
-        resistances = pair_resistances(x[SOC], clean.mean, p)
+        ratio = state.pair(self.coldness(clean.mean)).resistance_ratio
+        wander_V = [ratio * wander_A * r for r in pair_resistances(x[SOC], clean.mean, p)]
         decays = pair_decays(clean.mean, p, dt_s)
-        pairs = [(r * wander_A) ** 2 * (1 - a**2) for r, a in zip(resistances, decays, strict=True)]
-        unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
         variances = AugmentedState(
-            circuit=[charge_variance(clean, self.sensor, p), *pairs, HYSTERESIS_VARIANCE_PER_SOC * moved + unknown],
+            circuit=[
+                charge_variance(clean, self.sensor, p),
+                *(v**2 * (1 - a**2) for v, a in zip(wander_V, decays, strict=True)),
+                self.hysteresis_variance(state.circuit[-1], clean),
+            ],
             offset_A=self.sensor.offset_walk_variance(dt_s),
             charge_gain=noise.capacity_walk_variance(dt_s),
-            resistance_ratio=noise.resistance_walk_variance(dt_s),
+            ohmic_log_ratio=noise.resistance_walk_variance(dt_s),
+            pair_log_ratio=noise.resistance_walk_variance(dt_s),
             model_error=1 - self.error_decay(clean.mean.current_A, clean) ** 2,
         )
-        return np.diag(variances.vector())
+        return np.diag(self.vector(variances))
+
+    def hysteresis_variance(self, h: Scalar, clean: CleanSocSample) -> Scalar:
+        """Process variance of the hysteresis state h: where it moves, its rate may be another; it may also be unknown.
+
+        A rate that is wrong by `HYSTERESIS_RATE_STD` leaves an error that comes and goes with the way still ahead.
+        """
+        p, i = self.model, clean.mean.current_A
+        moved = abs(i) * clean.dt_s / p.capacity_As
+        ahead = HYSTERESIS_RATE_STD * (sign(i) - h)
+        unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
+        return HYSTERESIS_VARIANCE_PER_SOC * moved + (1 - exp(-p.hysteresis_rate * moved)) * ahead * ahead + unknown
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
         """Errors of the voltage that the model gives in the state that is believed."""
@@ -190,13 +262,13 @@ class AugmentedThevenin:
         inside = np.array([clip(soc, END_MARGIN, 1 - END_MARGIN)])
         slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
         curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
-        over = overpotentials(state.circuit, u, self.model, state.health)  # they may cancel, their errors do not
-        over_V2 = sum(v * v for v in over)
-        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + noise.overpotential_share_at(soc) ** 2 * over_V2
-        resistance_ohm = ohmic_resistance(soc, u, self.model) + sum(pair_resistances(soc, u, self.model))
-        unmeasured_V = where(clean.current_measured, 0.0, resistance_ohm * (MOMENTARY_C * self.model.capacity_Ah))
+        over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
+        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
+        momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
+        unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
+        ocv_V = noise.ocv_std_V_per_K * (u.temperature_degC - self.model.ocv.reference_degC)
         return VoltageError(
-            model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + uncertain_V2),
+            model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + uncertain_V2 + ocv_V * ocv_V),
             variance=noise.voltage_std_V**2
             + uncertain_V2
             + 0.5 * curvature_V * curvature_V
@@ -204,6 +276,29 @@ class AugmentedThevenin:
             weight=noise.samples_per_error(clean.dt_s),
         )
 
+    def overpotentials(self, state: AugmentedState, u: CircuitInput) -> list[Any]:
+        """Overpotentials [V] in this state: of the RC pairs, then the ohmic drop."""
+        return overpotentials(state.circuit, u, self.model, state.ohmic(self.coldness(u)))
+
+    def overpotential_share(self, soc: Scalar, u: CircuitInput) -> Scalar:
+        """Relative error of the overpotential that is no common factor; it grows away from the test's temperature."""
+        base = self.noise.overpotential_share_at(soc)
+        if not self.noise.activation_std_K:
+            return base
+        low = 1 + (LOW_SOC_FACTOR - 1) * maximum(0.0, 1 - soc * (1 / LOW_SOC))
+        uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * self.coldness(u) * low
+        return np.sqrt(base**2 + uneven * uneven)
+
+    def total_ohm(self, state: AugmentedState, u: CircuitInput) -> Scalar:
+        """Resistance to a steady current [ohm] in this state."""
+        soc, cold = state.circuit[SOC], self.coldness(u)
+        pairs = state.pair(cold).resistance_ratio * sum(pair_resistances(soc, u, self.model))
+        return state.ohmic(cold).resistance_ratio * ohmic_resistance(soc, u, self.model) + pairs
+
     def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: CircuitInput) -> np.ndarray:
         """Slope of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
         return linearize(lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), soc)[1][0]
+
+
+#: Far below the resistance of any battery [ohm].
+_LEAST_OHM = 1e-9

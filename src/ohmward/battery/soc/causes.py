@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.temperature import KELVIN
-from ohmward.battery.models.thevenin import CircuitInput, overpotentials
+from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedState
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.battery.soc.variance_budget import VariancePart, variance_budget
@@ -192,11 +192,11 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
     """Standard deviations [V] of the errors that the state `model_error` stands for."""
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
-    over_V = np.sqrt(sum(float(v) ** 2 for v in overpotentials(x.circuit, u, model)))
+    over_V = np.sqrt(sum(float(v) ** 2 for v in settings.system.overpotentials(x, u)))
     errors = {
         "curve": float(noise.model_std_at(soc)),
         "axis": noise.soc_axis_std * slope_V,
-        "overpotential": float(noise.overpotential_share_at(soc)) * over_V,
+        "overpotential": float(settings.system.overpotential_share(soc, u)) * over_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
         "hysteresis_size": noise.hysteresis_std * float(model.ocv.hysteresis_at(soc)),
     }
@@ -239,7 +239,7 @@ def _curve(now: Conditions) -> str:
 
 def _activation(now: Conditions) -> str:
     T = now.temperature_degC
-    spread = now.std["activation"] * abs(1 / (T + KELVIN) - 1 / (now.settings.model.reference_degC + KELVIN))
+    spread = now.std["activation"] * abs(coldness_per_K(T, now.settings.model.reference_degC))
     return f"resistance at {T:.0f} degC known only within {within(spread)}"
 
 
@@ -327,7 +327,6 @@ _CAUSE_BY_NAME = {
     "hysteresis": "hysteresis",
     "offset": "offset",
     "charge_gain": "charge_gain",
-    "shape": "overpotential",
     "resistance": "resistance",
     "_log": "resistance",
     "model_error": "voltage_error",

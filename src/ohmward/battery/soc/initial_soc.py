@@ -14,6 +14,7 @@ import numpy as np
 
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
@@ -109,10 +110,21 @@ def _likelihood(
 def first_voltage_std(
     soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
 ) -> np.ndarray:
-    """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV axis, hysteresis, past."""
+    """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past."""
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
-    hysteresis = HYSTERESIS_UNKNOWN_STD * p.ocv.hysteresis_at(soc)
-    terms = (noise.voltage_std_V, model, noise.soc_axis_std * slope, hysteresis, PAST_SHARE * past)
+    resistance_std = np.sqrt(noise.resistance_variance(coldness_per_K(u.temperature_degC, p.reference_degC)))
+    drop = resistance_std * ohmic_resistance(soc, u, p) * abs(u.current_A)
+    hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.ocv.hysteresis_at(soc)
+    thermal = noise.ocv_std_V_per_K * (u.temperature_degC - p.ocv.reference_degC)
+    terms = (
+        noise.voltage_std_V,
+        model,
+        noise.soc_axis_std * slope,
+        hysteresis,
+        thermal,
+        drop,
+        PAST_SHARE * np.exp(resistance_std**2) * past,
+    )
     return np.sqrt(sum(np.square(t) for t in terms))

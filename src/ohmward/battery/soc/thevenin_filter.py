@@ -43,7 +43,7 @@ LEAST_CHARGE_GAIN = 0.1
 class FilterState(NamedTuple):
     """State of the filter between two samples: plain numbers.
 
-    belief: mean (n + 6,) and lower triangle of the covariance.
+    belief: mean, as `TheveninFilter.state_names`, and lower triangle of the covariance.
     noise: moments for covariance matching [V^2].
     current_A, temperature_degC: last credible ones.
     rest_s: time for which the current has looked like rest.
@@ -64,6 +64,7 @@ class TheveninUpdate(NamedTuple):
     """The belief after a voltage, or the prior where it was not used.
 
     correction: by the voltage, whether it was used or not.
+    voltage_std_V: standard deviation of the innovation as a single sample.
     noise: moments for covariance matching.
     accepted: the condition that the voltage was used.
     contradicts: the condition that the voltage contradicts the belief.
@@ -71,6 +72,7 @@ class TheveninUpdate(NamedTuple):
 
     belief: Belief
     correction: Correction
+    voltage_std_V: Scalar
     noise: adaptive.NoiseEstimate
     accepted: Any
     contradicts: Any
@@ -179,7 +181,7 @@ class TheveninFilter:
                 SocFlag.DIVERGED: clean.voltage_measured & diverged,
             }
         )
-        return after, self.estimate(posterior, update.correction.innovation, clean, flags)
+        return after, self.estimate(posterior, update, clean, flags)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample with what cannot be true replaced and flagged."""
@@ -199,14 +201,16 @@ class TheveninFilter:
         R = np.array([[error.variance * error.weight]]) + (state.noise.residual if self.matching else 0.0)
         y = np.array([clean.voltage_V])
         correction = METHODS[self.method].correct(prior, y, lambda x: system.voltage(x, clean, error), R)
+        repeated = R[0, 0] - error.variance
         accepted = clean.voltage_measured & passes(correction.innovation, self.gate)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         return TheveninUpdate(
             belief=choose(accepted, correction.belief, prior),
             correction=correction,
+            voltage_std_V=np.sqrt(correction.innovation.cov[0, 0] - repeated),
             noise=choose(accepted, noise, state.noise),
             accepted=accepted,
-            contradicts=self.contradicts(correction.innovation, R[0, 0] - error.variance),
+            contradicts=self.contradicts(correction.innovation, repeated),
         )
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
@@ -268,19 +272,19 @@ class TheveninFilter:
             return state.noise
         return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
-    def estimate(self, posterior: Belief, innovation: Innovation, clean: CleanSocSample, flags: Scalar) -> SocEstimate:
+    def estimate(self, posterior: Belief, update: TheveninUpdate, clean: CleanSocSample, flags: Scalar) -> SocEstimate:
         """Estimate after the sample."""
         x = self.system.split(posterior.mean)
-        nu = innovation.value[0]
+        nu = update.correction.innovation.value[0]
         return SocEstimate(
             soc=x.circuit[SOC],
             soc_std=np.sqrt(maximum(posterior.cov[SOC, SOC], 0.0)),
             voltage_V=clean.voltage_V - nu,
-            voltage_std_V=np.sqrt(innovation.cov[0, 0]),
+            voltage_std_V=update.voltage_std_V,
             innovation_V=where(clean.voltage_measured, nu, math.nan),
             current_offset_A=x.offset_A,
             soh_capacity=1.0 / maximum(x.charge_gain, LEAST_CHARGE_GAIN),
-            resistance_ratio=x.resistance_ratio,
+            resistance_ratio=self.system.resistance_ratio(x),
             flags=flags,
         )
 
