@@ -16,7 +16,7 @@ from ohmward.battery.identification.circuit_solve import (
 )
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
-from ohmward.battery.identification.untested import activation_std_K, ocv_std_V_per_K
+from ohmward.battery.identification.untested import activation_std_K, hysteresis_std, ocv_std_V_per_K
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
@@ -79,6 +79,7 @@ def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses
         capacity_std=_CAPACITY_STD,
         activation_std_K=activation_std_K(fit, problem),
         ocv_std_V_per_K=ocv_std_V_per_K(problem),
+        hysteresis_std=hysteresis_std(problem),
     )
 
 

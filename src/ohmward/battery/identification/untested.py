@@ -11,6 +11,8 @@ from ohmward.battery.identification.load_temperature import load_temperature
 #: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
 #: and cold, and a fit at two temperatures is used beyond them.
 _ACTIVATION_FLOOR_K = 400.0
+#: Relative error of a hysteresis that low-rate branches show: 0.35 to 0.7 of their gap on measured LFP cells.
+_HYSTERESIS_STD = 0.5
 #: Width of the curve's temperature slope where it was measured, over that where it was not: low-rate branches hold
 #: overpotential, which changes with temperature as well.
 _MEASURED_SLOPE = 0.5
@@ -30,6 +32,11 @@ def ocv_std_V_per_K(problem: CircuitProblem) -> float:
     """Standard deviation of the change of the open-circuit voltage with temperature [V/K]."""
     usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
     return _MEASURED_SLOPE * usual if any(problem.ocv.temperature_V_per_K) else usual
+
+
+def hysteresis_std(problem: CircuitProblem) -> float:
+    """Relative standard deviation of the hysteresis, which a fit hardly tells from a slow overpotential."""
+    return _HYSTERESIS_STD if any(problem.ocv.hysteresis_V) else 0.0
 
 
 def untested_sentences(problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
