@@ -45,3 +45,10 @@ def test_refusals():
         start_model("nimh", 2.0)
     with pytest.raises(InputError, match="capacity_Ah must be > 0, got 0"):
         generic_battery("lfp", 0.0)
+
+
+def test_lead_acid_gases_above_its_full_voltage_and_lithium_never():
+    pack = start_model("lead-acid", 12.0, 6)
+    assert pack.gassing_V == pytest.approx(1.03 * pack.ocv.voltage_V[-1])
+    assert pack.gassing_V == pytest.approx(6 * 2.23, abs=0.01)
+    assert start_model("lfp", 12.0, 4).gassing_V is None

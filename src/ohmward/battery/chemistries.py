@@ -23,6 +23,8 @@ from ohmward.checks import require_one_of, require_positive
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.
 GRID = 201
+#: A battery that gases does so above this share of the voltage of a full one at rest: about 2.23 V of a lead-acid cell.
+_GASSING_SHARE = 1.03
 #: Lowest voltage over that of an empty battery, highest over that of a full one; lead-acid is charged further above it.
 _LOWEST, _HIGHEST, _GASSING = 0.9, 1.05, 1.2
 
@@ -95,6 +97,10 @@ class Chemistry:
     prior: ChemistryPrior = _LITHIUM
     gases: bool = False
 
+    def gassing_V(self, ocv: OcvCurve) -> float | None:
+        """Terminal voltage above which part of a charge makes gas [V]; None where none does."""
+        return _GASSING_SHARE * ocv.voltage_V[-1] if self.gases else None
+
     def ocv(self) -> OcvCurve:
         """The curve on a uniform grid."""
         grid = np.linspace(0.0, 1.0, GRID)
@@ -120,8 +126,8 @@ CHEMISTRIES: dict[str, Chemistry] = {
     ),
     "lead-acid": Chemistry(
         "sealed lead-acid (AGM, gel)",
-        (0.0, 1.0),
-        (1.94, 2.14),
+        (0.0, 0.1, 0.5, 1.0),
+        (1.88, 1.93, 2.04, 2.165),
         0.01,
         0.06,
         0.05,
@@ -156,9 +162,10 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
     def flat(ohm_Ah: float) -> tuple[float, float]:
         return (ohm_Ah / capacity_Ah,) * 2
 
+    curve = ocv or c.ocv()
     cell = Thevenin(
         capacity_Ah,
-        ocv or c.ocv(),
+        curve,
         flat(c.r0_ohm_Ah),
         flat(c.r0_ohm_Ah),
         (flat(c.r1_ohm_Ah), flat(c.r2_ohm_Ah)),
@@ -167,6 +174,7 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
         activation_K=c.prior.activation_K.mean,
         pair_activation_K=c.prior.pair_activation_K.mean,
         tau_activation_K=c.prior.tau_activation_K.mean,
+        gassing_V=c.gassing_V(curve),
     )
     return cell.in_series(n_series)
 

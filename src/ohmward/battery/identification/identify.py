@@ -240,6 +240,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     problem = _problem(prepared, samples, settings)
     fit, choice = _fit(problem, settings.model, progress)
     model = circuit_of(fit.solution, problem, min(axis.efficiency for axis in prepared.axes))
+    if settings.chemistry:
+        model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
     voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(samples))
     details = tuple(
         details_of(r, a, own, tuple(islice(voltages, len(own))), Q)

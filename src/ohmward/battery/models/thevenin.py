@@ -56,6 +56,8 @@ class Thevenin:
         reference_degC: temperature at which resistances and time constants hold.
         pair_activation_K: the same of the resistances of the RC pairs; None is as activation_K.
         tau_activation_K: the same of the time constants.
+        gassing_V: terminal voltage above which part of a charge makes gas, so that the voltage, then and until the
+            surface charge is gone, tells nothing about SoC; None for a battery that makes none.
     """
 
     capacity_Ah: float
@@ -70,6 +72,7 @@ class Thevenin:
     reference_degC: float = ROOM_DEGC
     pair_activation_K: float | None = None
     tau_activation_K: float = 0.0
+    gassing_V: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -91,6 +94,8 @@ class Thevenin:
         for name in ("activation_K", "pair_activation_K", "tau_activation_K"):
             if (value := getattr(self, name)) is not None:
                 require_finite(f"thevenin.{name}", value)
+        if self.gassing_V is not None:
+            require_positive("thevenin.gassing_V", self.gassing_V)
 
     @property
     def pairs(self) -> int:
@@ -134,6 +139,7 @@ class Thevenin:
             r0_discharge_ohm=times(self.r0_discharge_ohm),
             r0_charge_ohm=times(self.r0_charge_ohm),
             r_ohm=tuple(times(row) for row in self.r_ohm),
+            gassing_V=None if self.gassing_V is None else cells * self.gassing_V,
         )
 
 

@@ -184,9 +184,12 @@ class TheveninFilter:
         return after, self.estimate(posterior, update, clean, flags)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
-        """The sample with what cannot be true replaced and flagged."""
+        """The sample with what cannot be true replaced and flagged, its voltage unused where the battery gases."""
         before = CircuitInput(state.current_A, state.temperature_degC)
-        return sanitize(sample, before, self.limits, state.unknown_s)
+        clean = sanitize(sample, before, self.limits, state.unknown_s)
+        if self.model.gassing_V is None:
+            return clean
+        return clean._replace(voltage_measured=clean.voltage_measured & (clean.voltage_V < self.model.gassing_V))
 
     def predict(self, state: FilterState, clean: CleanSocSample) -> Belief:
         """The belief after the step, before its voltage."""
