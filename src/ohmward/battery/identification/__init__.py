@@ -1,14 +1,12 @@
 """From logs of tests to a battery: charge, segments, SoC, OCV curve, resistances, relaxation, circuit, noise."""
 
 from ohmward.battery.identification.identify import (
-    DEFAULT_MODEL,
-    MODELS,
-    IdentificationSettings,
     Identified,
     identify,
     identify_in_detail,
 )
 from ohmward.battery.identification.log_details import LogDetails
+from ohmward.battery.identification.settings import DEFAULT_MODEL, MODELS, IdentificationSettings
 
 __all__ = [
     "DEFAULT_MODEL",

@@ -5,7 +5,7 @@ Volts are relative to a lithium-ion cell of 3.7 V, so that a pack or a lead-acid
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ class CircuitPrior(NamedTuple):
     level_share: of the level itself.
     direction_share: between r0 in charge and in discharge.
     ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC.
+    ocv_axis_std: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`.
     ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
     hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
     slow_tau_s, slow_tau_log_std: slowest of several time constants, log-normal.
@@ -38,6 +39,7 @@ class CircuitPrior(NamedTuple):
     direction_share: float = 0.1
     ocv_V: float = 0.004
     ocv_soc: float = 0.01
+    ocv_axis_std: float = 0.0
     ocv_gap: float = 0.5
     ocv_length: float = 0.05
     hysteresis: tuple[float, float] = (0.5, 0.2)
@@ -156,9 +158,16 @@ def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarra
     """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation, wider where steep."""
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
     gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
-    std = np.sqrt((volts * prior.ocv_V) ** 2 + (prior.ocv_soc * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
+    axis = np.hypot(prior.ocv_soc, prior.ocv_axis_std * axis_bridge(OCV_KNOTS))
+    std = np.sqrt((volts * prior.ocv_V) ** 2 + (axis * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
     correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / prior.ocv_length)
     return np.linalg.inv(std[:, None] * correlation * std)
+
+
+def axis_bridge(soc: Any) -> Any:
+    """Course along SoC of an error of the axis that is 0 where the battery is full or empty, and 1 in the middle."""
+    inside = np.clip(soc, 0.0, 1.0)
+    return 2 * np.sqrt(inside * (1 - inside))
 
 
 def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from os import PathLike
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,50 +19,32 @@ from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
-from ohmward.battery.identification.circuit_prior import prior_for
 from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import edge_notes
+from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, usual_efficiency
 from ohmward.battery.identification.fit_samples import FitSamples, thin
 from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.log_details import LogDetails, details_of, log_fit
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
-from ohmward.battery.identification.ocv_from_low_rate import OcvBranch, branch_notes, find_branches, ocv_from_branches
-from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
+from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.pairs import choose_pairs, longest_tau_s
 from ohmward.battery.identification.rc_identification import RcIdentification, rc_of_records
 from ohmward.battery.identification.record import Record, make_records, reference_degC
-from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
+from ohmward.battery.identification.settings import DEFAULT_MODEL, MODELS, IdentificationSettings
+from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
 from ohmward.battery.identification.untested import untested_sentences
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.ocv_file import given_ocv
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note
 from ohmward.optional import one_blas_thread
 
-#: "thevenin" chooses the number of RC pairs by evidence.
-MODELS = ("thevenin", "thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
-DEFAULT_MODEL = "thevenin"
-
 Progress = Callable[[str, float], None]
-
-
-class IdentificationSettings(NamedTuple):
-    """Knowledge of the user about the battery and its logs; see `identify`."""
-
-    capacity_Ah: float
-    model: str = DEFAULT_MODEL
-    chemistry: str = ""
-    n_series: int = 1
-    name: str = ""
-    initial_soc: Mapping[str, float] = MappingProxyType({})
-    idle_current_A: float | None = None
-    ocv: Any = None
 
 
 class Identified(NamedTuple):
@@ -85,17 +66,33 @@ class Identified(NamedTuple):
 class Preparation(NamedTuple):
     """Results of the stages before the fit.
 
-    records: those of all logs; fast: those to fit, with their axes of SoC; branches: low-rate discharges and charges.
-    ocv: the first curve; notes: how it was done. has_curve: False where the curve is a straight line through a drive.
+    records: those of all logs; axes: SoC of those to fit; first: the first OCV curve; notes: how all was done.
     """
 
     records: tuple[Record, ...]
-    fast: tuple[Record, ...]
     axes: tuple[SocAxis, ...]
-    branches: tuple[OcvBranch, ...]
-    ocv: OcvCurve
+    first: FirstOcv
     notes: tuple[Note, ...]
-    has_curve: bool = True
+
+    @property
+    def has_curve(self) -> bool:
+        """True where the logs or the user gave the curve; False for a straight line or the chemistry's usual curve."""
+        return self.first.source not in ("line", "chemistry")
+
+    @property
+    def fast(self) -> tuple[Record, ...]:
+        """The records that the circuit is fitted to."""
+        return self.first.fitted
+
+    @property
+    def ocv(self) -> OcvCurve:
+        """The first curve."""
+        return self.first.curve
+
+    @property
+    def branches(self) -> tuple[OcvBranch, ...]:
+        """Low-rate discharges and charges."""
+        return self.first.branches
 
 
 def identify(
@@ -156,34 +153,14 @@ def identify_in_detail(
 
 def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
     """The first OCV curve, and the state of charge along each record to fit."""
-    Q = settings.capacity_Ah
-    voltage_V = np.concatenate([r.log.voltage_V for r in records])
-    given = None if settings.ocv is None else given_ocv(settings.ocv, voltage_V, settings.n_series)
-    fitted = given or _gases(records, settings)
-    slow = [r for r in records if r.test == "low-rate" and not fitted]
-    fast = tuple(r for r in records if r.test != "low-rate" or fitted)
-    branches = tuple(b for r in slow for b in find_branches(r, Q, settings.initial_soc.get(r.log.name)))
-    at_degC = reference_degC(fast or slow)
-    if given:
-        ocv = given.curve
-    elif branches:
-        ocv = ocv_from_branches(branches, at_degC)
-    else:
-        ocv = _ocv_from_rests(fast, settings, at_degC)
-    axes = tuple(_axis(r, settings, ocv) for r in fast)
+    first = find_first_ocv(records, settings)
+    axes = tuple(_axis(r, settings, first) for r in first.fitted)
     notes = (
-        *(given.notes if given else ()),
         *(note for r in records for note in r.charge.notes),
-        *branch_notes(branches, Q),
+        *first.notes,
         *(note for axis in axes for note in axis.notes),
     )
-    return Preparation(records, fast, axes, branches, ocv, notes)
-
-
-def _gases(records: Sequence[Record], settings: IdentificationSettings) -> bool:
-    """True where a charge shows gas instead of the open-circuit voltage, and another test has rests that show it."""
-    gases = bool(settings.chemistry) and CHEMISTRIES[settings.chemistry].gases
-    return gases and any(r.test != "low-rate" for r in records)
+    return Preparation(records, axes, first, notes)
 
 
 def _prepare_rc(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
@@ -202,34 +179,19 @@ def _prepare_on_a_line(
     """State of charge along the drives that tell it without a curve, and the straight line through one of them."""
     axes = tuple(_axis(r, settings, None) for r in records)
     line, record, _ = rc_of_records(records, axes, settings.capacity_Ah, None)
+    text = f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}"
     notes = (
         *(note for r in records for note in r.charge.notes),
         *(note for axis in axes for note in axis.notes),
-        Note(f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}", "warning"),
+        Note(text, "warning"),
     )
-    return Preparation(records, records, axes, (), line.model.ocv, notes, has_curve=False)
+    return Preparation(records, axes, FirstOcv(line.model.ocv, "line", records), notes)
 
 
-def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings, reference_degC: float) -> OcvCurve:
-    """The curve through the rests of every record whose state of charge is known without a curve."""
-    points: list[RestPoint] = []
-    first_refusal: InputError | None = None
-    for record in records:
-        given = settings.initial_soc.get(record.log.name)
-        try:
-            find_anchors(record, settings.capacity_Ah, None, given)
-        except InputError as refusal:
-            first_refusal = first_refusal or refusal
-            continue
-        points += rest_points(record, _axis(record, settings, None).soc)
-    if not points and first_refusal:
-        raise first_refusal
-    return ocv_from_rests(points, min(float(np.nanmin(r.log.voltage_V)) for r in records), reference_degC)
-
-
-def _axis(record: Record, settings: IdentificationSettings, ocv: OcvCurve | None) -> SocAxis:
-    efficiency = CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
-    return anchor_soc(record, settings.capacity_Ah, ocv, settings.initial_soc.get(record.log.name), efficiency)
+def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
+    start, efficiency = settings.initial_soc.get(record.log.name), usual_efficiency(settings)
+    curve, axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
+    return anchor_soc(record, settings.capacity_Ah, curve, start, efficiency, axis_std)
 
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
@@ -257,8 +219,12 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         ),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
-    noise = noise_from_fit(fit, problem, model, pulses_only)
-    missing = (*not_identified(fit, samples, Q, hysteresis), *untested_sentences(problem, settings.chemistry))
+    noise = noise_from_fit(fit, problem, model, pulses_only, axis_std(prepared.fast, prepared.axes))
+    missing = (
+        *prepared.first.not_identified,
+        *not_identified(fit, samples, Q, hysteresis),
+        *untested_sentences(problem, settings.chemistry),
+    )
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     battery, found = _with_rc(battery, prepared, settings, model.ocv)
@@ -280,7 +246,7 @@ def _problem(
         samples,
         prepared.ocv,
         settings.capacity_Ah,
-        prior_for(settings.chemistry, settings.ocv is not None or _both_directions(prepared.branches)),
+        prepared.first.prior(settings.chemistry),
         slow_shape(prepared.ocv, samples, settings.capacity_Ah),
         reference_degC(prepared.fast),
         fit_activation=load_temperature(samples).shows_activation,
@@ -336,7 +302,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
     battery = replace(
         battery,
         identification=_provenance(prepared, settings),
-        not_identified=(missing,) if _both_directions(prepared.branches) else (missing, one_way),
+        not_identified=(missing,) if prepared.first.both_directions else (missing, one_way),
     )
     return Identified(battery, prepared.branches, ocv)
 
@@ -372,10 +338,6 @@ def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Prov
 
 def _branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
     return tuple(log_fit(b.log_name, f"low-rate {b.direction}", b.soc) for b in branches)
-
-
-def _both_directions(branches: Sequence[OcvBranch]) -> bool:
-    return len({b.direction for b in branches}) == 2
 
 
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:

@@ -51,21 +51,24 @@ _GRID_S = 10.0
 _HYSTERESIS_STD = 0.3
 
 
-def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses_only: bool) -> BatteryNoise:
+def noise_from_fit(
+    fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses_only: bool, anchors_std: float = 0.0
+) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is the residual of the fit there and the standard deviation of its posterior, which is
     small where there were data and grows where there were none.
-    pulses_only: no log has a lasting load.
+    pulses_only: no log has a lasting load; anchors_std: error of the SoC to which the logs are tied.
     """
     solution, samples, volts = fit.solution, problem.samples, problem.volts
     residual_V = residual_std_V(solution, problem)
-    posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv)
+    axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
+    posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv, axis_std)
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     return BatteryNoise(
-        soc_axis_std=SOC_AXIS_STD,
+        soc_axis_std=axis_std,
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
@@ -83,14 +86,14 @@ def noise_from_fit(fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses
     )
 
 
-def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve) -> np.ndarray:
+def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve, axis_std: float = SOC_AXIS_STD) -> np.ndarray:
     """(21,) error of the model [V] without that of the SoC axis, which the filter adds itself.
 
     Otherwise a steep end of the curve would count twice, and any voltage would be possible there.
     """
     fine = np.linspace(0.0, 1.0, len(ocv.voltage_V))
     slope_V = np.interp(RESISTANCE_GRID, fine, np.gradient(np.asarray(ocv.voltage_V), fine))
-    return np.sqrt(np.maximum(std_V**2 - (SOC_AXIS_STD * slope_V) ** 2, 0.0))
+    return np.sqrt(np.maximum(std_V**2 - (axis_std * slope_V) ** 2, 0.0))
 
 
 def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:

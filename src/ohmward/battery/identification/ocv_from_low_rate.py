@@ -22,6 +22,12 @@ _LIMIT_SHARE = 0.8
 _SHORTEST_SHARE = 0.3
 #: Relative distance to the highest or lowest voltage of a log that is its limit.
 _LIMIT_TOLERANCE = 0.002
+#: Opposite branches of which one moves less than this share of the other do not both run from full to empty.
+_AGREEING_SHARE = 0.97
+#: A gap between the branches this many times as uneven along SoC speaks against an alignment of them.
+_UNEVEN = 2.0
+#: SoC over which that is looked at: the ends of the curve are steep.
+_MIDDLE = np.linspace(0.1, 0.9, 81)
 #: Relative difference of a branch's charge to the capacity that deserves a warning.
 _CAPACITY_WARNING = 0.03
 #: Points of the grid over which slopes are averaged: 10 % of SoC.
@@ -67,6 +73,28 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
     return tuple(branches)
 
 
+def reconcile_branches(branches: Sequence[OcvBranch]) -> tuple[OcvBranch, ...]:
+    """The branches; one that moved clearly less than its opposite at that temperature ended before full or empty.
+
+    In the cold a charge reaches its limit early. Such a branch runs from where it started at the scale of the opposite
+    one, unless the gap between both is far more even with the branch stretched to the whole axis: then its charge was
+    counted wrongly.
+    """
+    return tuple(_reconciled(branch, branches) for branch in branches)
+
+
+def branch_axis_std(branches: Sequence[OcvBranch]) -> float:
+    """Standard deviation of the SoC axis in its middle that the branches leave open, 0 where their charges agree.
+
+    Of two that differ by x one is stretched or ends early: that moves its middle by x/2, and the mean of both branches
+    by x/4. Full and empty are told by the voltage.
+    """
+    differences = [
+        1 - branch.moved_Ah / opposite.moved_Ah for branch in branches for opposite in _longer(branch, branches)
+    ]
+    return 0.25 * max(differences, default=0.0)
+
+
 def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> OcvCurve:
     """Mean of the charge and the discharge branch, half their distance, and their change with temperature.
 
@@ -99,6 +127,34 @@ def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
     """(N,) moving average over `points`, fewer at the ends."""
     kernel = np.ones(points)
     return np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+
+
+def _longer(branch: OcvBranch, branches: Sequence[OcvBranch]) -> list[OcvBranch]:
+    """Complete branches of the other direction at the same temperature that moved clearly more."""
+    return [
+        other
+        for other in branches
+        if other.complete
+        and other.direction != branch.direction
+        and branch.moved_Ah < _AGREEING_SHARE * other.moved_Ah
+        and abs((other.temperature_degC or 0.0) - (branch.temperature_degC or 0.0)) < SAME_TEMPERATURE_K
+    ]
+
+
+def _reconciled(branch: OcvBranch, branches: Sequence[OcvBranch]) -> OcvBranch:
+    longer = _longer(branch, branches) if branch.complete else []
+    if not longer:
+        return branch
+    share = branch.moved_Ah / longer[0].moved_Ah
+    from_start = branch._replace(soc=branch.soc[0] + share * (branch.soc - branch.soc[0]), complete=False)
+    even = _unevenness_V(from_start, longer[0]) < _UNEVEN * _unevenness_V(branch, longer[0])
+    return from_start if even else branch
+
+
+def _unevenness_V(branch: OcvBranch, other: OcvBranch) -> float:
+    """Standard deviation [V] of the gap between two branches along the middle of SoC."""
+    gap_V = _interpolated(branch, _MIDDLE) - _interpolated(other, _MIDDLE)
+    return float(np.nanstd(gap_V))
 
 
 def _branch(
@@ -177,9 +233,9 @@ def _on_grid(branches: Sequence[OcvBranch]) -> np.ndarray:
     return np.where(known > 0, total / np.maximum(known, 1), np.nan)
 
 
-def _interpolated(branch: OcvBranch) -> np.ndarray:
+def _interpolated(branch: OcvBranch, grid: np.ndarray = OCV_GRID) -> np.ndarray:
     order = np.argsort(branch.soc, kind="stable")
-    return np.interp(OCV_GRID, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
+    return np.interp(grid, branch.soc[order], branch.voltage_V[order], left=np.nan, right=np.nan)
 
 
 def _closing(hysteresis_V: np.ndarray) -> np.ndarray:

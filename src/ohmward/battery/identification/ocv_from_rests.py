@@ -76,8 +76,9 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
         span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
             f"only {soc.size} rests of {SHORTEST_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit voltage "
-            "cannot be told from the voltage under load; add a log with a low-rate discharge and charge, or one with "
-            "rests at several states of charge"
+            "cannot be told from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate discharge "
+            "and charge, or one with rests at several states of charge, or name the chemistry and the SoC at the start "
+            "(--chemistry nmc --initial-soc 0.9)"
         )
     soc, voltage_V = _with_ends(soc, voltage_V, empty_V)
     grid = np.linspace(0.0, 1.0, _POINTS)

@@ -19,12 +19,16 @@ _SAME_VOLTAGE = 0.003
 
 
 class Record(NamedTuple):
-    """A log with the charge of each interval, its phases and the kind of test."""
+    """A log with the charge of each interval, its phases and the kind of test.
+
+    came_from: direction of the charge that flowed unseen before the record, -1 discharge, 1 charge, 0 unknown.
+    """
 
     log: Log
     charge: ChargeIntegral
     phases: tuple[Phase, ...]
     test: Test
+    came_from: int = 0
 
     @property
     def current_A(self) -> np.ndarray:
@@ -66,8 +70,20 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
         "warning",
     )
     records = [_record(part, capacity_Ah, idle_current_A) for part in useful]
+    records = [records[0], *(_after_gap(a, b) for a, b in pairwise(records))]
     first = records[0]
     return (first._replace(charge=first.charge._replace(notes=(note,))), *records[1:])
+
+
+def _after_gap(before: Record, record: Record) -> Record:
+    """The record with the direction of the charge in the gap before it, told by the voltages at rest on both sides."""
+    if not (before.phases[-1].kind == record.phases[0].kind == "rest"):
+        return record
+    ends_V = before.log.voltage_V[np.isfinite(before.log.voltage_V)]
+    starts_V = record.log.voltage_V[np.isfinite(record.log.voltage_V)]
+    if not ends_V.size or not starts_V.size or abs(starts_V[0] - ends_V[-1]) <= _SAME_VOLTAGE * ends_V[-1]:
+        return record
+    return record._replace(came_from=int(np.sign(starts_V[0] - ends_V[-1])))
 
 
 def _record(log: Log, capacity_Ah: float, idle_current_A: float) -> Record:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.identification.circuit_prior import axis_bridge
+from ohmward.battery.identification.open_loop import scan
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.segments import REST_RATE, find_rests, is_rest
 from ohmward.battery.models.ocv import OcvCurve
@@ -18,7 +20,7 @@ FULL_RATE = 1 / 20
 FULL_STD = 0.005
 #: A log that moves so much of the capacity was full at its highest charge, and SoC is known so well.
 _SWEEP_SHARE = 0.85
-_SWEEP_STD = 0.03
+_SWEEP_STD = (0.01, 0.03)
 #: A constant voltage lies within this share of the highest of the log, for at least so long; breaks are bridged [s].
 _TOP_SHARE = 0.02
 _TOP_BREAK_S = 600.0
@@ -33,6 +35,10 @@ _LONG_REST_S = 600.0
 _SMALLEST_REST_STD = 0.005
 #: Error of an open-circuit voltage at the end of a rest, over itself.
 _VOLTAGE_STD_SHARE = 0.0015
+#: A low-rate gap holds slow overpotential too: so much of its half is hysteresis that a rest shows, and its error.
+_HYSTERESIS_SHARE, _HYSTERESIS_SHARE_STD = 0.5, 0.25
+#: Hysteresis turns within a few per cent of SoC: usual rate gamma.
+_USUAL_GAMMA = 40.0
 #: Losses below this are errors of the current sensor.
 _SMALLEST_LOSS = 0.01
 #: SoC beyond [0, 1] by more means a wrong capacity.
@@ -65,6 +71,11 @@ class SocAxis(NamedTuple):
     efficiency: float
     notes: tuple[Note, ...]
 
+    @property
+    def std(self) -> float:
+        """Standard deviation of the axis, that of its anchors."""
+        return float(np.sqrt(np.mean([a.std**2 for a in self.anchors])))
+
 
 def anchor_soc(
     record: Record,
@@ -72,17 +83,19 @@ def anchor_soc(
     ocv: OcvCurve | None = None,
     initial_soc: float | None = None,
     efficiency: float = 1.0,
+    ocv_axis_std: float = 0.0,
 ) -> SocAxis:
     """The state of charge along a record, tied to what is known best.
 
     In order: `initial_soc` of the user; the ends of full charges; the rest at which `ocv` tells the SoC best; a sweep
     of at least 85 % of the capacity, whose top is taken as full. The loss between two full charges gives the coulombic
     efficiency, and the rest of the difference is spread over the charge that flowed; without them `efficiency` holds.
+    ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
 
     Raises:
         InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
     """
-    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc)
+    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std)
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis.soc, capacity_Ah)
@@ -90,19 +103,22 @@ def anchor_soc(
 
 
 def find_anchors(
-    record: Record, capacity_Ah: float, ocv: OcvCurve | None, initial_soc: float | None
+    record: Record, capacity_Ah: float, ocv: OcvCurve | None, initial_soc: float | None, ocv_axis_std: float = 0.0
 ) -> tuple[Anchor, ...]:
     """The anchors that the axis is tied to: one, or all ends of full charges."""
     if initial_soc is not None:
         return (Anchor(0, initial_soc, 0.0, "given"),)
     if full := full_charges(record, capacity_Ah):
         return full
-    known = (rest_anchors(record, ocv) if ocv else ()) + sweep_anchor(record, capacity_Ah)
+    rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
+    rests = tuple(a._replace(std=float(np.hypot(a.std, ocv_axis_std * axis_bridge(a.soc)))) for a in rests)
+    known = rests + sweep_anchor(record, capacity_Ah)
     if not known:
         raise InputError(
             f"log {record.log.name!r}: nothing tells its state of charge (no full charge, no rest at a known "
             f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
-            f"give it as initial_soc {{{record.log.name!r}: 0.8}}, or add a low-rate test of the same battery"
+            f"give it (--initial-soc {record.log.name}=0.8, initial_soc={{{record.log.name!r}: 0.8}}), add a low-rate "
+            "test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
         )
     return (min(known, key=lambda a: a.std),)
 
@@ -119,23 +135,37 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
     return tuple(Anchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
 
 
-def rest_anchors(record: Record, ocv: OcvCurve) -> tuple[Anchor, ...]:
-    """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage."""
+def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Anchor, ...]:
+    """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage.
+
+    After a discharge the voltage rests below the mean of both branches, after a charge above it.
+    """
     starts = [p for p in record.phases[:1] if is_rest(p)]
     degC = record.temperature_degC(ocv.reference_degC)
+    h, known = _hysteresis(record, capacity_Ah)
     return tuple(
-        _by_voltage(float(record.log.voltage_V[p.last]), ocv, float(degC[p.last]), p.last)
+        _by_voltage(record, p.last, ocv, float(degC[p.last]), float(h[p.last]), float(known[p.last]))
         for p in [*starts, *find_rests(record.phases, _LONG_REST_S)]
         if np.isfinite(record.log.voltage_V[p.last])
     )
 
 
 def sweep_anchor(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
-    """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing."""
+    """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
+
+    What it does not move may be missing at the top: the more it moves, the better its top is known.
+    """
     total_Ah = record.charge.total_Ah
     if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
         return ()
-    return (Anchor(int(np.argmax(total_Ah)), 1.0, _SWEEP_STD, "highest charge of a full sweep"),)
+    std = float(np.clip(1 - np.ptp(total_Ah) / capacity_Ah, *_SWEEP_STD))
+    return (Anchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
+
+
+def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
+    """Standard deviation of the axes of several records, each counting as the charge that it moves."""
+    moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) for r in records]
+    return float(np.sqrt(np.average([a.std**2 for a in axes], weights=moved_Ah)))
 
 
 def count_soc(record: Record, capacity_Ah: float, efficiency: float = 1.0) -> np.ndarray:
@@ -149,7 +179,7 @@ def capacity_from_rests(record: Record, axis: SocAxis, ocv: OcvCurve, capacity_A
 
     None where the rests span less than half of the SoC range, or their voltages tell SoC no better than to 2 %.
     """
-    rests = [a for a in rest_anchors(record, ocv) if a.std < _CAPACITY_REST_STD and 0.0 < a.soc < 1.0]
+    rests = [a for a in rest_anchors(record, ocv, capacity_Ah) if a.std < _CAPACITY_REST_STD and 0.0 < a.soc < 1.0]
     by_charge = np.array([axis.soc[a.sample] for a in rests])
     by_voltage = np.array([a.soc for a in rests])
     if len(rests) < 2 or np.ptp(by_voltage) < _CAPACITY_SPAN:
@@ -192,11 +222,25 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
     return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
 
 
-def _by_voltage(voltage_V: float, ocv: OcvCurve, degC: float, sample: int) -> Anchor:
-    """SoC at a rest voltage, which is unknown by the hysteresis and 1.5 mV per volt."""
-    soc = ocv.soc_at(voltage_V, degC)
-    error_V = float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
-    low, high = (ocv.soc_at(voltage_V + s * error_V, degC) for s in (-1, 1))
+def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
+    """Hysteresis state (T,) in [-1, 1] by the charge that flowed, and the share of it that is known."""
+    moved = record.charge.moved_Ah / capacity_Ah
+    decay = np.exp(-_USUAL_GAMMA * np.abs(moved))
+    h = scan(decay, np.append(record.came_from, ((1 - decay) * np.sign(moved))[1:]))
+    return h, np.ones(moved.size) if record.came_from else 1 - np.cumprod(decay)
+
+
+def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> Anchor:
+    """SoC at a rest voltage, on the side of the mean curve that the hysteresis state `h` tells.
+
+    The voltage is unknown by 1.5 mV per volt and by the error of the hysteresis: all of it where nothing is known of h.
+    """
+    voltage_V = float(record.log.voltage_V[sample])
+    branch = _HYSTERESIS_SHARE * h
+    soc = ocv.soc_at(voltage_V, degC, branch)
+    hysteresis_std = known * _HYSTERESIS_SHARE_STD + (1 - known)
+    error_V = hysteresis_std * float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
+    low, high = (ocv.soc_at(voltage_V + s * error_V, degC, branch) for s in (-1, 1))
     return Anchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
