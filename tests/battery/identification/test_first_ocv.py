@@ -1,0 +1,100 @@
+"""The first OCV curve: branches that disagree, and a drive without any rest or low-rate test."""
+
+import numpy as np
+import pytest
+
+from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
+from ohmward.battery.chemistries import chemistry
+from ohmward.battery.identification.ocv_from_low_rate import branch_axis_std, find_branches, reconcile_branches
+from ohmward.battery.identification.record import make_records
+from ohmward.battery.identification.soc_axis import anchor_soc
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+LFP = chemistry("lfp").ocv()
+
+
+def branches_of(*logs, capacity_Ah=2.0):
+    return tuple(b for log in logs for r in make_records(log, capacity_Ah) for b in find_branches(r, capacity_Ah))
+
+
+def test_branches_that_agree_stay_as_they_are():
+    branches = branches_of(*low_rate_logs(cell()))
+    assert reconcile_branches(branches) == branches and branch_axis_std(branches) == 0.0
+
+
+def test_a_charge_that_ends_early_keeps_its_scale():
+    """In the cold a charge reaches its limit at 94 % of what came out: it runs from 0 to 0.94, not from 0 to 1."""
+    down, up = low_rate_logs(cell())
+    short = up.select(slice(0, int(0.945 * len(up))))
+    discharge, charge = reconcile_branches(branches_of(down, short))
+    assert discharge.complete and not charge.complete
+    assert charge.soc[-1] == pytest.approx(charge.moved_Ah / discharge.moved_Ah, abs=1e-6)
+    assert branch_axis_std((discharge, charge)) == pytest.approx(0.25 * (1 - charge.soc[-1]), abs=1e-6)
+
+
+def test_a_charge_that_was_counted_wrongly_is_stretched():
+    down, up = low_rate_logs(cell())
+    wrong = Log("up", up.time_s, 0.94 * up.current_A, up.voltage_V)
+    _, charge = reconcile_branches(branches_of(down, wrong))
+    assert charge.complete and charge.soc[-1] == pytest.approx(1.0)
+
+
+def drive(soc, seed=5, name="drive"):
+    rng = np.random.default_rng(seed)
+    phases = [(20.0, float(current), 1.0) for current in rng.choice([-4.0, -2.0, -1.0, 0.0, 1.5], 200)]
+    return play(cell(), *steps(phases), soc=soc, std_V=0.001, seed=seed, name=name)
+
+
+def test_a_drive_alone_takes_the_curve_of_its_chemistry():
+    """No rest, no low-rate test: with the SoC at the start known, the usual curve is corrected where the drive went."""
+    battery = identify(drive(0.95), capacity_Ah=2.0, chemistry="nmc", initial_soc={"drive": 0.95})
+    soc = np.linspace(0.55, 0.9, 8)
+    true_V = np.asarray(NMC_OCV.mean_V(soc, 25.0))
+    usual_V = np.asarray(chemistry("nmc").ocv().mean_V(soc, 25.0))
+    found_V = np.asarray(battery.thevenin.ocv.mean_V(soc, 25.0))
+    # a lasting load lowers the voltage as a lower curve does: the shape is found, the level but for some 20 mV
+    assert np.std(found_V - true_V) < 0.35 * np.std(usual_V - true_V)
+    assert np.abs(found_V - true_V).max() < 0.7 * np.abs(usual_V - true_V).max()
+    assert any("the usual curve of nmc cells was taken" in note for note in battery.identification.notes)
+    assert any(sentence.startswith("open-circuit voltage: the usual curve") for sentence in battery.not_identified)
+    away = np.array(battery.noise.model_std_V)[[2, 15]]
+    assert away[0] > 2 * away[1]
+
+
+def test_without_a_chemistry_it_is_refused_with_what_would_help():
+    with pytest.raises(InputError, match=r"give it \(--ocv, ocv=\).*--chemistry nmc --initial-soc 0.9"):
+        identify(drive(0.95), capacity_Ah=2.0, initial_soc={"drive": 0.95})
+    with pytest.raises(InputError, match=r"--initial-soc drive=0.8.*--ocv"):
+        identify(drive(0.95), capacity_Ah=2.0, chemistry="nmc")
+
+
+def test_two_drives_of_one_cell_together():
+    logs = [drive(0.95, 5, "monday"), drive(0.6, 6, "tuesday")]
+    known = {"monday": 0.95, "tuesday": 0.6}
+    battery = identify(logs, capacity_Ah=2.0, chemistry="nmc", initial_soc=known, ocv=NMC_OCV)
+    assert [fit.log for fit in battery.identification.logs] == ["monday", "tuesday"]
+    assert np.array(battery.thevenin.r0_discharge_ohm)[6:18] == pytest.approx(0.030, rel=0.1)
+
+
+def test_a_rest_after_an_unseen_discharge_lies_on_that_branch():
+    """A gap between two rests: the voltage has fallen, so the battery was discharged and rests below the mean curve."""
+    p = cell(LFP, tau_s=(20.0, 60.0), hysteresis_rate=50.0)
+    rest, load = (1800.0, 0.0, 10.0), (2400.0, -1.0, 10.0)
+    whole = play(p, *steps([rest, load, rest, load, rest, (60.0, -1.0, 1.0), rest]), soc=0.99)
+    seen = (whole.time_s < 6000) | (whole.time_s > 8600)
+    parts = make_records(whole.select(seen), 2.0)
+    assert [part.came_from for part in parts] == [0, -1]
+    soc = 0.99 + whole.charge_Ah()[seen][len(parts[0].log) :] / 2.0
+    (anchor,) = anchor_soc(parts[1], 2.0, LFP).anchors
+    mean_alone = LFP.soc_at(float(parts[1].log.voltage_V[anchor.sample]))
+    assert abs(anchor.soc - soc[anchor.sample]) < abs(mean_alone - soc[anchor.sample])
+
+
+def test_the_error_of_the_anchors_reaches_the_noise():
+    log = pulse_log(cell(), count=10, std_V=0.0005)
+    sure = identify(log, capacity_Ah=2.0, chemistry="nmc", initial_soc={"pulses": 1.0}, model="thevenin-1rc")
+    half = log.between(0.0, log.time_s[len(log) // 2])
+    vague = identify([*low_rate_logs(cell()), half], capacity_Ah=2.0, chemistry="nmc", model="thevenin-1rc")
+    assert sure.noise.soc_axis_std == pytest.approx(0.01)
+    assert vague.noise.soc_axis_std > 0.011
