@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedState
@@ -32,17 +33,27 @@ _MISSING_S = 60.0
 _MAIN_SHARE, _MOST_REASONS = 0.2, 3
 
 
+class CountingStart(NamedTuple):
+    """Moment from which charge is counted: its time ago [s], SoC and standard deviation there."""
+
+    since_s: float
+    soc: float
+    std: float
+
+
 class ChargeHistory(NamedTuple):
     """Time since events that anchor SoC [s]; None where nobody remembers.
 
     since_full_s: since the battery was certainly full.
     recorded_s: since the log began.
     since_diverged_s: since the voltage contradicted the estimate for so long that SoC was declared unknown.
+    anchor: the last of these.
     """
 
     since_full_s: float | None = None
     recorded_s: float | None = None
     since_diverged_s: float | None = None
+    anchor: CountingStart | None = None
 
 
 class Cause(NamedTuple):
@@ -67,10 +78,12 @@ class Conditions(NamedTuple):
     """Present state of the battery in the quantities that the sentences need.
 
     std: largest standard deviation of the states of each cause.
-    temperature_degC: of the battery; reference_degC: at which its resistances hold.
+    temperature_degC: of the battery.
     slope_V: change of the open-circuit voltage per unit of SoC.
-    error_V: standard deviation of each part of the model's voltage error [V], by cause.
-    overpotential_share: relative error of the overpotential at the present SoC.
+    error_V: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under
+        a usual load.
+    overpotential_share: relative error of the overpotential at the present SoC, at the temperature of the test.
+    unsettled_V: standard deviation that even a long rest leaves in the voltage.
     unknown_s: time for which the current has been missing.
     counted_s: time over which charge has been counted since the voltage last showed it.
     """
@@ -81,7 +94,9 @@ class Conditions(NamedTuple):
     temperature_degC: float
     slope_V: float
     error_V: Mapping[str, float]
+    usual_error_V: Mapping[str, float]
     overpotential_share: float
+    unsettled_V: float
     unknown_s: float
     counted_s: float
 
@@ -96,7 +111,13 @@ class Wording(NamedTuple):
 def causes_of(now: Conditions, belief: Belief) -> tuple[Cause, ...]:
     """The causes that are worth a word, the largest part first."""
     budget = variance_budget(belief.cov, SOC, cause_states(now.settings.state_names))
-    parts = shared_out(budget.parts, now) | {"history": VariancePart(budget.rest, budget.rest)}
+    earlier = budget.rest * voltage_limited_share(now, belief)
+    counted = budget.rest - earlier
+    parts = {
+        **budget.parts,
+        "history": VariancePart(counted, counted),
+        "earlier_voltage_error": VariancePart(earlier, earlier),
+    }
 
     def cause(name: str, part: VariancePart) -> Cause:
         wording = WORDINGS[name]
@@ -108,7 +129,9 @@ def causes_of(now: Conditions, belief: Belief) -> tuple[Cause, ...]:
             wording.remedy(now),
         )
 
-    found = [cause(name, part) for name, part in parts.items() if points(part.variance) >= 100 * LEAST_PART]
+    found = [
+        cause(name, part) for name, part in shared_out(parts, now).items() if points(part.variance) >= 100 * LEAST_PART
+    ]
     return tuple(sorted(found, key=lambda c: -c.points))
 
 
@@ -146,10 +169,11 @@ def cause_of_state(name: str) -> str:
 
 
 def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, VariancePart]:
-    """The parts with those of the voltage error and of the charge gain divided among the errors behind them."""
+    """The parts with those of the voltage errors and of the charge gain divided among the errors behind them."""
     noise, sensor = now.settings.noise, now.settings.sensor
     shares = {
         "voltage_error": _shares(now.error_V),
+        "earlier_voltage_error": _shares(now.usual_error_V),
         "charge_gain": _shares({"capacity": noise.capacity_std, "gain": sensor.gain_std}),
     }
     divided: dict[str, VariancePart] = {}
@@ -175,33 +199,39 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     x = settings.system.split(belief.mean)
     u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC))
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
+    now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
+    usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
+    error_V = voltage_errors(settings, x, u, slope_V, now_V)
+    hysteresis_V = std["hysteresis"] * float(settings.model.ocv.hysteresis_at(x.circuit[SOC]))
     return Conditions(
         settings,
         history,
         std,
         u.temperature_degC,
         slope_V,
-        voltage_errors(settings, x, u, slope_V),
+        error_V,
+        voltage_errors(settings, x, u, slope_V, usual_V),
         float(settings.noise.overpotential_share_at(x.circuit[SOC])),
+        float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V])),
         float(state.unknown_s),
         counted_s(settings, belief),
     )
 
 
-def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput, slope_V: float) -> dict[str, float]:
-    """Standard deviations [V] of the errors that the state `model_error` stands for."""
+def voltage_errors(
+    settings: TheveninFilter, x: AugmentedState, u: CircuitInput, slope_V: float, over_V: float
+) -> dict[str, float]:
+    """Standard deviations [V] of the errors that the state `model_error` stands for, at an overpotential over_V [V]."""
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
-    over_V = np.sqrt(sum(float(v) ** 2 for v in settings.system.overpotentials(x, u)))
-    errors = {
+    at_test, here = float(noise.overpotential_share_at(soc)), float(settings.system.overpotential_share(soc, u))
+    return {
         "curve": float(noise.model_std_at(soc)),
         "axis": noise.soc_axis_std * slope_V,
-        "overpotential": float(settings.system.overpotential_share(soc, u)) * over_V,
+        "overpotential": at_test * over_V,
+        "activation": math.sqrt(max(here**2 - at_test**2, 0.0)) * over_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
-        "hysteresis_size": noise.hysteresis_std * float(model.ocv.hysteresis_at(soc)),
     }
-    own_states = cause_states(settings.state_names)
-    return {cause: std for cause, std in errors.items() if cause not in own_states}
 
 
 def counted_s(settings: TheveninFilter, belief: Belief) -> float:
@@ -212,10 +242,25 @@ def counted_s(settings: TheveninFilter, belief: Belief) -> float:
     return max(-float(sensitivity) * settings.model.capacity_As, 0.0)
 
 
+def voltage_limited_share(now: Conditions, belief: Belief) -> float:
+    """Share of the remaining variance that comes from errors of earlier voltages, not from counting; 0 if nobody knows.
+
+    1 - P / P_0: a voltage that brought the variance P_0 of counting alone down to P has left its own errors in P.
+    """
+    anchor, settings = now.history.anchor, now.settings
+    if anchor is None:
+        return 0.0
+    idle = settings.idle_current_A is not None  # then rests show the offset, and the voltage is not needed for it
+    offset_A = now.std["offset"] if idle else settings.sensor.offset_std_A
+    gain = math.hypot(settings.noise.capacity_std, settings.sensor.gain_std)
+    drift = offset_A * anchor.since_s / settings.model.capacity_As
+    counted = anchor.std**2 + drift**2 + (gain * (float(belief.mean[SOC]) - anchor.soc)) ** 2
+    return max(1.0 - float(belief.cov[SOC, SOC]) / counted, 0.0) if counted > 0.0 else 0.0
+
+
 def is_flat(now: Conditions) -> bool:
     """True where the voltage cannot tell SoC within `KNOWN_HALF_WIDTH`, even after a long rest."""
-    at_rest = [now.error_V.get(cause, 0.0) for cause in ("curve", "ocv_temperature", "hysteresis_size")]
-    return now.slope_V * KNOWN_HALF_WIDTH < BAND_95 * float(np.linalg.norm(at_rest))
+    return now.slope_V * KNOWN_HALF_WIDTH < BAND_95 * now.unsettled_V
 
 
 def time_in_words(seconds: float) -> str:

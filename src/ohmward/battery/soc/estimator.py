@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.soc.causes import ChargeHistory
+from ohmward.battery.soc.causes import ChargeHistory, CountingStart
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
@@ -50,14 +50,25 @@ class SocRun(Run[SocEstimate]):
         half = BAND_95 * self.estimates.soc_std
         full = (self.estimates.soc >= 1.0 - FULL_WITHIN) & (half <= FULL_WITHIN)
         diverged = (self.flags & SocFlag.DIVERGED) > 0
-        return ChargeHistory(self._since(full), float(self.time_s[-1] - self.time_s[0]), self._since(diverged))
+        first = max(_last(full), _last(diverged), 0)
+        anchor = CountingStart(
+            self._since(first), float(self.estimates.soc[first]), float(self.estimates.soc_std[first])
+        )
+        return ChargeHistory(
+            self._since(_last(full)) if full.any() else None,
+            self._since(0),
+            self._since(_last(diverged)) if diverged.any() else None,
+            anchor,
+        )
 
-    def _since(self, happened: np.ndarray) -> float | None:
-        """Time [s] since something last happened, (T,) along the log; None if it never did."""
-        if not happened.any():
-            return None
-        last = len(happened) - 1 - int(np.argmax(happened[::-1]))
-        return float(self.time_s[-1] - self.time_s[last])
+    def _since(self, sample: int) -> float:
+        """Time [s] from a sample to the end of the log."""
+        return float(self.time_s[-1] - self.time_s[sample])
+
+
+def _last(happened: np.ndarray) -> int:
+    """Index of the last sample at which something happened, (T,) along the log; -1 if it never did."""
+    return len(happened) - 1 - int(np.argmax(happened[::-1])) if happened.any() else -1
 
 
 class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
