@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
-from ohmward.battery.identification.rc_fit import VoltageFit, circuit_of, filtered, fit_voltage
+from ohmward.battery.identification.rc_fit import filtered, fit_voltage
 from ohmward.battery.identification.rc_identification import identify_rc
-from ohmward.battery.identification.rc_rule import FIRST_S, circuit_by_rule, find_response, find_time_constant
+from ohmward.battery.identification.rc_rule import FIRST_S, find_response, find_time_constant
 from ohmward.battery.identification.rc_samples import outside_long_charges
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
@@ -66,15 +64,6 @@ def test_irregular_sampling_and_missing_voltages_do_not_matter():
     np.testing.assert_allclose(four_numbers(found.model), four_numbers(EVEN), rtol=0.02)
 
 
-@given(st.floats(5e3, 1e5), st.floats(0.005, 0.2), st.floats(1e-4, 0.3), st.floats(0.5, 900.0))
-def test_circuit_of_a_fit_shows_its_four_numbers(C, r0, r1, tau_s):
-    """Whatever the numbers: a circuit that the model accepts, with the same voltage."""
-    p = circuit_of(VoltageFit(np.array([12.0]), C, r0, r1, tau_s, np.zeros(1)))
-    np.testing.assert_allclose(four_numbers(p), (C, r0, r1, tau_s), rtol=1e-5)
-    assert min(p) > 0
-    assert rc.disturbance_rate(p) <= 0
-
-
 def test_curve_with_bends_is_not_taken_for_a_relaxation():
     """A curve whose slope changes fourfold: with it the resistances come out, without it they do not."""
     soc = np.linspace(0.0, 1.0, 21)
@@ -84,14 +73,6 @@ def test_curve_with_bends_is_not_taken_for_a_relaxation():
     log = log_of(run.samples._replace(voltage_V=run.samples.voltage_V + bent_V))
     found = identify_rc(log, curve, CAPACITY_AH, start_soc=1.0)
     np.testing.assert_allclose(four_numbers(found.model)[1:], four_numbers(EVEN)[1:], rtol=0.01)
-
-
-def test_rule_shares_the_resistance_and_keeps_the_charge():
-    p = circuit_by_rule(0.04, 0.3, 20_000.0)
-    assert (p.r_bulk_ohm, p.r_surface_ohm) == (0.03, 0.03)
-    assert p.c_surface_F == pytest.approx(0.3 / 0.06)
-    assert p.c_bulk_F + p.c_surface_F == pytest.approx(20_000.0)
-    assert rc.instant_resistance(p) == pytest.approx(0.04)
 
 
 def test_rule_finds_resistance_and_time_constant_in_the_first_half_second():

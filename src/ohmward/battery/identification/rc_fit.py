@@ -12,8 +12,7 @@ Each part between two long charges has a V_start of its own. For a given w this 
 best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
 relaxation, and C is that of the straight line through the part of the curve that the log passes.
 
-No test tells the five elements apart: they stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
-that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+`models.rc_elements` makes a circuit of the four numbers.
 """
 
 from __future__ import annotations
@@ -24,9 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.rc_rule import circuit_by_rule
 from ohmward.battery.identification.rc_samples import RcSamples
-from ohmward.battery.models import rc
 from ohmward.optional import require
 
 #: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
@@ -53,6 +50,11 @@ class VoltageFit(NamedTuple):
     r1_ohm: float
     tau_s: float
     residual_V: np.ndarray
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """C, R_0, R_1 and tau, as `rc.four_numbers`."""
+        return self.capacitance_F, self.r0_ohm, self.r1_ohm, self.tau_s
 
     @property
     def rms_V(self) -> float:
@@ -152,40 +154,3 @@ def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
 def _shortest_s(samples: RcSamples) -> float:
     """Half the typical step [s]: anything faster looks like R_0."""
     return 0.5 * float(np.median(samples.dt_s[1:]))
-
-
-def circuit_of(fit: VoltageFit) -> rc.Circuit:
-    """Circuit with these four numbers: with R_b = R_s where that leaves R_t > 0, else with R_t = 0.625 R_0.
-
-    Without a relaxation (R_1 = 0) it has the shares of the rule, and a surface so fast that all resistance is R_0.
-    With R_b = R_s = R_e: R_e = 2 (R_1 + tau / C), and s (1 - s) = 1 / (4 (1 + R_1 C / tau)).
-    """
-    C, r0, r1, tau = fit.capacitance_F, fit.r0_ohm, fit.r1_ohm, fit.tau_s
-    if r1 == 0.0:
-        return circuit_by_rule(r0 / (1 + rc.BRANCH_SHARE / 2), tau, C)
-    r_e = 2 * (r1 + tau / C)
-    if r0 > r_e / 2:
-        s = 0.5 * (1 - math.sqrt(1 - 1 / (1 + r1 * C / tau)))
-        return rc.Circuit((1 - s) * C, s * C, r_e, r_e, r0 - r_e / 2)
-    return _uneven_circuit(C, (1 - rc.TERMINAL_SHARE) * r0, r1, tau, rc.TERMINAL_SHARE * r0)
-
-
-def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> rc.Circuit:
-    """Elements with R_b R_s / D = `parallel`: the root in s of a (1 - a) D = parallel, a = R_b / D = s + sqrt(R_1 / D).
-
-    The bulk has the larger share: s in (0, s_1], where a reaches 1 and the left side 0.
-    """
-    brentq = require("scipy.optimize", "identification").brentq
-
-    def shares(s: float) -> tuple[float, float]:
-        D = tau / (s * (1 - s) * C)
-        return s + math.sqrt(r1 / D), D
-
-    def excess(s: float) -> float:
-        a, D = shares(s)
-        return a * (1 - a) * D - parallel
-
-    largest = tau / (tau + r1 * C)
-    s = float(brentq(excess, 1e-9 * largest, largest))
-    a, D = shares(s)
-    return rc.Circuit((1 - s) * C, s * C, a * D, (1 - a) * D, r_terminal)

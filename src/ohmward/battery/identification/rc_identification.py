@@ -12,7 +12,6 @@ from ohmward.battery.identification.rc_fit import (
     LONGEST_TAU_S,
     VoltageFit,
     charge_in_part,
-    circuit_of,
     fit_voltage,
     voltage_fit,
 )
@@ -20,7 +19,6 @@ from ohmward.battery.identification.rc_rule import (
     FIRST_S,
     EdgeResponse,
     TimeConstant,
-    circuit_by_rule,
     find_response,
     find_time_constant,
 )
@@ -31,6 +29,7 @@ from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -123,7 +122,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
         fit = fit_voltage(samples, ocv_V)
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
-    model = rule if fit is None else RcModel(*circuit_of(fit), curve, capacity_Ah)
+    model = rule if fit is None else RcModel(*circuit_of(*fit.numbers), curve, capacity_Ah)
     noise = BatteryNoise() if fit is None else _noise(fit, response, soc)
     notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
     rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V

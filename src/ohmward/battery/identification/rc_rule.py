@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.rc_samples import RcSamples
-from ohmward.battery.models import rc
 from ohmward.errors import InputError
 
 #: Time after an edge in which [P] looks for the time constant [s].
@@ -50,16 +49,6 @@ class TimeConstant(NamedTuple):
 
     tau_s: float
     found: bool
-
-
-def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> rc.Circuit:
-    """Circuit by the rule of [P] 2.2: R_b = R_s = 0.75 R_total, R_t = R_total - R_b / 2, C_s = tau / (2 R_s).
-
-    total_F: C_b + C_s, of which C_s is at most half.
-    """
-    branch = rc.BRANCH_SHARE * r_total_ohm
-    c_surface_F = min(tau_s / (2 * branch), 0.5 * total_F)
-    return rc.Circuit(total_F - c_surface_F, c_surface_F, branch, branch, rc.TERMINAL_SHARE * r_total_ohm)
 
 
 def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:

@@ -140,10 +140,15 @@ class SocAsState:
 
     @cached_property
     def _model_std_V(self) -> tuple[float, ...]:
-        """Model error [V] on a uniform grid of SoC."""
+        """Model error [V] on a uniform grid of SoC.
+
+        The distance of the curve has zeros, but at a SoC that is itself in doubt: it counts as at least its root mean
+        square between 10 and 90 %.
+        """
         soc, ocv_V = _curve(self.model)
-        bend_V = ocv_V - self._empty_V - self._slope_V * soc
-        return tuple(np.hypot(bend_V, on_soc_grid(self.noise.model_std_V, soc)).tolist())
+        bend_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
+        usual_V = np.sqrt(np.mean(bend_V[(soc > 0.1) & (soc < 0.9)] ** 2))
+        return tuple(np.hypot(np.maximum(bend_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
 
 
 SocLink = SocByCurve | SocAsState
