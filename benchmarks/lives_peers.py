@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import NamedTuple
 
@@ -28,6 +29,10 @@ SPLITS = {
 }
 
 
+#: State of charge and its standard deviation, (T,) each.
+Estimate = tuple[np.ndarray, np.ndarray]
+
+
 class PeerRow(NamedTuple):
     """One record from one start: the default's score, and PyBatterySE's or why it has none."""
 
@@ -46,28 +51,36 @@ class PeerRow(NamedTuple):
 
 
 def rows() -> Iterator[PeerRow]:
-    """Every record from every start; nothing, and a message, where the package or the data are absent."""
+    """Every record from every start; none, and a message, where the package is not installed.
+
+    Raises:
+        FileNotFoundError: data are absent.
+    """
     try:
         peer = import_module("peers.in_pybatteryse")
-        for cell, (tests, records) in SPLITS.items():
-            battery = cells.tue_battery(cell, *tests)
-            for record in records:
-                recording = cells.tue(cell, record)
-                fifty_mA = Start("right, +50 mA", offset_C=0.05 / battery.capacity_Ah)
-                for start in (RIGHT, LOW, fifty_mA, ONE_PERCENT):
-                    log, told = _sensed(recording, start, battery.capacity_Ah)
-                    run = SocEstimator(battery, told).run(log).estimates
-                    ours = _scored(run.soc, run.soc_std, recording, start)
-                    try:
-                        theirs = _scored(*peer.estimate(cell, tests, log, told), recording, start)
-                    except KeyError as missing:
-                        theirs = f"KeyError: {missing}"
-                    words = f"TUE {cell}".replace("_", " "), " + ".join(map(short, tests)), short(record)
-                    yield PeerRow(*words, start.words, ours, theirs)
     except ModuleNotFoundError as missing:
-        print(f"PyBatterySE is not compared with: {missing}", file=sys.stderr)
-    except FileNotFoundError as missing:
-        print(f"{missing} is absent, skipped (OHMWARD_DATA names the folder)", file=sys.stderr)
+        print(f"PyBatterySE is not compared with: {missing}; pip install pybatteryse", file=sys.stderr)
+        return
+    for cell, (tests, records) in SPLITS.items():
+        battery = cells.tue_battery(cell, *tests)
+        for record in records:
+            recording = cells.tue(cell, record)
+            words = f"TUE {cell}".replace("_", " "), " + ".join(map(short, tests)), short(record)
+            fifty_mA = Start("right, +50 mA", offset_C=0.05 / battery.capacity_Ah)
+            for start in (RIGHT, LOW, fifty_mA, ONE_PERCENT):
+                log, told = _sensed(recording, start, battery.capacity_Ah)
+                run = SocEstimator(battery, told).run(log).estimates
+                ours = _scored(run.soc, run.soc_std, recording, start)
+                theirs = _theirs(partial(peer.estimate, cell, tests, log, told), recording, start)
+                yield PeerRow(*words, start.words, ours, theirs)
+
+
+def _theirs(estimate: Callable[[], Estimate], recording: cells.Recording, start: Start) -> Score | str:
+    """Score of the peer, or why it has none."""
+    try:
+        return _scored(*estimate(), recording, start)
+    except KeyError as missing:
+        return f"KeyError: {missing}"
 
 
 def _sensed(recording: cells.Recording, start: Start, capacity_Ah: float) -> tuple[cells.Log, float]:

@@ -78,13 +78,14 @@ class Case(NamedTuple):
 
 
 def rows() -> Iterator[LifeRow]:
-    """Every measured life; what has no data, and what tests identify nothing from, is skipped with a message."""
+    """Every measured life; a battery that its tests do not identify is skipped with a message.
+
+    Raises:
+        FileNotFoundError: data are absent; the caller skips this part and says so.
+    """
     for case in (case for part in PARTS for case in part()):
         try:
             battery, recording = _battery(case.battery), case.recording()
-        except FileNotFoundError as missing:
-            print(f"{case.cell}: {missing} is absent, skipped (OHMWARD_DATA names the folder)", file=sys.stderr)
-            continue
         except InputError as refusal:
             print(f"{case.cell}, {case.tested}: {refusal}", file=sys.stderr)
             continue

@@ -1,21 +1,52 @@
 """Measured lives: what is absent is skipped with a message, and truths are what their data sets say."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from benchmarks.scripts import script
+from ohmward.battery.chemistries import generic_battery
+from ohmward.errors import InputError
 
 cells = script("measured_cells")
 measured = script("measured_lives")
 figure = script("figure")
 
 
-def test_absent_data_are_skipped_with_a_message(monkeypatch, tmp_path, capsys):
+def test_absent_data_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(figure, "DATA", tmp_path)
     monkeypatch.setattr(measured, "PARTS", (measured.others,))
     cells._table.cache_clear()
+    with pytest.raises(FileNotFoundError, match="ornl_nissan_leaf_cell"):
+        list(measured.rows())
+
+
+def test_a_battery_that_is_not_identified_is_skipped_with_a_message(monkeypatch, capsys):
+    def refuse():
+        raise InputError("no rests")
+
+    case = measured.Case("nmc", "cell", "one trip", "another", refuse, lambda: None)
+    monkeypatch.setattr(measured, "PARTS", (lambda: iter([case]),))
     assert list(measured.rows()) == []
-    assert "is absent, skipped" in capsys.readouterr().err
+    assert "cell, one trip: no rests" in capsys.readouterr().err
+
+
+def test_a_start_reaches_the_estimator(monkeypatch):
+    told: dict[str, Any] = {}
+    monkeypatch.setattr(measured, "life_row", lambda *words, **options: told.update(words=words, options=options))
+    battery = generic_battery("nmc", 2.0)
+    log = cells.Log("rest", np.arange(10.0), np.zeros(10), np.full(10, 3.7))
+    case = measured.Case("nmc", "cell", "label", "rest", lambda: battery, lambda: None, rmse_bar=0.01)
+    recording = cells.Recording(log, np.linspace(0.5, 0.41, 10))
+    measured.lived(case, battery, recording, measured.Start("restart", -0.3, offset_C=0.1, from_share=0.5))
+    *_, life, _, sensed, truth, soc = told["words"]
+    assert life == "rest, restart"
+    assert sensed.time_s[0] == 5.0
+    assert sensed.current_A == pytest.approx(np.full(5, 0.2))
+    assert truth == pytest.approx(np.linspace(0.45, 0.41, 5))
+    assert soc == pytest.approx(0.15)
+    assert told["options"]["rmse_bar"] is None
 
 
 def test_a_full_discharge_runs_from_one_to_nothing_and_a_broken_one_is_no_truth():
