@@ -89,7 +89,7 @@ def band_table() -> list[str]:
         lines.append(f"| **{title}** | {cells(before)} |")
         for after in forecasts_after_tests(battery):
             if total(after.bands) < 0.95 * total(before):
-                lines.append(f"| at best {after.test} | {cells(after.bands)} |")
+                lines.append(f"| at best, {after.test} | {cells(after.bands)} |")
     return lines
 
 

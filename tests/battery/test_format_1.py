@@ -1,10 +1,13 @@
 """Battery files of format 1, one of which `ohmward identify` wrote from a pulse test, with its lists thinned."""
 
+from dataclasses import replace
+
 import pytest
 
 from ohmward.battery.chemistries import chemistry_prior
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.soc.band_forecast import forecast
 from ohmward.errors import InputError
 
 OLD = """\
@@ -154,3 +157,13 @@ def test_noise_that_is_no_table_is_named():
     start, end = OLD.index("[noise]"), OLD.index("[rc_noise]")
     with pytest.raises(InputError, match="noise must be a table"):
         BATTERY_FILE.parse(OLD[:start].replace("[thevenin]", "noise = 3\n\n[thevenin]", 1) + OLD[end:])
+
+
+def test_in_the_cold_an_old_file_is_no_longer_sure():
+    """Its band is wider than that of the file taken as it stands, though not at the temperature of the test."""
+    loaded = BATTERY_FILE.parse(OLD)
+    sure = replace(loaded, noise=replace(loaded.noise, activation_std_K=0.0, ocv_std_V_per_K=0.0))
+    warm, cold = forecast(loaded, [20.3, -10.0])
+    sure_warm, sure_cold = forecast(sure, [20.3, -10.0])
+    assert warm.known_start == pytest.approx(sure_warm.known_start, rel=0.02)
+    assert cold.known_start > 1.2 * sure_cold.known_start

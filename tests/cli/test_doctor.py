@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cli.examples import drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
 
@@ -61,7 +64,7 @@ def test_a_battery_file_says_what_it_does_not_know_and_which_test_helps(here, ca
     assert main(["doctor", "generic.toml"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("generic.toml: battery 'generic nmc', 12 Ah, nmc, 4 in series\n")
-    for part in ("Not known:", "25 degC", "-10 degC", "as the file is", "at best after a slow discharge"):
+    for part in ("Not known:", "25 degC", "-10 degC", "as the file is", "at best, after a slow discharge"):
         assert part in out
 
 
@@ -77,3 +80,11 @@ def test_the_bands_of_a_battery_file_are_in_json_and_on_the_page(here, as_json):
 def test_another_toml_file_is_named(here, refused):
     (here / "robot.toml").write_text('format = "ohmward-robot/1"\n')
     assert "robot file; give a battery file" in refused("doctor", "robot.toml")
+
+
+def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
+    careless = replace(generic_battery("lfp", 12.0, 4), noise=BatteryNoise(capacity_std=0.0))
+    save_battery(careless, here / "careless.toml")
+    main(["doctor", "careless.toml"])
+    exact = "capacity_std, activation_std_K, ocv_std_V_per_K, hysteresis_std: 0 in [noise]"
+    assert f"taken as exact  {exact}" in capsys.readouterr().out

@@ -288,8 +288,13 @@ def _activation(now: Conditions) -> str:
     return f"resistance at {T:.0f} degC known only within {within(spread)}"
 
 
+def _ocv_temperature(now: Conditions) -> str:
+    std_mV = 1e3 * now.error_V["ocv_temperature"]
+    return f"open-circuit curve at {now.temperature_degC:.0f} degC known within ± {BAND_95 * std_mV:.2g} mV"
+
+
 def _offset(now: Conditions) -> str:
-    return f"offset of the current sensor within ± {BAND_95 * now.std['offset']:.2g} A"
+    return f"offset of the current sensor known within ± {BAND_95 * now.std['offset']:.2g} A"
 
 
 def _history(now: Conditions) -> str:
@@ -328,7 +333,9 @@ WORDINGS: dict[str, Wording] = {
     "history": Wording(_history, lambda now: "a full charge"),
     "curve": Wording(_curve, lambda now: "a full charge" if is_flat(now) else _BOTH_BRANCHES),
     "axis": Wording(
-        lambda now: f"SoC axis of the curve within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.1g} points",
+        lambda now: (
+            f"SoC axis of the curve known within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.1g} points"
+        ),
         lambda now: _BOTH_BRANCHES,
     ),
     "overpotential": Wording(
@@ -336,12 +343,10 @@ WORDINGS: dict[str, Wording] = {
         _settling,
     ),
     "ocv_temperature": Wording(
-        lambda now: f"open-circuit curve not tested at {now.temperature_degC:.0f} degC",
+        _ocv_temperature,
         lambda now: f"a test with rests at {5 * round(now.temperature_degC / 5):.0f} degC",
     ),
-    "hysteresis": Wording(
-        lambda now: "voltage between the charge and the discharge curve", lambda now: "a full charge"
-    ),
+    "hysteresis": Wording(lambda now: "place between the charge and the discharge curve", lambda now: "a full charge"),
     "hysteresis_size": Wording(
         lambda now: f"hysteresis known within {within(now.settings.noise.hysteresis_std)}", lambda now: _BOTH_BRANCHES
     ),

@@ -87,13 +87,24 @@ def sources(battery: Battery) -> dict[str, str]:
     logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
     models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
     idle = battery.idle_current_A
-    return {
+    exact = taken_as_exact(battery)
+    rows = {
         "tests": "; ".join(logs) or "none",
         "models": ", ".join(models),
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
     }
+    return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
+
+
+def taken_as_exact(battery: Battery) -> list[str]:
+    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
+    keys = ["capacity_std", "resistance_std"]
+    if battery.thevenin is not None:
+        keys += ["activation_std_K", "ocv_std_V_per_K"]
+        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
+    return [key for key in keys if getattr(battery.noise, key) == 0.0]
 
 
 def _soc_range(fit: LogFit) -> str:
@@ -109,7 +120,7 @@ def band_header() -> list[str]:
 def band_rows(found: BatteryFindings) -> list[list[str]]:
     """The bands as the file is, then after each test that is worth its time."""
     rows = [["as the file is", *map(_cell, found.bands)]]
-    return rows + [[f"at best {test.test}", *map(_cell, test.bands)] for test in found.tests]
+    return rows + [[f"at best, {test.test}", *map(_cell, test.bands)] for test in found.tests]
 
 
 def _cell(band: BandForecast) -> str:
