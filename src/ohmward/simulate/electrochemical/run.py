@@ -17,6 +17,8 @@ from ohmward.simulate.profile import Profile, steps
 _HOUR_S = 3600.0
 #: Longest step [s] in a rest or at constant current.
 _LONGEST_STEP_S = 10.0
+#: Step [s] of a discharge at low rate: 0.04 % of the capacity. Parameter sets hold up to this multiple of their label.
+_CAPACITY_STEP_S, _MOST_OF_NOMINAL = 30.0, 1.6
 #: The capacity is nearly linear in the lost shares: three steps leave less than 0.01 %.
 _SECANT_STEPS = 3
 
@@ -71,13 +73,13 @@ def _grid(profile: Profile, time_s: np.ndarray) -> np.ndarray:
 def capacity_Ah(cell: ElectrochemicalCell) -> float:
     """Capacity [Ah] between the voltage limits at 1/20 C and 25 degC, of the cell at its age."""
     rate_A = LOW_RATE * cell.nominal_Ah
-    profile = steps([(1.6 / LOW_RATE * _HOUR_S, -rate_A)], ROOM_DEGC)
-    grid = np.arange(0.0, profile.time_s[-1], 20.0)
+    count = round(_MOST_OF_NOMINAL / LOW_RATE * _HOUR_S / _CAPACITY_STEP_S)
     step, rest = cell.compiled
-    inputs = np.vstack([np.diff(grid), np.full(grid.size - 1, rate_A), np.full(grid.size - 1, ROOM_DEGC + KELVIN)])
-    discharged_A = np.array(step.mapaccum(grid.size - 1)(rest(ROOM_DEGC + KELVIN), inputs)[1])[0]
-    until = np.argmax(discharged_A < 0.999 * rate_A) if discharged_A.min() < 0.999 * rate_A else discharged_A.size
-    return float(np.sum(discharged_A[:until]) * 20.0 / _HOUR_S)
+    inputs = np.repeat([[_CAPACITY_STEP_S], [rate_A], [ROOM_DEGC + KELVIN]], count, axis=1)
+    current_A = np.array(step.mapaccum(count)(rest(ROOM_DEGC + KELVIN), inputs)[1])[0]
+    limited = current_A < 0.999 * rate_A
+    until = int(np.argmax(limited)) if limited.any() else count
+    return float(np.sum(current_A[:until]) * _CAPACITY_STEP_S / _HOUR_S)
 
 
 def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: float = 1.0) -> ElectrochemicalCell:

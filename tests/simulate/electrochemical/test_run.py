@@ -1,0 +1,116 @@
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.optional import MissingPackageError
+from ohmward.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, simulate_cell
+from ohmward.simulate.profile import steps
+
+LFP = ElectrochemicalCell("Prada2013")
+LEAD = ElectrochemicalCell("Sulzer2019", "lead-acid", n_series=6)
+
+
+def discharged(cell, *phases, ambient_degC=25.0):
+    """One second truth of phases (duration_s, current over capacity)."""
+    profile = steps([(seconds, rate * cell.nominal_Ah) for seconds, rate in phases], ambient_degC)
+    return simulate_cell(cell, profile, np.arange(0.0, profile.time_s[-1], 1.0))
+
+
+@pytest.fixture(autouse=True)
+def _needs_pybamm(request):
+    if "missing" not in request.node.name:
+        pytest.importorskip("pybamm")
+
+
+@pytest.mark.slow
+def test_the_steps_agree_with_a_solver_of_variable_order_on_a_drive():
+    pybamm = pytest.importorskip("pybamm")
+    rng = np.random.default_rng(0)
+    rates = rng.uniform(-1.2, 0.3, 30)
+    profile = steps([(10.0, rate * 2.3) for rate in rates], 5.0)
+    found = simulate_cell(LFP, profile, np.arange(0.0, 300.0, 1.0))
+    values = LFP.parameters.copy()
+    values["Ambient temperature [K]"] = values["Initial temperature [K]"] = 278.15
+    values["Current function [A]"] = pybamm.Interpolant(profile.time_s, -profile.current_A, pybamm.t)
+    simulation = pybamm.Simulation(
+        pybamm.lithium_ion.SPMe(),
+        parameter_values=values,
+        var_pts={"x_n": 8, "x_s": 5, "x_p": 8, "r_n": 12, "r_p": 12},
+        solver=pybamm.IDAKLUSolver(rtol=1e-7, atol=1e-7),
+    )
+    solution = simulation.solve(t_eval=profile.time_s, t_interp=found.time_s)
+    # 1 mV: what the 50 ms of an edge are worth
+    expected_V = solution["Terminal voltage [V]"](found.time_s)
+    assert found.voltage_V[1:] == pytest.approx(expected_V[1:], abs=1e-3)
+
+
+def test_charge_is_conserved_and_counted_over_the_capacity():
+    truth = discharged(LFP, (60.0, 0.0), (1800.0, -1.0), (600.0, 0.0))
+    assert truth.soc[0] == 1.0 and truth.soc[-1] == pytest.approx(1.0 - 0.5 * 2.3 / capacity_Ah(LFP), abs=1e-4)
+    assert truth.current_A[0] == 0.0 and truth.current_A[900] == pytest.approx(-2.3)
+
+
+def test_short_pulses_are_seen():
+    truth = discharged(LFP, (600.0, 0.0), (2.0, -2.0), (60.0, 0.0), ambient_degC=0.0)
+    assert truth.voltage_V[599] - truth.voltage_V[601] > 0.05
+
+
+def test_the_cold_cell_resists_more():
+    drops = []
+    for ambient_degC in (25.0, -10.0):
+        truth = discharged(LFP, (600.0, -0.5), (600.0, 0.0), (10.0, -1.0), (5.0, 0.0), ambient_degC=ambient_degC)
+        assert truth.temperature_degC[-1] == pytest.approx(ambient_degC, abs=0.1)
+        drops.append(truth.voltage_V[1199] - truth.voltage_V[1209])
+    assert drops[1] > 1.5 * drops[0]
+
+
+def test_protection_and_charger_keep_the_limits():
+    truth = discharged(LFP, (4500.0, -1.0), (600.0, 0.0), (9000.0, 0.5))
+    assert truth.voltage_V.min() > 2.0 - 0.01 and truth.voltage_V.max() < 3.6 + 0.01
+    assert -0.02 < truth.soc.min() < 0.05
+    # the charger's current fades at its voltage limit, and the cell is full again
+    assert truth.current_A[-1] < 0.1 and truth.soc[-1] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.slow
+def test_an_aged_cell_has_lost_capacity_and_resists_more():
+    older = aged(LFP, 0.8, 1.5)
+    assert capacity_Ah(older) == pytest.approx(0.8 * capacity_Ah(LFP), rel=2e-3)
+    drops = [v[600] - v[602] for v in (discharged(c, (600.0, 0.0), (5.0, -1.0)).voltage_V for c in (LFP, older))]
+    assert drops[1] > 1.1 * drops[0]
+
+
+@pytest.mark.slow
+def test_a_lead_acid_battery_is_six_cells_whose_acid_recovers_for_minutes():
+    truth = discharged(LEAD, (60.0, 0.0), (3600.0, -0.3), (1800.0, 0.0))
+    assert truth.voltage_V[0] == pytest.approx(12.99, abs=0.05)
+    assert truth.voltage_V[-1] - truth.voltage_V[3720] > 0.02
+
+
+@pytest.mark.slow
+def test_the_full_model_of_porous_electrodes_is_near_the_single_particle():
+    phases = ((60.0, 0.0), (600.0, -0.5), (60.0, 0.0))
+    dfn = discharged(ElectrochemicalCell("Ecker2015", "DFN"), *phases)
+    spme = discharged(ElectrochemicalCell("Ecker2015"), *phases)
+    assert dfn.soc[-1] == pytest.approx(spme.soc[-1], abs=0.005)
+    assert dfn.voltage_V == pytest.approx(spme.voltage_V, abs=0.02)
+
+
+def test_bad_cells_are_refused():
+    with pytest.raises(InputError, match=r"parameter_set must be one of .*Prada2013.*, got 'Prada'"):
+        capacity_Ah(ElectrochemicalCell("Prada"))
+    with pytest.raises(InputError, match="model must be"):
+        ElectrochemicalCell("Prada2013", "SPM2")
+    with pytest.raises(InputError, match="lost_lithium must be 0 in a lead-acid cell"):
+        replace(LEAD, lost_lithium=0.1)
+    with pytest.raises(InputError, match="capacity_ratio"):
+        aged(LFP, 1.1)
+
+
+def test_missing_pybamm_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybamm", None)
+    with pytest.raises(MissingPackageError, match=r"simulated electrochemical cell needs pybamm.*pip install pybamm"):
+        capacity_Ah(ElectrochemicalCell("Chen2020"))
