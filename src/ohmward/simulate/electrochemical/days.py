@@ -39,7 +39,7 @@ class DayPlan(NamedTuple):
 
 
 def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | None = None) -> Profile:
-    """Eight hours from 08:00, more in the cold: five drives, pauses with the idle draw, rests without it, two charges."""
+    """Eight hours from 08:00, more in the cold: five drives, idle draw in pauses, rests without it, two charges."""
     plan = plan or DayPlan()
     robot = MissionRobot()
     idle_A = -robot.idle_W / robot.nominal_V * capacity_Ah / _MISSION_AH

@@ -12,7 +12,7 @@ from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.checks import require_between
 from ohmward.simulate.electrochemical.cell import LOW_RATE, ElectrochemicalCell
 from ohmward.simulate.plant import fine_times
-from ohmward.simulate.profile import Profile, steps
+from ohmward.simulate.profile import Profile
 
 _HOUR_S = 3600.0
 #: Longest step [s] in a rest or at constant current.
