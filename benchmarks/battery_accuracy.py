@@ -113,7 +113,7 @@ def inr20r() -> Iterator[Row]:
     soc = np.linspace(0, 1, 201)
     polynomial = [6.22208, -19.90939, 23.98139, -12.65667, 3.29470, 3.24331]
     ocv = OcvCurve(tuple(np.maximum.accumulate(np.polyval(polynomial, soc)).tolist()))
-    model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise(ocv_known=True)
+    model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise("nmc", ocv_known=True)
     battery = Battery(name="generic NMC", chemistry="nmc", capacity_Ah=2.0, thevenin=model, noise=noise)
     cases = [Case("right", 0.8), Case("50 points low", 0.3, after_s=1800.0, rmse_bar=0.03), Case("unknown", None)]
     yield from _estimates("Samsung 20R NMC DST, start values only", battery, run, run.extra["soc"], cases)

@@ -32,7 +32,7 @@ def test_nmc_cell_on_a_drive_cycle(method, offset_A, start):
     grid = np.linspace(0.0, 1.0, 201)
     polynomial = [6.22208, -19.90939, 23.98139, -12.65667, 3.29470, 3.24331]
     ocv = OcvCurve(tuple(np.maximum.accumulate(np.polyval(polynomial, grid))))
-    model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise(ocv_known=True)
+    model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise("nmc", ocv_known=True)
     estimator = TheveninFilter(model, noise, method=method, idle_current_A=0.0)
     log = Log("20R", data["time_s"], offset_A - data["current_A"], data["voltage_V"])
     check(SocEstimator(estimator, start).run(log).estimates, data["soc"])
@@ -47,7 +47,7 @@ def test_lfp_cell_through_its_plateau(offset_A, start):
         data[name][chosen] for name in ("time_s", "current_A", "voltage_V", "chg_Ah", "dis_Ah")
     )
     taken_Ah = discharge_Ah - charge_Ah
-    estimator = TheveninFilter(start_model("lfp", 2.03), start_noise(), idle_current_A=0.0)
+    estimator = TheveninFilter(start_model("lfp", 2.03), start_noise("lfp"), idle_current_A=0.0)
     log = Log("A123", time_s, offset_A - current_A, voltage_V)
     check(SocEstimator(estimator, start).run(log).estimates, 1.0 - (taken_Ah - taken_Ah[0]) / 2.03)
 

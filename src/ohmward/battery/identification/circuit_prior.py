@@ -62,7 +62,7 @@ class CircuitPrior(NamedTuple):
 # either the residual is the same, and only a charge tells them apart. So the prior holds their split, and the noise has
 # its width. Half the gap of an A123 cell at C/30 is 17 mV at 25, 25 at 5 and 50 at -15 degC: 12 mV and a resistance.
 # Models of two LFP cells err by 6 to 17 mV (mean over 10 min) on other records, where they fit their own within 4.
-_IRON_PHOSPHATE = CircuitPrior(hysteresis=(0.4, 0.05), hysteresis_rate=15.0, hysteresis_rate_log_std=0.5, model_V=0.007)
+_IRON_PHOSPHATE = CircuitPrior(hysteresis=(0.4, 0.05), hysteresis_rate=15.0, hysteresis_rate_log_std=0.5, model_V=0.004)
 
 
 class SlowestPair(NamedTuple):
