@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
@@ -18,6 +17,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
+from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.cli.truth import read_soc_truth
 from ohmward.logs import Log, read_log
 from ohmward.logs.table import TableFile
@@ -73,10 +73,10 @@ def read_battery_log(
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
-    battery = load_battery(args.battery)
+    battery, of_sensor = load_battery_with_sensor(args.battery, args)
     extra = None if args.truth else ()
     log = check_log(read_battery_log(args.log, args, extra, report), battery)
-    contradictions = (*_rest_current(battery, args), *_start(battery, log, args))
+    contradictions = (*of_sensor, *_rest_current(battery, args), *_start(battery, log, args))
     if not args.truth:
         return SocTask(battery, log, None, contradictions)
     start_soc = args.initial_soc if args.truth_start is None else args.truth_start

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.parser import number, pair, positive, share
+from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino")
@@ -96,7 +96,26 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--truth-start", type=share, metavar="S", help="state of charge at which an Ah counter starts, 0 to 1"
     )
+    add_sensor_options(group)
     add_log_options(parser)
+
+
+def add_sensor_options(
+    group: argparse._ActionsContainer, offset: str = "the battery file's", gain: str = "the battery file's"
+) -> None:
+    """Options of the current sensor, to a parser or a group of one; offset, gain: what holds without them."""
+    group.add_argument(
+        "--sensor-offset",
+        type=offset_std,
+        metavar="A",
+        help=f"standard deviation of the current sensor's offset [A], from its data sheet; default: {offset}",
+    )
+    group.add_argument(
+        "--sensor-gain",
+        type=gain_std,
+        metavar="SHARE",
+        help=f"that of its gain, as a share: 0.02 for 2 %%; default: {gain}",
+    )
 
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:

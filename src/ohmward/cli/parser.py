@@ -11,6 +11,9 @@ from typing import NoReturn
 
 from ohmward.errors import InputError
 
+#: No data sheet says more of a gain; a number above it was meant in percent.
+LARGEST_GAIN_STD = 0.5
+
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 
 
@@ -54,6 +57,22 @@ def share(text: str) -> float:
     if not 0.0 <= value <= 1.0:
         meant = f"; for {value:g} % write {value / 100:g}" if 1.0 < value <= 100.0 else ""
         raise argparse.ArgumentTypeError(f"must be between 0 and 1, got {text}{meant}")
+    return value
+
+
+def offset_std(text: str) -> float:
+    """A current >= 0."""
+    if (value := number(text)) < 0:
+        raise argparse.ArgumentTypeError(f"is a standard deviation, >= 0, got {text}")
+    return value
+
+
+def gain_std(text: str) -> float:
+    """A share; a percentage is refused with the number that was meant."""
+    value = number(text)
+    if not 0.0 <= value <= LARGEST_GAIN_STD:
+        meant = f": {value / 100:g} for {value:g} %" if value > 0 else ""
+        raise argparse.ArgumentTypeError(f"is a share between 0 and {LARGEST_GAIN_STD:g}{meant}, got {text}")
     return value
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ohmward.cli.options import add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -67,5 +68,6 @@ def _add_target_options(parser: argparse.ArgumentParser) -> None:
         help="of textbook-ekf and textbook-ukf: for a smaller table the open-circuit voltage of a cell may be so many "
         "millivolts off",
     )
+    add_sensor_options(group)
     group.add_argument("--flash-kb", type=positive, metavar="K", help="refuse what takes more flash")
     group.add_argument("--ram-kb", type=positive, metavar="K", help="refuse what takes more RAM")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ohmward.battery.file import load_battery
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import make_robot, make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome
+from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
@@ -19,7 +19,8 @@ from ohmward.toml_file import noun_of
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library."""
-    export = _robot_export(args) if _is_robot(args.file) else _battery_export(args)
+    export, contradictions = (_robot_export(args), []) if _is_robot(args.file) else _battery_export(args)
+    notes = [f"warning: {text}" for text in contradictions]
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
     paths = write_library(library(export), Path(args.output))
     needed = size(export)
@@ -37,6 +38,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "vectors": len(export.samples),
         "output": args.output,
         "files": [path.name for path in paths],
+        "notes": notes,
     }
     rows = {
         "operations": f"{needed.operations:,}",
@@ -47,9 +49,10 @@ def run(args: argparse.Namespace) -> Outcome:
     text = wording.paragraphs(
         f"{args.output}: {export.title}",
         wording.fields(rows),
+        wording.assumptions(notes),
         f"compile and check it here:\n  make -C {args.output} test",
     )
-    return Outcome(figures, text)
+    return Outcome(figures, text, notes)
 
 
 def _is_robot(file: str) -> bool:
@@ -57,14 +60,18 @@ def _is_robot(file: str) -> bool:
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
 
 
-def _battery_export(args: argparse.Namespace) -> Export:
-    battery = load_battery(args.file)
+def _battery_export(args: argparse.Namespace) -> tuple[Export, list[str]]:
+    """The filter, and a sentence for each option that contradicts the battery file."""
+    battery, contradictions = load_battery_with_sensor(args.file, args)
     start = args.initial_soc, args.initial_soc_std
     curve_V = curve_error_of_pack_V(battery, args.curve_error)
-    return battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
+    export = battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
+    return export, contradictions
 
 
 def _robot_export(args: argparse.Namespace) -> Export:
+    if args.sensor_offset is not None or args.sensor_gain is not None:
+        raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
     if args.curve_error:
         raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
     if args.style != "lines":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options
+from ohmward.cli.options import add_log_options, add_sensor_options
 from ohmward.cli.parser import count, positive, share
 
 EXAMPLES = """\
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
     )
+    add_sensor_options(group)
     group.add_argument("--estimates", action="store_true", help="write the estimates of every log too, as Parquet")
     group = parser.add_argument_group("where")
     where = group.add_mutually_exclusive_group()

@@ -10,10 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ohmward.battery.file import load_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
+from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Executor
@@ -24,14 +25,15 @@ def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
-    make_estimator(args.filter, load_battery(args.battery))  # refused now, not in every process
+    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    make_estimator(args.filter, battery)  # refused now, not in every process
     folder = Path(args.output)
     paths = find(args.logs)
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]
     job = Job(
-        battery=Path(args.battery).read_text(encoding="utf-8"),
+        battery=BATTERY_FILE.dump(battery) if contradictions else Path(args.battery).read_text(encoding="utf-8"),
         filter=args.filter,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
@@ -40,8 +42,9 @@ def run(args: argparse.Namespace) -> Outcome:
     )
     with progress() as report:
         finished = run_fleet(paths, job, folder, work(args), _progress_of(report))
-    figures = summary(args, finished)
-    return Outcome(figures, describe(figures, finished))
+    notes = [f"warning: {text}" for text in contradictions]
+    figures = summary(args, finished) | {"notes": notes}
+    return Outcome(figures, describe(figures, finished), notes)
 
 
 def _progress_of(report: Report | None) -> Callable[[int, int], None] | None:
@@ -112,4 +115,5 @@ def describe(figures: dict[str, Any], finished: Finished) -> str:
     failures = [f"{row['path']}: {row['error']}" for row in finished.failed[:10]]
     more = len(finished.failed) - len(failures)
     failures += [f"and {more} more, see the column `error`"] if more > 0 else []
-    return wording.paragraphs(wording.fields(rows), wording.bullets("Not used", failures))
+    bullets = wording.bullets("Not used", failures)
+    return wording.paragraphs(wording.fields(rows), bullets, wording.assumptions(figures["notes"]))

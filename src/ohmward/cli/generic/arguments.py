@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ohmward.cli.options import add_sensor_options
 from ohmward.cli.parser import count, positive
 
 EXAMPLES = """\
@@ -18,5 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
     parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")
+    add_sensor_options(parser, "2.5 %% of 1 C", "1 %%")
     parser.add_argument("-o", "--output", required=True, metavar="FILE.toml", help="write the battery file")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

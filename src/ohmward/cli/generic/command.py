@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.sensor import with_sensor
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the battery file."""
     check_output("--output", args.output, (".toml",))
-    battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    battery, _ = with_sensor(generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name), args)
     save_battery(battery, args.output)
     summary = {
         "command": "generic",
@@ -20,6 +22,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "chemistry": battery.chemistry,
         "capacity_Ah": battery.capacity_Ah,
         "n_series": battery.n_series,
+        "sensor": asdict(battery.sensor),
         "not_identified": list(battery.not_identified),
         "output": args.output,
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_output_options
+from ohmward.cli.options import add_log_options, add_output_options, add_sensor_options
 from ohmward.cli.parser import count, number, positive, share
 
 EXAMPLES = """\
@@ -21,7 +21,13 @@ A file that holds several recordings may be named several times: ocv.parquet:scr
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help="pulse tests, low-rate tests, drives of one battery")
-    group = parser.add_argument_group("the battery")
+    _add_battery_options(parser.add_argument_group("the battery"))
+    add_log_options(parser)
+    add_output_options(parser)
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the battery file")
+
+
+def _add_battery_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--capacity-ah", type=positive, required=True, metavar="Q", help="charge between full and empty [Ah]"
     )
@@ -56,9 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what flows at every rest, <= 0: 0 in a laboratory, -0.7 on a robot that draws 0.7 A; goes into the "
         "battery file, and then each rest tells the current sensor's offset (default: not declared)",
     )
-    add_log_options(parser)
-    add_output_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the battery file")
+    add_sensor_options(group, "2.5 %% of 1 C", "1 %%")
 
 
 def initial_soc(text: str) -> tuple[str, float]:

@@ -15,6 +15,7 @@ from ohmward.cli.identify.result import describe, summary
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import progress
+from ohmward.cli.sensor import with_sensor
 from ohmward.logs import Log
 
 
@@ -45,7 +46,9 @@ def _identify(logs: Sequence[Log], args: argparse.Namespace) -> Identified:
         args.ocv,
     )
     with progress() as report:
-        return identify_in_detail(logs, settings, report)
+        found = identify_in_detail(logs, settings, report)
+    battery, _ = with_sensor(found.battery, args)
+    return found._replace(battery=battery)
 
 
 def _notes(logs: Sequence[Log]) -> list[str]:

@@ -25,6 +25,7 @@ def summary(found: Identified, seconds: float) -> dict[str, Any]:
         "chemistry": battery.chemistry or None,
         "n_series": battery.n_series,
         "capacity_Ah": battery.capacity_Ah,
+        "sensor": asdict(battery.sensor),
         "capacity_measured_Ah": source.capacity_measured_Ah or None if source else None,
         "parameters": [asdict(c) for c in source.confidence] if source else [],
         "rc": rc_summary(found.rc) if found.rc else None,

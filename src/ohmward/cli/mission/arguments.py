@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import BUILT_IN, add_log_options, add_output_options
+from ohmward.cli.options import BUILT_IN, add_log_options, add_output_options, add_sensor_options
 from ohmward.cli.parser import number, positive, share
 
 EXAMPLES = """\
@@ -49,6 +49,7 @@ def _add_battery_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--initial-soc-std", type=positive, default=0.03, metavar="S", help="(default %(default)s)")
     group.add_argument("--filter", default="ekf", metavar="NAME", help="SoC estimator, see `soc` (default %(default)s)")
     group.add_argument("--reserve-soc", type=share, metavar="S", help="to be left; default: the plan's, else 0.1")
+    add_sensor_options(group)
     group.add_argument("--cutoff-v", type=positive, metavar="V", help="voltage at which the robot stops")
     group.add_argument(
         "--confidence", type=share, default=0.95, metavar="P", help="of the latest point of return (%(default)s)"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from ohmward.battery.file import load_battery
 from ohmward.cli.drive_inputs import make_robot
 from ohmward.cli.mission.inputs import (
     check,
@@ -18,6 +17,7 @@ from ohmward.cli.mission.report import make_page
 from ohmward.cli.mission.result import describe, summary
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
+from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.energy import save_consumption
 from ohmward.energy.mission import analyse
 from ohmward.energy.plan_file import EXAMPLE, load_plan
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome({"command": "mission", "plan_example": EXAMPLE}, EXAMPLE.rstrip("\n"))
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
     check(args)
-    battery = load_battery(args.battery)
+    battery, contradictions = load_battery_with_sensor(args.battery, args)
     robot = make_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args, robot)
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
         )
     if args.output:
         save_consumption(result.consumption, args.output)
-    figures = summary(result, robot, [origin, *map(str, result.notes)])
+    warnings = [f"warning: {text}" for text in contradictions]
+    figures = summary(result, robot, [origin, *warnings, *map(str, result.notes)])
     written = {"output": args.output, "report": args.report}
     return Outcome(figures | written, describe(figures), figures["notes"], partial(make_page, result, figures))

@@ -6,11 +6,11 @@ import argparse
 import time
 from typing import Any, NamedTuple
 
-from ohmward.battery.file import load_battery
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.cli.twin.result import describe, summary
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
@@ -88,7 +88,7 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         raise InputError("--battery and --filter go together: they name the estimator to compare with")
     export = None
     if args.battery:
-        battery = load_battery(args.battery)
+        battery, _ = load_battery_with_sensor(args.battery, args)  # those of the export: no contradiction
         curve_V = curve_error_of_pack_V(battery, args.curve_error)
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
         export = battery_export(battery, args.filter, twin.name, **given, **exported)
