@@ -98,3 +98,19 @@ def test_the_error_of_the_anchors_reaches_the_noise():
     vague = identify([*low_rate_logs(cell()), half], capacity_Ah=2.0, chemistry="nmc", model="thevenin-1rc")
     assert sure.noise.soc_axis_std == pytest.approx(0.01)
     assert vague.noise.soc_axis_std > 0.011
+
+
+def test_a_drive_without_rests_knows_its_lasting_overpotential_less():
+    """The same load, once with a rest of 20 min: without it the band of the model is wider under load."""
+    known = {
+        "capacity_Ah": 2.0,
+        "chemistry": "nmc",
+        "initial_soc": {"log": 0.95},
+        "ocv": NMC_OCV,
+        "model": "thevenin-1rc",
+    }
+    load = [(300.0, -2.0, 2.0), (60.0, -0.5, 2.0)] * 8
+    plain = play(cell(), *steps([(60, 0, 2), *load]), soc=0.95, std_V=0.0005)
+    rested = play(cell(), *steps([(60, 0, 2), *load[:8], (1200.0, 0.0, 5.0), *load[8:]]), soc=0.95, std_V=0.0005)
+    plain_V, rested_V = (np.array(identify(log, **known).noise.model_std_V)[12:18].mean() for log in (plain, rested))
+    assert plain_V > rested_V + 0.003

@@ -29,7 +29,7 @@ from ohmward.battery.identification.log_details import LogDetails, details_of, l
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.pairs import choose_pairs, longest_tau_s
+from ohmward.battery.identification.pairs import choose_pairs, longest_rest_s, longest_tau_s
 from ohmward.battery.identification.rc_identification import RcIdentification, rc_of_records
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.settings import DEFAULT_MODEL, MODELS, IdentificationSettings
@@ -219,7 +219,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         ),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
-    noise = noise_from_fit(fit, problem, model, pulses_only, axis_std(prepared.fast, prepared.axes))
+    anchors_std = axis_std(prepared.fast, prepared.axes)
+    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, Q, hysteresis),

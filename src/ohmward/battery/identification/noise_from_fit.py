@@ -16,6 +16,7 @@ from ohmward.battery.identification.circuit_solve import (
 )
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
+from ohmward.battery.identification.resistance_error import lasting_error_V
 from ohmward.battery.identification.untested import activation_std_K, hysteresis_std, ocv_std_V_per_K
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
@@ -52,19 +53,21 @@ _HYSTERESIS_STD = 0.3
 
 
 def noise_from_fit(
-    fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses_only: bool, anchors_std: float = 0.0
+    fit: CircuitFit, problem: CircuitProblem, p: Thevenin, pulses_only: bool, anchors_std: float, longest_rest_s: float
 ) -> BatteryNoise:
     """The noise to assume with the identified circuit.
 
     The model's error along SoC is the residual of the fit there and the standard deviation of its posterior, which is
     small where there were data and grows where there were none.
     pulses_only: no log has a lasting load; anchors_std: error of the SoC to which the logs are tied.
+    longest_rest_s: of all logs.
     """
     solution, samples, volts = fit.solution, problem.samples, problem.volts
     residual_V = residual_std_V(solution, problem)
     axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
     posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv, axis_std)
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
+    posterior_V = np.hypot(posterior_V, lasting_error_V(p, typical_current_A(samples), longest_rest_s))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     return BatteryNoise(

@@ -34,10 +34,14 @@ class PairChoice(NamedTuple):
     note: Note
 
 
+def longest_rest_s(records: Sequence[Record]) -> float:
+    """Duration [s] of the longest rest after a current, 0 without any."""
+    return max((rest.duration_s for r in records for rest in find_rests(r.phases, 0.0)), default=0.0)
+
+
 def longest_tau_s(records: Sequence[Record]) -> float:
     """Slowest time constant [s] that the records can show: half the longest rest, or a tenth of the longest record."""
-    rests_s = [rest.duration_s for r in records for rest in find_rests(r.phases, 0.0)]
-    return max(_REST_SHARE * max(rests_s, default=0.0), _RECORD_SHARE * max(r.log.duration_s for r in records))
+    return max(_REST_SHARE * longest_rest_s(records), _RECORD_SHARE * max(r.log.duration_s for r in records))
 
 
 def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None] | None = None) -> PairChoice:
