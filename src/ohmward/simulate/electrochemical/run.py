@@ -19,8 +19,8 @@ _HOUR_S = 3600.0
 _LONGEST_STEP_S = 10.0
 #: Step [s] of a discharge at low rate: 0.04 % of the capacity. Parameter sets hold up to this multiple of their label.
 _CAPACITY_STEP_S, _MOST_OF_NOMINAL = 30.0, 1.6
-#: The capacity is nearly linear in the lost shares: three steps leave less than 0.01 %.
-_SECANT_STEPS = 3
+#: The capacity is nearly linear in the lost shares: a few steps come this near, which is what a counted one shows.
+_SECANT_STEPS, _CAPACITY_TOLERANCE = 5, 1e-3
 
 
 class CellTruth(NamedTuple):
@@ -100,5 +100,7 @@ def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: flo
     for _ in range(_SECANT_STEPS):
         older = replace(cell, lost_material=lost[-1], lost_lithium=lost[-1], resistance_ratio=resistance_ratio)
         excess.append(capacity_Ah(older) / new_Ah - capacity_ratio)
+        if abs(excess[-1]) < _CAPACITY_TOLERANCE:
+            return older
         lost.append(lost[-1] - excess[-1] * (lost[-1] - lost[-2]) / (excess[-1] - excess[-2]))
     return replace(cell, lost_material=lost[-1], lost_lithium=lost[-1], resistance_ratio=resistance_ratio)
