@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.chemistries import generic_battery, start_noise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.sensor import CurrentSensor
@@ -21,6 +21,9 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 
 NMC = generic_battery("nmc", 12.0, 4)
 LFP = generic_battery("lfp", 12.0, 4)
+#: The same with an OCV curve from a test.
+CURVE = replace(start_noise("lfp", 4, ocv_known=True), soc_axis_std=0.0)
+NMC_KNOWN, LFP_KNOWN = replace(NMC, noise=CURVE), replace(LFP, noise=CURVE)
 
 
 def test_the_day_draws_what_it_says():
@@ -38,24 +41,26 @@ def test_an_unknown_start_is_no_better_than_a_known_one():
 
 
 def test_a_flat_curve_promises_less_than_a_steep_one():
-    assert forecast(NMC, [25.0])[0].unknown_start < forecast(LFP, [25.0])[0].unknown_start
+    assert forecast(NMC_KNOWN, [25.0])[0].unknown_start < forecast(LFP_KNOWN, [25.0])[0].unknown_start
 
 
 def test_a_better_sensor_is_worth_more_where_the_sensor_is_bad():
-    bad = replace(LFP, sensor=CurrentSensor(0.05, offset_std_A=1.0, offset_walk_A=0.05, gain_std=0.02))
-    first, *_ = forecasts_after_tests(bad, [25.0])
+    bad = replace(LFP_KNOWN, sensor=CurrentSensor(0.05, offset_std_A=1.0, offset_walk_A=0.05, gain_std=0.02))
+    first = forecasts_after_tests(bad, [25.0])[0]
     assert first.test in ("with a better current sensor", "with a declared rest current")
     assert first.bands[0].known_start < forecast(bad, [25.0])[0].known_start
 
 
-def test_a_capacity_that_nobody_measured_calls_for_a_full_discharge():
-    unsure = replace(
-        LFP,
-        noise=replace(LFP.noise, capacity_std=0.3),
-        sensor=CurrentSensor(0.01, offset_std_A=0.001, offset_walk_A=0.0, gain_std=0.001),
-    )
-    first, *_ = forecasts_after_tests(unsure, [25.0])
-    assert first.test == "after a discharge from full to empty"
+def test_a_curve_that_nobody_measured_calls_for_the_slow_test_and_a_capacity_for_a_discharge():
+    first, *_ = forecasts_after_tests(NMC, [25.0])
+    assert first.test == "after a slow discharge and a slow charge"
+    assert first.bands[0].known_start < 0.5 * forecast(NMC, [25.0])[0].known_start
+    sensor = CurrentSensor(0.01, offset_std_A=0.001, offset_walk_A=0.0, gain_std=0.001)
+    unsure = replace(LFP, noise=replace(CURVE, capacity_std=0.3), sensor=sensor)
+    gains = {one.test: one.bands[0].known_start for one in forecasts_after_tests(unsure, [25.0])}
+    discharge = gains["after a discharge from full to empty"]
+    assert discharge == pytest.approx(gains["after a slow discharge and a slow charge"], rel=0.2)
+    assert all(discharge < band for test, band in gains.items() if "discharge" not in test)
 
 
 def test_without_a_thevenin_model_there_is_no_band():

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.rehearsal import filtered
 from ohmward.battery.soc.sample import SocSample
@@ -86,17 +87,26 @@ def forecasts_after_tests(
 
 
 def after_tests(battery: Battery) -> dict[str, Battery]:
-    """The battery file after each test, at best: without the doubts that the test removes."""
+    """The battery file after each test, at best: without the doubts that the test removes.
+
+    A curve that was measured is known as well as that of a file from a low-rate test and a label.
+    """
     noise = battery.noise
+    curve_V = max(start_noise(battery.chemistry, battery.n_series, ocv_known=True).model_std_V)
+    curve_known = replace(
+        noise,
+        model_std_V=tuple(min(std, curve_V) for std in noise.model_std_V),
+        soc_axis_std=0.0,
+        hysteresis_std=0.0,
+        capacity_std=0.0,
+    )
     idle_A = 0.0 if battery.idle_current_A is None else battery.idle_current_A
     exact = CurrentSensor(battery.sensor.noise_std_A, 0.0, 0.0, 0.0)
     return {
         "after a pulse test in the cold": replace(
             battery, noise=replace(noise, activation_std_K=0.0, ocv_std_V_per_K=0.0)
         ),
-        "after a slow discharge and a slow charge": replace(
-            battery, noise=replace(noise, hysteresis_std=0.0, soc_axis_std=0.0)
-        ),
+        "after a slow discharge and a slow charge": replace(battery, noise=curve_known),
         "after a discharge from full to empty": replace(battery, noise=replace(noise, capacity_std=0.0)),
         "after a new pulse test at room temperature": replace(battery, noise=replace(noise, resistance_std=0.0)),
         "with a declared rest current": replace(battery, idle_current_A=idle_A),
