@@ -19,12 +19,16 @@ from figure import data_file
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
+from ohmward.battery.identification.charge import count_charge
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs import Log, read_log
 
 HOUR = 3600.0
 A123_AH, PANASONIC_AH, ORNL_AH, VRLA_AH, I3_AH, NASA_AH = 2.03, 2.9, 30.34, 19.5, 61.7, 2.0
 I3_CELLS, VRLA_CELLS = 96, 6
+
+#: A pouch cell that rests above this voltage is full.
+ORNL_FULL_V = 4.1
 
 #: A full discharge of an ageing cell starts above this voltage and moves at least this charge; others were broken off.
 NASA_FULL_V, NASA_LEAST_AH = 4.15, 1.2
@@ -199,10 +203,13 @@ def ornl_battery(*degC: int) -> Battery:
 
 
 def ornl(degC: int) -> Recording:
-    """Pulses and steps of a tenth, from full on."""
+    """Pulses and steps of a tenth, from the rest after the full charge on; the cycler's counter is the truth."""
     log = _ornl_log(degC)
-    log = log.between(log.time_s[int(np.argmax(log.voltage_V))], log.time_s[-1])
-    return Recording(log, 1 + log.charge_Ah() / ORNL_AH)
+    rests_full = (log.current_A == 0.0) & (log.voltage_V > ORNL_FULL_V)
+    full = int(np.argmax(rests_full))
+    counted_Ah = count_charge(log).total_Ah
+    truth = 1 + (counted_Ah - counted_Ah[full]) / ORNL_AH
+    return Recording(log.between(log.time_s[full], np.inf), truth[full:])
 
 
 def _ornl_log(degC: int) -> Log:
