@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from ohmward.battery.chemistries import chemistry_prior
+from ohmward.battery.chemistries import chemistry_prior, start_noise
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import forecast
@@ -167,3 +167,12 @@ def test_in_the_cold_an_old_file_is_no_longer_sure():
     sure_warm, sure_cold = forecast(sure, [20.3, -10.0])
     assert warm.known_start == pytest.approx(sure_warm.known_start, rel=0.02)
     assert cold.known_start > 1.2 * sure_cold.known_start
+
+
+def test_start_values_of_format_1_are_doubted_as_much_as_those_of_today():
+    label = OLD[: OLD.index("[identification]")].replace("capacity_std = 0.01", "capacity_std = 0.05", 1)
+    battery, today = BATTERY_FILE.parse(label), start_noise("lfp", 4)
+    assert battery.noise.capacity_std == today.capacity_std
+    assert battery.noise.resistance_std == today.resistance_std
+    assert battery.noise.model_std_V == today.model_std_V
+    assert "doubted as much as cells with one label differ" in battery.not_identified[-1]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.chemistries import CELL_V, CHEMISTRIES, ChemistryPrior, chemistry_prior
+from ohmward.battery.chemistries import CELL_V, CHEMISTRIES, ChemistryPrior, chemistry_prior, start_noise
 
 #: Keys of [sensor] by those that [noise] and [rc_noise] had for them.
 _SENSOR_KEYS = {
@@ -28,7 +28,12 @@ def from_format_1(table: dict[str, Any]) -> dict[str, Any]:
     chemistry = named if isinstance(named, str) and named in CHEMISTRIES else ""
     prior = chemistry_prior(chemistry)
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry in the file for narrower values)"
-    lacks = [*_take_sensor(table), *_take_activation(table, prior, kind), *_take_ocv_temperature(table, prior, kind)]
+    lacks = [
+        *_take_sensor(table),
+        *_take_activation(table, prior, kind),
+        *_take_ocv_temperature(table, prior, kind),
+        *_doubt_label(table, chemistry),
+    ]
     if not isinstance(table.get("thevenin"), dict):
         return table
     known = table.get("not_identified", [])
@@ -85,6 +90,25 @@ def _take_ocv_temperature(table: dict[str, Any], prior: ChemistryPrior, kind: st
     return [
         f"open-circuit voltage against temperature: a file of format 1 does not doubt it; +- {1e3 * std:.2g} mV/K was "
         f"taken, as usual for {kind}"
+    ]
+
+
+def _doubt_label(table: dict[str, Any], chemistry: str) -> list[str]:
+    """Doubt capacity, resistance and curve of a file of start values as much as cells with one label differ."""
+    noise = table.get("noise")
+    if not chemistry or "identification" in table or not isinstance(noise, dict):
+        return []
+    cells = table.get("n_series", 1)
+    label = start_noise(chemistry, cells if isinstance(cells, int) else 1)
+    table["noise"] = noise | {
+        "capacity_std": label.capacity_std,
+        "resistance_std": label.resistance_std,
+        "model_std_V": list(label.model_std_V),
+        "model_soc_length": label.model_soc_length,
+    }
+    return [
+        f"capacity within {label.capacity_std:.0%}, resistance within {label.resistance_std:.0%} (1 sigma) and the curve: "
+        "doubted as much as cells with one label differ; a file of format 1 without a test was surer than that"
     ]
 
 
