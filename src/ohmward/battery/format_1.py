@@ -107,8 +107,8 @@ def _doubt_label(table: dict[str, Any], chemistry: str) -> list[str]:
         "model_soc_length": label.model_soc_length,
     }
     return [
-        f"capacity within {label.capacity_std:.0%}, resistance within {label.resistance_std:.0%} (1 sigma) and the curve: "
-        "doubted as much as cells with one label differ; a file of format 1 without a test was surer than that"
+        f"capacity within {label.capacity_std:.0%}, resistance within {label.resistance_std:.0%} (1 sigma), and the "
+        "curve: doubted as much as cells with one label differ; a file of format 1 without a test was surer than that"
     ]
 
 
