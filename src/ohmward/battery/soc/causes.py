@@ -309,7 +309,7 @@ def _history(now: Conditions) -> str:
         return f"not charged fully in the {time_in_words(now.history.recorded_s)} of the log"
     if now.counted_s > _MISSING_S:
         return f"charge counted for {time_in_words(now.counted_s)} since the voltage last showed it"
-    return "start not known"
+    return "start not known better"
 
 
 def _settling(now: Conditions) -> str:
