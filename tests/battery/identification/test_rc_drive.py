@@ -1,10 +1,13 @@
 """`identify --model rc` on a drive alone: the straight line that it shows, the rule beside the fit, what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, identify, identify_in_detail, measured
 from battery.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
+from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import IdentificationSettings
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
@@ -33,6 +36,18 @@ def test_the_rule_stands_beside_the_fit(found):
     assert found.rc.model == found.battery.rc
     assert rc.instant_resistance(found.rc.rule) == pytest.approx(rc.instant_resistance(EVEN), rel=0.02)
     assert found.rc.fit.rms_V < found.rc.rule_rms_V
+
+
+def test_a_drive_in_the_cold_is_a_reference_of_its_own(drive):
+    """Resistances are those of the drive's temperature, where the straight line has its reference; warmer they fall."""
+    cold = replace(drive, temperature_degC=np.full(len(drive.time_s), -5.0))
+    settings = SETTINGS._replace(initial_soc={drive.name: 0.95}, chemistry="lead-acid")
+    battery = identify_in_detail(cold, settings).battery
+    assert battery.rc.ocv.reference_degC == -5.0
+    np.testing.assert_allclose(battery.rc.circuit, EVEN, rtol=0.02)
+    assert rc.dc_resistance(battery.rc.circuit_at(25.0)) < 0.8 * rc.dc_resistance(EVEN)
+    assert battery.rc_noise.activation_std_K == CHEMISTRIES["lead-acid"].prior.activation_std_K
+    assert any("was taken, as usual for lead-acid" in sentence for sentence in battery.not_identified)
 
 
 def test_the_line_is_said(found):

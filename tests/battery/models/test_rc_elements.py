@@ -1,5 +1,8 @@
 """Elements of the RC model: from four numbers, by the rule, from a Thevenin circuit."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +11,7 @@ from hypothesis import strategies as st
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of, rc_of_thevenin
+from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
 from ohmward.simulate.voltage import simulate_voltage
@@ -65,3 +68,26 @@ def test_its_voltage_is_near_that_of_the_circuit():
         x = rc.next_state(x, 0.5 * (before + now), found, 1.0)
         voltage_V.append(rc.voltage(x, now, found)[0])
     assert np.sqrt(np.mean((np.array(voltage_V) - expected_V) ** 2)) < 6 * 0.010
+
+
+def test_resistances_follow_the_temperature_and_capacitances_stay():
+    """Arrhenius about the curve's temperature; R_b = R_s stay the very same object, so that a step need not divide."""
+    model = replace(rc_of_thevenin(start_model("lead-acid", 12.0)), activation_K=3000.0)
+    cold = model.circuit_at(-10.0)
+    factor = math.exp(3000.0 * (1 / 263.15 - 1 / 298.15))
+    np.testing.assert_allclose(cold[2:], factor * np.array(model.circuit[2:]))
+    assert cold[:2] == model.circuit[:2]
+    np.testing.assert_allclose(model.circuit_at(25.0), model.circuit)
+    assert replace(model, activation_K=0.0).circuit_at(-10.0) == model.circuit
+    even = rc.RcModel(17_000.0, 300.0, 0.03, 0.03, 0.02, OcvCurve((11.75, 13.0)), 6.0, 3000.0).circuit_at(0.0)
+    assert even.r_bulk_ohm is even.r_surface_ohm
+    equivalent = rc.equivalent_thevenin(model)
+    assert equivalent.activation_K == 3000.0
+
+
+def test_the_activation_of_a_circuit_is_the_mean_of_its_parts():
+    model = Thevenin(
+        6.0, OcvCurve((11.75, 13.0)), (0.03,) * 2, (0.03,) * 2, ((0.01,) * 2,), (40.0,), activation_K=2000.0
+    )
+    assert mean_activation_K(model) == 2000.0
+    assert mean_activation_K(replace(model, pair_activation_K=4000.0)) == pytest.approx(2500.0)

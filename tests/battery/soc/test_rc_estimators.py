@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
+from kernels import kernel_of as compiled
 from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
@@ -56,6 +57,11 @@ def kernel_of(name):
     estimator = ESTIMATORS[name]
     first = SocSample(0.0, 0.0, 12.5, NAN)
     return Kernel(estimator.step, estimator.init(first), first)
+
+
+def kernels(filter_, state):
+    """Compiled step of a filter."""
+    return compiled(filter_, state, SocSample(0.0, 0.0, 12.5, 25.0))
 
 
 def cleaned(dt_s):
@@ -176,6 +182,35 @@ def test_resistance_error_is_found():
     found = SocEstimator(RcFilter(MODEL, noise, SENSOR, soc_as="curve")).run(log_of(run.samples)).estimates
     assert found.resistance_ratio[-1] == pytest.approx(1.3, rel=0.05)
     assert np.abs(found.soc - run.soc)[500:].max() < 0.02
+
+
+def test_the_band_covers_a_population_in_the_cold():
+    """Cells at -10 degC whose activation is drawn from its prior; a filter that is sure of it does not cover them."""
+    activation_K, spread_K = 3000.0, 1000.0
+    sure = RcFilter(replace(MODEL, activation_K=activation_K), BatteryNoise(), SENSOR)
+    honest = replace(sure, noise=replace(sure.noise, activation_std_K=spread_K))
+    rng = np.random.default_rng(8)
+    errors: dict[RcFilter, list[np.ndarray]] = {sure: [], honest: []}
+    for seed in range(12):
+        true_K = activation_K + spread_K * rng.standard_normal()
+        circuit = replace(MODEL, activation_K=true_K).circuit_at(-10.0)
+        run = simulate(circuit, 3000, seed, voltage_std_V=0.002, current_std_A=0.02, soc=0.9)
+        samples = run.samples._replace(temperature_degC=np.full(3000, -10.0))
+        for filter_, found in errors.items():
+            state = filter_.init(row(samples, 0), None)
+            estimates = kernels(filter_, state).scan(state, samples)[1]
+            found.append(((estimates.soc - run.soc) / estimates.soc_std)[600:])
+    z = {filter_: np.concatenate(found) for filter_, found in errors.items()}
+    assert np.mean(np.abs(z[honest]) < 1.96) > 0.9
+    assert np.sqrt(np.mean(z[honest] ** 2)) < 0.8 * np.sqrt(np.mean(z[sure] ** 2))
+
+
+def test_a_curve_of_another_temperature_is_model_error():
+    """Half a millivolt per kelvin, 30 K away: 15 mV; at the reference none."""
+    rc_filter = RcFilter(MODEL, replace(NOISE, ocv_std_V_per_K=5e-4), SENSOR)
+    for degC, std_V in ((25.0, 1e-4), (-5.0, math.hypot(1e-4, 0.015))):
+        clean = sanitize(SocSample(1.0, 1.0, 12.0, degC), CircuitInput(1.0, 25.0), SampleLimits(600.0))
+        assert rc_filter.model_std_V(0.5, clean) == pytest.approx(std_V)
 
 
 def test_scheme_tells_capacity_and_resistance():

@@ -31,12 +31,14 @@ from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.pairs import choose_pairs, longest_rest_s, longest_tau_s
 from ohmward.battery.identification.rc_identification import RcIdentification, rc_of_records
+from ohmward.battery.identification.rc_temperature import with_activation, with_usual_activation
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.settings import DEFAULT_MODEL, MODELS, IdentificationSettings
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
 from ohmward.battery.identification.untested import untested_sentences
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc_elements import mean_activation_K
 from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
@@ -261,9 +263,11 @@ def _with_rc(
     """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
     curve = None if _straight(settings) else ocv
     try:
-        found, *_ = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
+        found, record, _ = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
     except InputError as refusal:
         return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}")), None
+    if battery.thevenin:
+        found = with_activation(found, mean_activation_K(battery.thevenin), battery.noise, record.typical_degC())
     return replace(battery, rc=found.model, rc_noise=found.noise), found
 
 
@@ -276,6 +280,7 @@ def _rc(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     """The RC model alone."""
     curve = prepared.ocv if prepared.has_curve and not _straight(settings) else None
     found, record, axis = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
+    found = with_usual_activation(found, settings.chemistry, record.typical_degC())
     errors_V = (found.fit.rms_V, float(np.abs(found.fit.residual_V).max())) if found.fit else (found.rule_rms_V,)
     provenance = replace(
         _provenance(prepared, settings),

@@ -30,6 +30,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -113,7 +114,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     longest_tau_s = LONGEST_TAU_S if ocv else min(LONGEST_TAU_S, _straight_s(samples, capacity_Ah))
     fit: VoltageFit | None
     if ocv is None:
-        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc, longest_tau_s)
+        fit, curve, start = _fit_with_line(samples, capacity_Ah, start_soc, longest_tau_s, _usual_degC(log))
         soc, ocv_V = _soc_along(samples, start, capacity_Ah), None
     else:
         curve = ocv
@@ -130,6 +131,12 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     return RcIdentification(model, noise, rule, rule_rms_V, response, tau, fit, notes, missing)
 
 
+def _usual_degC(log: Log) -> float:
+    """Median temperature of the log [degC], room temperature where it has none."""
+    known = np.empty(0) if log.temperature_degC is None else log.temperature_degC[np.isfinite(log.temperature_degC)]
+    return float(np.median(known)) if known.size else ROOM_DEGC
+
+
 def _straight_s(samples: RcSamples, capacity_Ah: float) -> float:
     """Time in which the root mean square of the current moves SoC by `_STRAIGHT_SOC` [s]."""
     rms_A = float(np.sqrt(np.mean(samples.current_A**2)))
@@ -137,7 +144,7 @@ def _straight_s(samples: RcSamples, capacity_Ah: float) -> float:
 
 
 def _fit_with_line(
-    samples: RcSamples, capacity_Ah: float, start_soc: float | None, longest_tau_s: float
+    samples: RcSamples, capacity_Ah: float, start_soc: float | None, longest_tau_s: float, reference_degC: float
 ) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
     """Least squares without a curve, the straight OCV line that it means, and the SoC at the start of each part."""
     if start_soc is None:
@@ -151,7 +158,7 @@ def _fit_with_line(
         )
     slope_V = SECONDS_PER_HOUR * capacity_Ah / fit.capacitance_F
     empty_V = float(fit.start_V[0]) - start_soc * slope_V
-    return fit, OcvCurve((empty_V, empty_V + slope_V)), (fit.start_V - empty_V) / slope_V
+    return fit, OcvCurve((empty_V, empty_V + slope_V), reference_degC=reference_degC), (fit.start_V - empty_V) / slope_V
 
 
 def _start_soc(samples: RcSamples, response: EdgeResponse, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:

@@ -26,8 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_each_positive
+from ohmward.checks import require_between, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
@@ -66,6 +67,8 @@ class RcModel:
         r_terminal_ohm: resistance in front of both [ohm], > 0.
         ocv: open-circuit voltage of the same cell or pack.
         capacity_Ah: charge between full and empty, > 0.
+        activation_K: the resistances grow with exp(activation_K (1/T - 1/T_reference)), the reference being that of the
+            curve; with the capacitances the time constant grows as much.
     """
 
     c_bulk_F: float
@@ -75,9 +78,11 @@ class RcModel:
     r_terminal_ohm: float
     ocv: OcvCurve
     capacity_Ah: float
+    activation_K: float = 0.0
 
     def __post_init__(self) -> None:
         require_each_positive("rc.", self, *Circuit._fields, "capacity_Ah")
+        require_between("rc.activation_K", self.activation_K, 0.0, float("inf"))
         if self.r_surface_ohm * self.c_surface_F > self.r_bulk_ohm * self.c_bulk_F:
             raise InputError(
                 f"rc: the surface must follow faster than the bulk, r_surface_ohm * c_surface_F <= r_bulk_ohm * "
@@ -89,6 +94,16 @@ class RcModel:
     def circuit(self) -> Circuit:
         """The five elements alone."""
         return Circuit(*(getattr(self, name) for name in Circuit._fields))
+
+    def circuit_at(self, temperature_degC: Scalar) -> Circuit:
+        """The elements at this temperature."""
+        if self.activation_K == 0.0:
+            return self.circuit
+        factor = arrhenius_factor(temperature_degC, self.activation_K, self.ocv.reference_degC)
+        c_bulk, c_surface, r_bulk, r_surface, r_terminal = self.circuit
+        even = r_bulk == r_surface  # the very same object, so that a step need not divide them
+        bulk_ohm = factor * r_bulk
+        return Circuit(c_bulk, c_surface, bulk_ohm, bulk_ohm if even else factor * r_surface, factor * r_terminal)
 
     @property
     def capacity_As(self) -> float:
@@ -213,4 +228,14 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
     tau_1 = 1 / `relaxation_rate`.
     """
     _, r0, r1, tau_s = four_numbers(model)
-    return Thevenin(model.capacity_Ah, model.ocv, (r0, r0), (r0, r0), ((r1, r1),), (tau_s,))
+    return Thevenin(
+        model.capacity_Ah,
+        model.ocv,
+        (r0, r0),
+        (r0, r0),
+        ((r1, r1),),
+        (tau_s,),
+        activation_K=model.activation_K,
+        tau_activation_K=model.activation_K,
+        reference_degC=model.ocv.reference_degC,
+    )

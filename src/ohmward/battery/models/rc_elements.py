@@ -55,7 +55,15 @@ def rc_of_thevenin(model: Thevenin) -> rc.RcModel:
     r0, pairs = float(np.mean(model.r0_discharge_ohm)), np.mean(model.r_ohm, axis=1)
     r1 = float(pairs.sum())
     tau_s = math.exp(float(pairs @ np.log(model.tau_s)) / r1)
-    return rc.RcModel(*circuit_of(model.capacity_As / slope_V, r0, r1, tau_s), model.ocv, model.capacity_Ah)
+    circuit = circuit_of(model.capacity_As / slope_V, r0, r1, tau_s)
+    return rc.RcModel(*circuit, model.ocv, model.capacity_Ah, mean_activation_K(model))
+
+
+def mean_activation_K(model: Thevenin) -> float:
+    """Activation of all resistances together: the mean of R_0's and the pairs', weighted by their resistances."""
+    r0, r1 = float(np.mean(model.r0_discharge_ohm)), float(sum(map(np.mean, model.r_ohm)))
+    own_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
+    return (r0 * model.activation_K + r1 * own_K) / max(r0 + r1, 1e-12)
 
 
 def _uneven_circuit(C: float, parallel: float, r1: float, tau: float, r_terminal: float) -> rc.Circuit:

@@ -22,7 +22,7 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
-from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.coulomb import charge_variance
@@ -147,16 +147,25 @@ class RcFilter:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
         u = first_input(first, self.limits.current_A)
         start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, self.sensor, soc, soc_std)
-        return RcFilterState(pack(self.start_belief(start)), u.current_A, 0.0, 0.0)
+        belief = self.start_belief(start, float(self.coldness(u.temperature_degC)))
+        return RcFilterState(pack(belief), u.current_A, 0.0, 0.0)
 
-    def start_belief(self, start: InitialSoc) -> Belief:
-        """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC."""
+    def coldness(self, temperature_degC: Scalar) -> Scalar:
+        """1/T - 1/T_reference [1/K]."""
+        return coldness_per_K(temperature_degC, self.model.ocv.reference_degC)
+
+    def start_belief(self, start: InitialSoc, coldness: float = 0.0) -> Belief:
+        """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC.
+
+        coldness: 1/T - 1/T_reference [1/K].
+        """
         noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
+        resistance_std = math.sqrt(noise.resistance_variance(coldness))
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.sensor.offset_std_A
         mean = self.vector(bulk_V=ocv_V, surface_V=ocv_V, soc=start.soc)
         common = self.charge_direction(float(self.link.slope_V(start.soc))) * start.std
         own = self.vector(
-            surface_V=past_V, model_error=1.0, offset_A=self.sensor.offset_std_A, resistance=noise.resistance_std
+            surface_V=past_V, model_error=1.0, offset_A=self.sensor.offset_std_A, resistance=resistance_std
         )
         return Belief(mean, np.outer(common, common) + np.diag(own**2))
 
@@ -164,8 +173,8 @@ class RcFilter:
         self, state: RcFilterState, sample: SocSample, parameters: RcParameters | None = None
     ) -> tuple[RcFilterState, SocEstimate]:
         """State and estimate after a sample; `parameters` replace the model's where they are given."""
-        parameters = parameters or RcParameters(self.model.circuit)
         clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits, state.unknown_s)
+        parameters = parameters or RcParameters(self.model.circuit_at(clean.now.temperature_degC))
         prior = self.predict(unpack(state.belief), clean, parameters)
         update = self.correct(prior, state.rejected_s, clean, parameters)
         posterior, limited = self.link.project(update.belief)
@@ -226,7 +235,7 @@ class RcFilter:
         p, current_A = parameters.circuit, clean.now.current_A
         soc = self.link.soc(prior.mean)
         over_V = self.overpotential(prior.mean, current_A, p)
-        H = self.output(p, self.link.model_std_V(soc), over_V)
+        H = self.output(p, self.model_std_V(soc, clean), over_V)
         R = self.voltage_variance(clean, over_V, self.link.slope_V(soc), parameters.resistance_std, soc)
         y_hat = (H @ prior.mean)[0] + rc.instant_resistance(p) * current_A
         y = where(clean.voltage_measured, clean.voltage_V, y_hat)
@@ -264,6 +273,14 @@ class RcFilter:
         )
         return row[None]
 
+    def model_std_V(self, soc: Scalar, clean: CleanSocSample) -> Scalar:
+        """Standard deviation of the model's voltage error [V] at this SoC and temperature."""
+        own_V, per_K = self.link.model_std_V(soc), self.noise.ocv_std_V_per_K
+        if per_K == 0.0:
+            return own_V
+        away_K = clean.now.temperature_degC - self.model.ocv.reference_degC
+        return sqrt(own_V**2 + (per_K * away_K) ** 2)
+
     def voltage_variance(
         self,
         clean: CleanSocSample,
@@ -278,7 +295,10 @@ class RcFilter:
         resistance_std: further relative error of the overpotential.  soc: at which `overpotential_share` is taken.
         """
         noise = self.noise
-        over_V2 = (noise.overpotential_share_at(soc) ** 2 + resistance_std**2) * overpotential_V**2
+        share2 = noise.overpotential_share_at(soc) ** 2 + resistance_std**2
+        if noise.activation_std_K:
+            share2 = share2 + (noise.activation_std_K * self.coldness(clean.now.temperature_degC)) ** 2
+        over_V2 = share2 * overpotential_V**2
         axis_V2 = (noise.soc_axis_std * slope_V) ** 2
         return (noise.voltage_std_V**2 + over_V2 + axis_V2) * noise.samples_per_error(clean.dt_s)
 
