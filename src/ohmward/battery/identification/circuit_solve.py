@@ -24,6 +24,7 @@ from ohmward.battery.identification.circuit_prior import (
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.filters.consistency import BAND_95
 from ohmward.optional import require
 
 #: Error of the model and the sensor in a sample of a lithium-ion cell [V].
@@ -56,7 +57,7 @@ class CircuitProblem(NamedTuple):
     slow_shape: (21,) expected course of the slowest resistance along SoC, about 1.
     reference_degC: temperature at which the resistances hold.
     fit_activation: True where currents flowed at temperatures that differ enough.
-    longest_tau_s: slowest time constant that the records can show.
+    longest_tau_s: slowest time constant that the records can show; one that is usual for the chemistry is taken too.
     """
 
     samples: tuple[FitSamples, ...]
@@ -267,7 +268,9 @@ def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> 
     slow = rates.tau_s[-1:] if len(rates.tau_s) > 1 else ()
     deviations = [np.log(tau / prior.slow_tau_s) / prior.slow_tau_log_std for tau in slow]
     if rates.tau_s:
-        deviations.append(np.log(max(rates.tau_s[-1] / problem.longest_tau_s, 1.0)) / _BEYOND_LOG_STD)
+        usual_s = prior.slow_tau_s * np.exp(BAND_95 * prior.slow_tau_log_std)
+        beyond = rates.tau_s[-1] / max(problem.longest_tau_s, usual_s)
+        deviations.append(np.log(max(beyond, 1.0)) / _BEYOND_LOG_STD)
     if hysteresis:
         deviations.append(np.log(rates.hysteresis_rate / prior.hysteresis_rate) / prior.hysteresis_rate_log_std)
     if problem.fit_activation:
