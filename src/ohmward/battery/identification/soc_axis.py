@@ -18,7 +18,7 @@ from ohmward.logs.log import Note
 #: A charge with constant voltage is full when its current has fallen to C/20; SoC then is known so well.
 FULL_RATE = 1 / 20
 FULL_STD = 0.005
-#: A log that moves so much of the capacity was full at its highest charge, and SoC is known so well.
+#: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = (0.01, 0.03)
 #: A constant voltage lies within this share of the highest of the log, for at least so long; breaks are bridged [s].
@@ -153,12 +153,12 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Anc
 def sweep_anchor(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
     """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
 
-    What it does not move may be missing at the top: the more it moves, the better its top is known.
+    What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation.
     """
     total_Ah = record.charge.total_Ah
     if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
         return ()
-    std = float(np.clip(1 - np.ptp(total_Ah) / capacity_Ah, *_SWEEP_STD))
+    std = float(np.clip(0.5 * (1 - np.ptp(total_Ah) / capacity_Ah), *_SWEEP_STD))
     return (Anchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
 
 
