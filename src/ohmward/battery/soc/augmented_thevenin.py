@@ -68,8 +68,13 @@ RESISTANCE_CORRELATION = 0.7
 #: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
 UNEVEN_ACTIVATION = 0.5
 
-#: Below this SoC the surface of a cold cell runs empty under load, and that share grows, up to so many times at SoC 0.
-LOW_SOC, LOW_SOC_FACTOR = 0.2, 6.0
+#: Below this SoC the surface of a cold cell runs empty under load: the share grows with the coldness [K].
+#: NCA at 0 degC shows 2 to 3 times the overpotential at 10 % that tests at SoC 0.2 and above tell.
+LOW_SOC, LOW_SOC_ACTIVATION_K = 0.25, 3000.0
+
+#: Error of the SoC axis per loss of capacity: an aged cell has not its first curve over another capacity, its
+#: electrodes have slipped against each other.
+AXIS_ERROR_PER_LOSS = 0.15
 
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
@@ -263,7 +268,7 @@ class AugmentedThevenin:
         slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
         curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
-        uncertain_V2 = (noise.soc_axis_std * slope[0]) ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
+        uncertain_V2 = self.axis_variance(prior) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
         ocv_V = noise.ocv_std_V_per_K * (u.temperature_degC - self.model.ocv.reference_degC)
@@ -283,11 +288,16 @@ class AugmentedThevenin:
     def overpotential_share(self, soc: Scalar, u: CircuitInput) -> Scalar:
         """Relative error of the overpotential that is no common factor; it grows away from the test's temperature."""
         base = self.noise.overpotential_share_at(soc)
-        if not self.noise.activation_std_K:
-            return base
-        low = 1 + (LOW_SOC_FACTOR - 1) * maximum(0.0, 1 - soc * (1 / LOW_SOC))
-        uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * self.coldness(u) * low
-        return np.sqrt(base**2 + uneven * uneven)
+        cold = self.coldness(u)
+        uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * cold
+        empty = LOW_SOC_ACTIVATION_K * maximum(cold, 0.0) * maximum(0.0, 1 - soc * (1 / LOW_SOC))
+        return np.sqrt(base**2 + uneven * uneven + empty * empty)
+
+    def axis_variance(self, prior: Belief) -> Scalar:
+        """Variance of the SoC axis of the curve: that of the file, and what a loss of capacity adds."""
+        gain = self.state_names.index("charge_gain")
+        loss = prior.mean[gain] - 1.0
+        return self.noise.soc_axis_std**2 + AXIS_ERROR_PER_LOSS**2 * (loss * loss + prior.cov[gain, gain])
 
     def total_ohm(self, state: AugmentedState, u: CircuitInput) -> Scalar:
         """Resistance to a steady current [ohm] in this state."""

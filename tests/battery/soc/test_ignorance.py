@@ -1,0 +1,118 @@
+"""Doubts that no test removed: the band opens where the battery leaves the test's conditions, and holds the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from battery.examples import LFP, NMC, drive, samples, simulate
+from kernels import kernel_of
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, voltage
+from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.trace import Kernel
+
+LIVES, STEPS, COLD_DEGC = 60, 3600, -10.0
+TESTED = BatteryNoise(resistance_std=0.1, activation_std_K=0.0)
+DOUBTED = replace(TESTED, activation_std_K=1500.0)
+
+
+def cold_lives(rng, temperature_degC=COLD_DEGC):
+    """Current (T,), SoC and voltage (T, LIVES) of cells whose activations differ from the file's by 1500 K each."""
+    current_A = drive(rng, STEPS, -0.3)
+    mean_A = np.concatenate([current_A[:1], 0.5 * (current_A[1:] + current_A[:-1])])
+    errors = 0.1 * rng.standard_normal((2, LIVES)) + 1500.0 * coldness_per_K(
+        temperature_degC, NMC.reference_degC
+    ) * rng.standard_normal((2, LIVES))
+
+    def step(x, sample):
+        mean, now, ohmic, pairs = sample
+        x = next_state(x, CircuitInput(mean, temperature_degC), NMC, 1.0, StateOfHealth(resistance_ratio=pairs))
+        u = CircuitInput(now, temperature_degC)
+        return x, (x[0], voltage(x, u, NMC, StateOfHealth(resistance_ratio=ohmic))[0])
+
+    lanes = [np.broadcast_to(c[:, None], (STEPS, LIVES)) for c in (mean_A, current_A)]
+    lanes += [np.broadcast_to(np.exp(e), (STEPS, LIVES)) for e in errors]
+    x = np.tile(np.array([0.8, 0.0, 0.0, -1.0])[:, None], LIVES)
+    _, (soc, voltage_V) = Kernel(step, x[:, 0], (0.0,) * 4).scan_lanes(x, tuple(lanes))
+    return current_A, soc, voltage_V
+
+
+def estimates_of(noise, method, lives, temperature_degC=COLD_DEGC):
+    current_A, _, voltage_V = lives
+    settings = TheveninFilter(NMC, noise, method=method)
+    first = SocSample(0.0, 0.0, np.nan, temperature_degC)
+    start = settings.init(first, 0.8)
+    rng = np.random.default_rng(7)
+    columns = SocSample(
+        np.r_[0.0, np.ones(STEPS - 1)],
+        current_A[:, None] + 0.05 * rng.standard_normal(voltage_V.shape),
+        voltage_V + noise.voltage_std_V * rng.standard_normal(voltage_V.shape),
+        np.full(STEPS, temperature_degC),
+    )
+    return Kernel(settings.step, start, first).scan_lanes(start, columns)[1]
+
+
+@pytest.mark.parametrize("method", ["ekf", "ukf"])
+def test_cold_lives_are_covered_where_the_activation_is_in_doubt(method):
+    lives = cold_lives(np.random.default_rng(1))
+    sure, doubting = (estimates_of(noise, method, lives) for noise in (TESTED, DOUBTED))
+    z = (doubting.soc - lives[1])[1800:] / doubting.soc_std[1800:]
+    assert np.mean(np.abs(z) < 1.96) > 0.95
+    assert np.mean(np.abs(z) > 4.0) < 1e-3
+    assert np.mean((sure.soc - lives[1]) ** 2) > np.mean((doubting.soc - lives[1]) ** 2)
+
+
+def test_the_doubt_opens_in_the_cold_and_closes_on_the_way_back():
+    system = TheveninFilter(NMC, DOUBTED).system
+    warm, cold = (float(system.overpotential_share(0.6, CircuitInput(-0.5, degC))) for degC in (25.0, -15.0))
+    empty = float(system.overpotential_share(0.05, CircuitInput(-0.5, -15.0)))
+    assert warm == pytest.approx(TESTED.overpotential_share)
+    assert 4 * warm < cold < empty
+
+
+def test_states_without_a_doubt_are_not_there():
+    assert TheveninFilter(NMC, TESTED).state_names[-1] == "model_error"
+    assert "hysteresis_log_ratio" not in TheveninFilter(NMC, replace(TESTED, hysteresis_std=0.5)).state_names
+    assert TheveninFilter(LFP, replace(TESTED, hysteresis_std=0.5)).state_names[-1] == "hysteresis_log_ratio"
+
+
+def test_the_size_of_the_hysteresis_is_learnt_from_both_directions():
+    """A cell with twice the hysteresis of the file, charged and discharged over its plateaus."""
+    curve = LFP.ocv
+    wide = replace(LFP, ocv=replace(curve, hysteresis_V=tuple(2 * h for h in curve.hysteresis_V)))
+    truth = simulate(wide, np.tile(np.repeat([-0.8, 0.8], 3600), 3), 0.9)
+    columns = samples(truth, 0.0, TESTED)
+    doubting = TheveninFilter(LFP, replace(TESTED, hysteresis_std=0.6), idle_current_A=0.0)
+    state = doubting.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.9)
+    last, estimates = kernel_of(doubting, state, SocSample(0.0, 0.0, 3.3, 25.0)).scan(state, columns)
+    ratio = np.exp(last.belief.mean[doubting.state_names.index("hysteresis_log_ratio")])
+    assert 1.4 < ratio < 2.6
+    assert np.mean(np.abs(estimates.soc - truth.soc) < 1.96 * estimates.soc_std) > 0.95
+
+
+def test_the_voltage_lies_in_its_band():
+    """The standardised residual of the voltage has about unit spread, whatever the sampling rate."""
+    rng = np.random.default_rng(4)
+    settings = TheveninFilter(NMC, BatteryNoise())
+    spread = []
+    for seed in range(12):
+        error_V = 0.008 * np.sin(20 * np.linspace(0, 1, STEPS) + rng.uniform(0, 6.3)) * np.sqrt(2)
+        columns = samples(simulate(NMC, drive(rng, STEPS), 0.7), 0.0, BatteryNoise(), seed)
+        columns = columns._replace(voltage_V=columns.voltage_V + error_V)
+        state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.7)
+        _, estimates = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0)).scan(state, columns)
+        spread.append(np.mean((estimates.innovation_V[600:] / estimates.voltage_std_V[600:]) ** 2))
+    assert 0.3 < np.sqrt(np.mean(spread)) < 1.3
+    assert np.all(estimates.voltage_std_V < 0.1)
+
+
+def test_the_first_voltage_says_less_where_the_resistance_is_in_doubt():
+    u = CircuitInput(-2.0, COLD_DEGC)
+    settings = TheveninFilter(NMC)
+    expected_V = float(voltage(np.array([0.5, 0.0, 0.0, 0.0]), u, NMC)[0])
+    sure, doubting = (initial_soc(expected_V, u, NMC, noise, settings.sensor) for noise in (TESTED, DOUBTED))
+    assert doubting.std > 1.5 * sure.std
