@@ -149,6 +149,19 @@ def test_model_error_is_large_where_the_log_has_not_been():
     assert along[0] == along.max() == along[1]
 
 
+def test_a_straight_line_is_in_doubt_beyond_its_log():
+    """By 30 % of its slope; a curve that is known is not."""
+    run = simulate(EVEN, 3000, voltage_std_V=0.003)
+    log, lowest = log_of(run.samples), run.soc.min()
+    assert lowest > 0.3
+    line = identify_rc(log, None, CAPACITY_AH, start_soc=1.0)
+    slope_V = line.model.ocv.voltage_V[-1] - line.model.ocv.voltage_V[0]
+    along = np.array(line.noise.model_std_V)
+    assert along[0] == pytest.approx(0.3 * slope_V * lowest, rel=0.05)
+    assert np.all(np.diff(along[:4]) < 0)
+    assert max(identify_rc(log, LINE, CAPACITY_AH).noise.model_std_V) < 0.02
+
+
 def test_no_relaxation_in_the_log_is_said_and_modelled_as_resistance():
     run = simulate(EVEN, 2000)
     resistor_V = 12.0 + 0.05 * run.samples.current_A + np.cumsum(run.samples.current_A * run.samples.dt_s) / 20_000.0

@@ -51,6 +51,9 @@ _LEAST_RESISTANCE_STD = 0.05
 _MODEL_SOC_LENGTH = 0.3
 #: Points of SoC on which the model error stands.
 _SOC_POINTS = 11
+#: Relative error of the slope of a straight line beyond the part that it was laid through: the slope of the curves of
+#: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
+_SLOPE_STD = 0.3
 #: Median of the absolute value of a standard normal number.
 _MEDIAN_OF_NORMAL = 0.6745
 
@@ -124,7 +127,8 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     total_F = rc.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(*fit.numbers), curve, capacity_Ah)
-    noise = BatteryNoise() if fit is None else _noise(fit, response, soc)
+    line_slope_V = 0.0 if ocv else curve.voltage_V[-1] - curve.voltage_V[0]
+    noise = BatteryNoise() if fit is None else _noise(fit, response, soc, line_slope_V)
     notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
     rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V
     missing = _missing(response, tau, fit, (float(np.median(samples.dt_s[1:])), longest_tau_s))
@@ -174,31 +178,36 @@ def _soc_along(samples: RcSamples, start: np.ndarray, capacity_Ah: float) -> np.
     return start[samples.part] + charge_in_part(samples) / (SECONDS_PER_HOUR * capacity_Ah)
 
 
-def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray) -> BatteryNoise:
-    """Noise to assume: residual from sample to sample and along SoC, and the difference of the two resistances."""
+def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray, line_slope_V: float) -> BatteryNoise:
+    """Noise to assume: residual from sample to sample and along SoC, and the difference of the two resistances.
+
+    line_slope_V: slope of the straight line per unit of SoC, 0 where a curve is known.
+    """
     white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (_MEDIAN_OF_NORMAL * math.sqrt(2))
     resistance_std = max(_resistance_std(response, fit), _LEAST_RESISTANCE_STD)
     return BatteryNoise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
-        model_std_V=_model_std_V(fit.residual_V, soc),
+        model_std_V=_model_std_V(fit.residual_V, soc, line_slope_V),
         model_soc_length=_MODEL_SOC_LENGTH,
         overpotential_share=resistance_std,
         resistance_std=resistance_std,
     )
 
 
-def _model_std_V(error_V: np.ndarray, soc: np.ndarray) -> tuple[float, ...]:
+def _model_std_V(error_V: np.ndarray, soc: np.ndarray, line_slope_V: float) -> tuple[float, ...]:
     """Error of the model on a grid of SoC: root mean square, at least its median over the grid.
 
     The residual of a fit has zeros, and another log has them elsewhere; hence the median. The largest where there are
-    no data.
+    no data, and more with the distance to them where a straight line stands for the curve.
     """
     nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
     counts = np.bincount(nearest, minlength=_SOC_POINTS)
     rms_V = np.sqrt(np.bincount(nearest, error_V**2, _SOC_POINTS) / np.maximum(counts, 1))
     visited = counts > 0
-    along = np.where(visited, np.maximum(rms_V, np.median(rms_V[visited])), rms_V.max())
-    return tuple(along.tolist())
+    along_V = np.where(visited, np.maximum(rms_V, np.median(rms_V[visited])), rms_V.max())
+    grid = np.linspace(0.0, 1.0, _SOC_POINTS)
+    distance = np.maximum(np.maximum(grid - soc.max(), soc.min() - grid), 0.0)
+    return tuple(np.hypot(along_V, _SLOPE_STD * line_slope_V * distance).tolist())
 
 
 def _resistance_std(response: EdgeResponse, fit: VoltageFit) -> float:
