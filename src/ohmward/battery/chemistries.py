@@ -51,6 +51,7 @@ class ChemistryPrior(NamedTuple):
     activation_std_K: of all of them together: error of the total resistance.
     ocv_std_V_per_K: change of the open-circuit voltage with temperature, about 0, for each CELL_V of the battery.
     ocv_std_V: of the open-circuit voltage about that of the chemistry, for each CELL_V, over about half of the range.
+    hysteresis_V: typical half distance of the branches, for each CELL_V.
     """
 
     activation_K: Normal
@@ -59,6 +60,7 @@ class ChemistryPrior(NamedTuple):
     activation_std_K: float
     ocv_std_V_per_K: float
     ocv_std_V: float
+    hysteresis_V: float
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:
@@ -71,15 +73,21 @@ class ChemistryPrior(NamedTuple):
 #: 3400. Electrolytes conduct with about 2000 K, charge transfer takes 6000 to 8000 (Jow et al., J. Electrochem. Soc.
 #: 2012), so that all grow towards the cold, 1200 K between 25 and 45, 4300 between 5 and -15 degC. The curve of the NMC
 #: cell moves by 0.17 mV/K (rms along SoC), that of the LFP cell by 0.10.
-_LITHIUM = ChemistryPrior(Normal(2700.0, 900.0), Normal(3700.0, 1200.0), Normal(1800.0, 1200.0), 1000.0, 2e-4, 0.03)
-_IRON_PHOSPHATE = _LITHIUM._replace(ocv_std_V_per_K=1.2e-4)
+_LITHIUM = ChemistryPrior(
+    Normal(2700.0, 900.0), Normal(3700.0, 1200.0), Normal(1800.0, 1200.0), 1000.0, 2e-4, 0.03, 0.003
+)
+_IRON_PHOSPHATE = _LITHIUM._replace(ocv_std_V_per_K=1.2e-4, hysteresis_V=0.01)
 #: Five cells with the label NMC lie 110 mV below to 50 above the curve in its middle, the blends with LMO of two cars
 #: 60 to 190 mV above: it is their mean.
 _NICKEL_MANGANESE_COBALT = _LITHIUM._replace(ocv_std_V=0.08)
 #: Acid conducts with about 1500 K; a cell of 2 V moves by 0.2 mV/K (Bode, Lead-Acid Batteries, 1977).
-_LEAD_ACID = ChemistryPrior(Normal(1500.0, 700.0), Normal(2000.0, 1000.0), Normal(1000.0, 1000.0), 800.0, 3.7e-4, 0.05)
+_LEAD_ACID = ChemistryPrior(
+    Normal(1500.0, 700.0), Normal(2000.0, 1000.0), Normal(1000.0, 1000.0), 800.0, 3.7e-4, 0.05, 0.0
+)
 #: A battery of unknown chemistry: all of the above are within one standard deviation or two.
-_UNNAMED = ChemistryPrior(Normal(2500.0, 1300.0), Normal(3200.0, 1600.0), Normal(1500.0, 1500.0), 1500.0, 3e-4, 0.1)
+_UNNAMED = ChemistryPrior(
+    Normal(2500.0, 1300.0), Normal(3200.0, 1600.0), Normal(1500.0, 1500.0), 1500.0, 3e-4, 0.1, 0.005
+)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,13 @@ from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.confidence import confidence_intervals
 from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.untested import activation_std_K, ocv_std_V_per_K, untested_sentences
+from ohmward.battery.identification.untested import (
+    activation_std_K,
+    hysteresis_std,
+    ocv_std_V_per_K,
+    unknown_hysteresis_V,
+    untested_sentences,
+)
 
 TRUE = replace(cell(), activation_K=2200.0, pair_activation_K=4200.0, tau_activation_K=1200.0)
 
@@ -47,7 +53,7 @@ def test_a_sweep_inside_one_record_shows_three_activations():
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=150.0)
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     assert fit.solution.rates.tau_activation_K == pytest.approx(TRUE.tau_activation_K, abs=500.0)
-    assert 300.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
+    assert 600.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
     named = {c.name: c for c in confidence_intervals(fit, False, True)}
     assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
     assert not any("activation" in sentence for sentence in untested_sentences(problem, "nmc"))
@@ -59,10 +65,12 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     fit = fit_circuit(problem, 2)
     assert fit.solution.rates.activations_K == tuple(A.mean for A in problem.prior.untested.activations_K)
     assert activation_std_K(fit, problem) == problem.prior.untested.activation_std_K
-    activation, curve = untested_sentences(problem, "nmc")
+    hysteresis, activation, curve = untested_sentences(problem, "nmc")
+    assert "low-rate discharge and a low-rate charge" in hysteresis
+    assert unknown_hysteresis_V(problem) > 0.0
     assert "24 to 26 degC only" in activation and "usual for nmc cells" in activation
     assert "low-rate tests at two temperatures" in curve
-    assert "name the chemistry" in untested_sentences(problem, "")[0]
+    assert all("name the chemistry" in sentence for sentence in untested_sentences(problem, ""))
 
 
 def test_a_measured_temperature_slope_narrows_the_curve():
@@ -90,3 +98,11 @@ def test_an_unknown_chemistry_is_the_widest():
         for known, unknown in zip(chemistry.prior.activations_K, chemistry_prior("").activations_K, strict=True):
             assert known.std <= unknown.std
             assert abs(known.mean - unknown.mean) <= unknown.std
+
+
+def test_a_hysteresis_that_was_seen_is_known_within_half_of_itself():
+    problem = swept(24.0, 26.0)
+    seen = problem._replace(ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
+    assert (hysteresis_std(problem), hysteresis_std(seen)) == (0.0, 0.5)
+    assert unknown_hysteresis_V(seen) == 0.0
+    assert not any("hysteresis" in sentence for sentence in untested_sentences(seen, "nmc"))

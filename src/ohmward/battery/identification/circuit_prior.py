@@ -64,6 +64,9 @@ class CircuitPrior(NamedTuple):
 # Models of two LFP cells err by 6 to 17 mV (mean over 10 min) on other records, where they fit their own within 4.
 _IRON_PHOSPHATE = CircuitPrior(hysteresis=(0.4, 0.05), hysteresis_rate=15.0, hysteresis_rate_log_std=0.5, model_V=0.004)
 
+#: The same where a drive and a given curve are all there is: the residual of one record is the best case.
+LFP_WITHOUT_LOW_RATE_V = 0.008
+
 
 class SlowestPair(NamedTuple):
     """Prior of the slowest time constant: median [s] and standard deviation of its logarithm."""

@@ -41,8 +41,6 @@ def not_identified(
     hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
     said = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
-    if not hysteresis:
-        said.append("hysteresis: needs a low-rate discharge and a low-rate charge; taken as none")
     rate, tau = fit.solution.rates.hysteresis_rate, fit.solution.rates.tau_s
     std = np.sqrt(np.diag(fit.search_cov))
     at_bound = any(abs(np.log(rate / bound)) < 0.05 for bound in HYSTERESIS_RATES)

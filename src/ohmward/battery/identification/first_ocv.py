@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry
-from ohmward.battery.identification.circuit_prior import CircuitPrior, prior_for
+from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V, CircuitPrior, prior_for
 from ohmward.battery.identification.ocv_from_low_rate import (
     OcvBranch,
     branch_axis_std,
@@ -68,6 +68,8 @@ class FirstOcv(NamedTuple):
         prior = prior_for(chemistry, self.source == "given" or self.both_directions)
         if self.source == "chemistry":
             return prior._replace(ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH)
+        if chemistry == "lfp" and not self.branches:
+            prior = prior._replace(model_V=LFP_WITHOUT_LOW_RATE_V)
         return prior._replace(ocv_axis_std=self.axis_std)
 
 

@@ -17,14 +17,22 @@ from ohmward.battery.identification.circuit_solve import (
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.resistance_error import lasting_error_V
-from ohmward.battery.identification.untested import activation_std_K, hysteresis_std, ocv_std_V_per_K
+from ohmward.battery.identification.untested import (
+    activation_std_K,
+    hysteresis_std,
+    ocv_std_V_per_K,
+    unknown_hysteresis_V,
+)
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
-#: Error of the SoC axis of the OCV curve, and of the capacity.
+#: Error of the SoC axis of the OCV curve.
 SOC_AXIS_STD = 0.01
-_CAPACITY_STD = 0.01
+#: A file does not know how old its battery will get: relative error of the capacity, and error of the logarithm of the
+#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance; just tested, 0.02 and 0.1 hold.
+_CAPACITY_STD = 0.08
+_RESISTANCE_STD = 0.3
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
 #: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
@@ -48,8 +56,6 @@ _CORRELATION_S = (60.0, 1000.0)
 #: as the slowest pair, but not much longer than the loads of a drive [s].
 _RELAXATION_S = 300.0
 _GRID_S = 10.0
-#: Relative error of the hysteresis.
-_HYSTERESIS_STD = 0.3
 
 
 def noise_from_fit(
@@ -68,6 +74,7 @@ def noise_from_fit(
     posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv, axis_std)
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
     posterior_V = np.hypot(posterior_V, lasting_error_V(p, typical_current_A(samples), longest_rest_s))
+    posterior_V = np.hypot(posterior_V, unknown_hysteresis_V(problem))
     floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     return BatteryNoise(
@@ -83,6 +90,7 @@ def noise_from_fit(
             _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
         ),
         capacity_std=_CAPACITY_STD,
+        resistance_std=_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
         ocv_std_V_per_K=ocv_std_V_per_K(problem),
         hysteresis_std=hysteresis_std(problem),
@@ -145,8 +153,7 @@ def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p:
             rows[:, layout.block(j)] = -typical_A * at_grid
     rows[:, layout.correction] = hat(RESISTANCE_GRID, OCV_KNOTS)
     variance = np.einsum("ij,jk,ik->i", rows, solution.cov, rows)
-    hysteresis_V = _HYSTERESIS_STD * np.asarray(p.ocv.hysteresis_at(RESISTANCE_GRID)) * np.ones(RESISTANCE_GRID.size)
-    return np.sqrt(np.maximum(variance, 0.0) + hysteresis_V**2)
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def unseen_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:

@@ -10,7 +10,7 @@ from ohmward.battery.identification.load_temperature import load_temperature
 
 #: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
 #: and cold, and a fit at two temperatures is used beyond them.
-_ACTIVATION_FLOOR_K = 400.0
+_ACTIVATION_FLOOR_K = 700.0
 #: Relative error of a hysteresis that low-rate branches show: 0.35 to 0.7 of their gap on measured LFP cells.
 _HYSTERESIS_STD = 0.5
 #: Width of the curve's temperature slope where it was measured, over that where it was not: low-rate branches hold
@@ -39,10 +39,25 @@ def hysteresis_std(problem: CircuitProblem) -> float:
     return _HYSTERESIS_STD if any(problem.ocv.hysteresis_V) else 0.0
 
 
+def unknown_hysteresis_V(problem: CircuitProblem) -> float:
+    """Error of the voltage [V] where no low-rate branches show a hysteresis: half their usual distance."""
+    return 0.0 if any(problem.ocv.hysteresis_V) else problem.volts * problem.prior.untested.hysteresis_V
+
+
 def untested_sentences(problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
     """Sentences on what was taken from the chemistry `chemistry`, "" for an unknown one."""
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
-    return (*_activation(problem, kind), *_ocv_temperature(problem, kind))
+    return (*_hysteresis(problem, kind), *_activation(problem, kind), *_ocv_temperature(problem, kind))
+
+
+def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
+    if any(problem.ocv.hysteresis_V):
+        return []
+    error_mV = 1e3 * unknown_hysteresis_V(problem)
+    return [
+        "hysteresis: needs a low-rate discharge and a low-rate charge; taken as none, with an error of the voltage of "
+        f"{error_mV:.2g} mV, as usual for {kind}"
+    ]
 
 
 def _activation(problem: CircuitProblem, kind: str) -> list[str]:
