@@ -29,6 +29,13 @@ def test_voltages_beyond_the_tests_are_a_warning():
     assert note.level == "warning" and note.text.startswith("5.00% of the voltages lie outside")
 
 
+@pytest.mark.parametrize(("cells", "named"), [(3, True), (4, False), (5, True)])
+def test_another_number_of_cells_is_named(cells, named):
+    """A file of four cells and logs of half charged packs."""
+    found = check_log(log(cells * 3.3), BATTERY)
+    assert any("contradicts the battery file" in n.text and "n_series = 4" in n.text for n in found.notes) == named
+
+
 @pytest.mark.parametrize("share", [0.25, 2.0])
 def test_another_battery_is_refused(share):
     with pytest.raises(InputError, match="is it a log of another battery, of one of its cells, or in another unit"):

@@ -13,8 +13,8 @@ from ohmward.logs.log import Log, Note
 OTHER_BATTERY = 0.2
 #: and by this share single voltages are worth a warning.
 BEYOND_TESTS = 0.02
-
-
+#: A charger holds a battery above its open-circuit voltage, but not by this share for most of a log.
+ABOVE_FULL = 0.1
 #: A resistance that is known worse than this at a temperature of the log is worth a warning (1 sigma, relative).
 DOUBTFUL_RESISTANCE = 0.1
 
@@ -22,7 +22,8 @@ DOUBTFUL_RESISTANCE = 0.1
 def check_log(log: Log, battery: Battery) -> Log:
     """The log, with a warning where its voltage leaves the range of the battery's tests by more than 2 %.
 
-    Likewise where the tests say little of the resistance at its temperatures.
+    Likewise where the tests say little of the resistance at its temperatures, and where its usual voltage is that of
+    another number of cells.
 
     Raises:
         InputError: the median voltage is more than 20 % outside: another battery, or another unit.
@@ -35,11 +36,24 @@ def check_log(log: Log, battery: Battery) -> Log:
             f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
             "(--unit voltage=mV)?"
         )
-    log = _check_temperature(log, battery)
+    log = _check_cells(_check_temperature(log, battery), battery, usual_V)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
     if not outside.any():
         return log
     text = f"{outside.mean():.2%} of the voltages lie outside the battery's tests, {low_V:g} to {high_V:g} V"
+    return log.with_notes(Note(text, "warning"))
+
+
+def _check_cells(log: Log, battery: Battery, usual_V: float) -> Log:
+    """The log, with a warning where its usual voltage is not between those of the empty and of the full battery."""
+    model = battery.thevenin or battery.rc
+    curve_V = model.ocv.voltage_V if model else (-np.inf, np.inf)
+    if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
+        return log
+    text = (
+        f"its usual voltage, {usual_V:.4g} V, contradicts the battery file, {curve_V[0]:.4g} V (empty) to "
+        f"{curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
+    )
     return log.with_notes(Note(text, "warning"))
 
 

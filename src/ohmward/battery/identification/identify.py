@@ -24,6 +24,7 @@ from ohmward.battery.identification.confidence import confidence_intervals, not_
 from ohmward.battery.identification.edges import edge_notes
 from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, usual_efficiency
 from ohmward.battery.identification.fit_samples import FitSamples, thin
+from ohmward.battery.identification.label_check import label_notes
 from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.log_details import LogDetails, details_of, log_fit
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
@@ -158,6 +159,7 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
     first = find_first_ocv(records, settings)
     axes = tuple(_axis(r, settings, first) for r in first.fitted)
     notes = (
+        *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
         *(note for r in records for note in r.charge.notes),
         *first.notes,
         *(note for axis in axes for note in axis.notes),
@@ -183,6 +185,7 @@ def _prepare_on_a_line(
     line, record, _ = rc_of_records(records, axes, settings.capacity_Ah, None)
     text = f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}"
     notes = (
+        *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
         *(note for r in records for note in r.charge.notes),
         *(note for axis in axes for note in axis.notes),
         Note(text, "warning"),

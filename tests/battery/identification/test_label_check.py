@@ -1,0 +1,35 @@
+"""Chemistry and number of cells against the voltage of the logs."""
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import CHEMISTRIES, start_model
+from ohmward.battery.identification.label_check import label_notes
+
+
+@pytest.mark.parametrize("name", CHEMISTRIES)
+@pytest.mark.parametrize("n_series", [1, 4])
+def test_a_true_label_is_not_remarked(name, n_series):
+    """At any state of charge, and while a charger holds it a little above full."""
+    ocv = start_model(name, 2.0, n_series).ocv
+    for voltage_V in (*ocv.mean_V(np.linspace(0.0, 1.0, 11), 25.0), 1.05 * ocv.voltage_V[-1]):
+        assert label_notes(np.full(9, voltage_V), name, n_series) == ()
+
+
+@pytest.mark.parametrize(
+    ("voltage_V", "name", "n_series", "advice"),
+    [
+        (11.2, "nmc", 1, "is 11.2 V a cell with n_series = 1, but cells of nmc have 3 to 4.19 V; 3 or 4 would fit"),
+        (3.75, "lead-acid", 1, "; 2 would fit"),
+        (2.05, "nmc", 1, "; is the chemistry another one?"),
+        (15.5, "lfp", 4, "; 5 or 6 would fit"),
+    ],
+)
+def test_a_contradiction_is_named_with_what_would_fit(voltage_V, name, n_series, advice):
+    (note,) = label_notes(np.array([voltage_V, np.nan, voltage_V]), name, n_series)
+    assert note.level == "warning"
+    assert advice in note.text
+
+
+def test_without_a_chemistry_nothing_is_said():
+    assert label_notes(np.full(9, 50.0), "", 1) == ()
