@@ -20,8 +20,10 @@ VERSION = 2
 _ADVICE = "start a new estimator from the first sample instead"
 
 
-def take(estimator: Any, state: Any, time_s: float) -> dict[str, Any]:
+def take(estimator: Any, state: Any, time_s: float, **more: Any) -> dict[str, Any]:
     """Snapshot of the state after the sample at `time_s`, as a dict that `json.dumps` writes; NaN becomes None.
+
+    more: further content that `resume` leaves to its reader, ready for JSON.
 
     Raises:
         InputError: `state` is None, there is none before the first sample.
@@ -35,6 +37,7 @@ def take(estimator: Any, state: Any, time_s: float) -> dict[str, Any]:
             "estimator": identity(estimator),
             "time_s": to_json(time_s),
             "state": dict(zip(scalar_names(structure), map(to_json, values), strict=True)),
+            **more,
         }
     )
 

@@ -45,7 +45,8 @@ def test_a_flat_curve_promises_less_than_a_steep_one():
 
 
 def test_a_better_sensor_is_worth_more_where_the_sensor_is_bad():
-    bad = replace(LFP_KNOWN, sensor=CurrentSensor(0.05, offset_std_A=1.0, offset_walk_A=0.05, gain_std=0.02))
+    sensor = CurrentSensor(0.05, offset_std_A=1.0, offset_walk_A=0.05, gain_std=0.02)
+    bad = replace(LFP, noise=replace(CURVE, capacity_std=0.01), sensor=sensor)
     first = forecasts_after_tests(bad, [25.0])[0]
     assert first.test in ("with a better current sensor", "with a declared rest current")
     assert first.bands[0].known_start < forecast(bad, [25.0])[0].known_start

@@ -10,7 +10,8 @@ import pytest
 from battery.examples import LFP, NMC, drive, samples, simulate
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
-from ohmward.battery.soc.causes import ChargeHistory, time_in_words, within
+from ohmward.battery.soc.causes import time_in_words, within
+from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.explanation import explain, known_sentence
 from ohmward.battery.soc.sample import SocEstimate
@@ -18,6 +19,7 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
+from ohmward.trace.snapshot import take
 
 STEPS = 3600
 #: A battery file that doubts everything, and a sensor to match.
@@ -120,7 +122,7 @@ def test_an_unknown_charge_on_a_plateau_is_said_with_its_reasons_and_the_remedy(
     assert not found.known
     bounds = f"SoC between {100 * found.low:.0f} and {100 * found.high:.0f} %: flat part of the curve, "
     assert found.sentence.startswith(bounds)
-    assert "not charged fully in the 10 minutes of the log" in found.sentence
+    assert "not charged fully since the start 10 minutes ago" in found.sentence
     assert "; a full charge would " in found.sentence
     assert found.low <= 0.55 <= found.high
 
@@ -143,24 +145,49 @@ def test_a_full_charge_settles_what_it_was_said_to_settle():
 
 def test_the_time_since_the_last_full_charge_is_that_of_the_log():
     columns = columns_of(LFP, 1.0, 7200)
-    found = run(settings_of(LFP), columns, 1.0, 0.005)
-    since_s = found.history().since_full_s
+    since_s = run(settings_of(LFP), columns, 1.0, 0.005).history.since_full_s
     assert since_s is not None
     truth = simulate(LFP, columns.current_A, 1.0).soc
     assert truth[int(7200 - since_s) - 1] == pytest.approx(0.95, abs=0.02)
-    unanchored = run(settings_of(LFP), columns_of(LFP, 0.5), 0.5).history()
+    unanchored = run(settings_of(LFP), columns_of(LFP, 0.5), 0.5).history
     assert unanchored[:3] == (None, STEPS - 1.0, None)
     assert unanchored.anchor is not None and unanchored.anchor.soc == pytest.approx(0.5, abs=0.03)
 
 
-def test_live_it_says_the_same_without_the_log():
-    columns = columns_of(LFP, 0.55, 600)
-    estimator = SocEstimator(settings_of(LFP), lowering="python")
-    whole = estimator.run(log_of(columns)).explain()
-    live = estimator.explain()
-    assert live.causes[0].points == whole.causes[0].points
-    assert (live.low, live.high) == (whole.low, whole.high)
-    assert "log" not in live.sentence
+@pytest.mark.parametrize("soc", [0.55, 1.0])
+def test_live_it_remembers_what_the_log_shows_also_over_a_restart(soc):
+    log = log_of(columns_of(LFP, soc, 600))
+    initial_soc, std = (None, 0.03) if soc < 1 else (1.0, 0.005)
+    whole = SocEstimator(settings_of(LFP), initial_soc, std, lowering="python")
+    said = whole.run(log).explain()
+    live = SocEstimator(settings_of(LFP), initial_soc, std, lowering="python")
+    for k, (time_s, current_A, voltage_V) in enumerate(zip(log.time_s, log.current_A, log.voltage_V, strict=True)):
+        if k == 400:
+            live = SocEstimator.restore(live.settings, json.loads(json.dumps(live.snapshot())), lowering="python")
+        live.update(float(time_s), float(current_A), float(voltage_V))
+    assert live.memory == pytest.approx(whole.memory, nan_ok=True)
+    assert str(live.explain()) == str(said)
+    assert live.explain().causes == said.causes
+
+
+def test_a_run_that_goes_on_remembers_the_log_before():
+    columns = columns_of(LFP, 1.0, 7200)
+    log = log_of(columns)
+    estimator = SocEstimator(settings_of(LFP), 1.0, 0.005, lowering="python")
+    estimator.run(log.select(slice(0, 7000)))
+    later = estimator.run(log.select(slice(7000, None))).history
+    assert later == run(settings_of(LFP), columns, 1.0, 0.005).history
+
+
+def test_a_snapshot_without_a_memory_goes_on_without_it():
+    estimator = SocEstimator(settings_of(LFP), 0.5, lowering="python")
+    estimator.run(log_of(columns_of(LFP, 0.5, 100)))
+    old = take(estimator.settings, estimator.state, estimator.time_s)
+    again = SocEstimator.restore(estimator.settings, old, lowering="python")
+    again.update(200.0, -0.5, 3.3)
+    assert again.memory.start_s == 200.0
+    with pytest.raises(InputError, match="snapshot memory must be"):
+        SocEstimator.restore(estimator.settings, take(estimator.settings, estimator.state, 0.0, memory=3))
 
 
 def test_a_missing_current_is_the_reason():
@@ -177,7 +204,7 @@ def test_a_contradiction_is_the_reason_until_the_next_full_charge():
         settings_of(NMC), columns._replace(voltage_V=columns.voltage_V + np.linspace(0.0, 2.0, 1200)), 0.9, 1e-3
     )
     assert "diverged" in found.counts()
-    since_s = found.history().since_diverged_s
+    since_s = found.history.since_diverged_s
     assert since_s is not None and since_s < 1200
     assert "the voltage contradicted the estimate" in " ".join(c.text for c in found.explain().causes)
 

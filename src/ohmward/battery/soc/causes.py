@@ -16,6 +16,7 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedState
+from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.battery.soc.variance_budget import VariancePart, variance_budget
 from ohmward.filters.belief import Belief, unpack
@@ -31,29 +32,6 @@ _MISSING_S = 60.0
 
 #: Share of the variance from which a cause is a reason to name, and how many reasons a sentence has at most.
 _MAIN_SHARE, _MOST_REASONS = 0.2, 3
-
-
-class CountingStart(NamedTuple):
-    """Moment from which charge is counted: its time ago [s], SoC and standard deviation there."""
-
-    since_s: float
-    soc: float
-    std: float
-
-
-class ChargeHistory(NamedTuple):
-    """Time since events that anchor SoC [s]; None where nobody remembers.
-
-    since_full_s: since the battery was certainly full.
-    recorded_s: since the log began.
-    since_diverged_s: since the voltage contradicted the estimate for so long that SoC was declared unknown.
-    anchor: the last of these.
-    """
-
-    since_full_s: float | None = None
-    recorded_s: float | None = None
-    since_diverged_s: float | None = None
-    anchor: CountingStart | None = None
 
 
 class Cause(NamedTuple):
@@ -85,7 +63,6 @@ class Conditions(NamedTuple):
     overpotential_share: relative error of the overpotential at the present SoC, at the temperature of the test.
     unsettled_V: standard deviation that even a long rest leaves in the voltage.
     unknown_s: time for which the current has been missing.
-    counted_s: time over which charge has been counted since the voltage last showed it.
     """
 
     settings: TheveninFilter
@@ -98,7 +75,6 @@ class Conditions(NamedTuple):
     overpotential_share: float
     unsettled_V: float
     unknown_s: float
-    counted_s: float
 
 
 class Wording(NamedTuple):
@@ -201,7 +177,8 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
-    error_V = voltage_errors(settings, x, u, slope_V, now_V)
+    slopes_V = axis_errors(settings, belief, slope_V)
+    error_V = slopes_V | voltage_errors(settings, x, u, now_V)
     hysteresis_V = std["hysteresis"] * float(settings.model.ocv.hysteresis_at(x.circuit[SOC]))
     return Conditions(
         settings,
@@ -210,36 +187,33 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         u.temperature_degC,
         slope_V,
         error_V,
-        voltage_errors(settings, x, u, slope_V, usual_V),
+        slopes_V | voltage_errors(settings, x, u, usual_V),
         float(settings.noise.overpotential_share_at(x.circuit[SOC])),
         float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V])),
         float(state.unknown_s),
-        counted_s(settings, belief),
     )
 
 
-def voltage_errors(
-    settings: TheveninFilter, x: AugmentedState, u: CircuitInput, slope_V: float, over_V: float
-) -> dict[str, float]:
-    """Standard deviations [V] of the errors that the state `model_error` stands for, at an overpotential over_V [V]."""
+def axis_errors(settings: TheveninFilter, belief: Belief, slope_V: float) -> dict[str, float]:
+    """Standard deviations [V] of the errors of the SoC axis: that of the file, and what a lost capacity has moved."""
+    axis = settings.noise.soc_axis_std
+    moved = math.sqrt(max(float(settings.system.axis_variance(belief)) - axis**2, 0.0))
+    return {"axis": axis * slope_V, "capacity": moved * slope_V}
+
+
+def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput, over_V: float) -> dict[str, float]:
+    """Standard deviations [V] of all other errors behind the state `model_error`, at an overpotential over_V [V]."""
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
     at_test, here = float(noise.overpotential_share_at(soc)), float(settings.system.overpotential_share(soc, u))
+    elsewhere_V = math.sqrt(max(here**2 - at_test**2, 0.0)) * over_V
+    tested = noise.activation_std_K == 0.0  # then the cold alone is to blame, not what nobody knows of it
     return {
         "curve": float(noise.model_std_at(soc)),
-        "axis": noise.soc_axis_std * slope_V,
-        "overpotential": at_test * over_V,
-        "activation": math.sqrt(max(here**2 - at_test**2, 0.0)) * over_V,
+        "overpotential": math.hypot(at_test * over_V, elsewhere_V if tested else 0.0),
+        "activation": 0.0 if tested else elsewhere_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
     }
-
-
-def counted_s(settings: TheveninFilter, belief: Belief) -> float:
-    """Time [s] over which an offset of the current sensor has gone into SoC: -Q dsoc/doffset, 0 where it has not."""
-    offset = settings.system.offset_index
-    variance = belief.cov[offset, offset]
-    sensitivity = belief.cov[SOC, offset] / variance if variance > 0.0 else 0.0
-    return max(-float(sensitivity) * settings.model.capacity_As, 0.0)
 
 
 def voltage_limited_share(now: Conditions, belief: Belief) -> float:
@@ -305,10 +279,8 @@ def _history(now: Conditions) -> str:
         return f"the voltage contradicted the estimate {time_in_words(diverged_s)} ago"
     if now.history.since_full_s is not None:
         return f"not charged fully for {time_in_words(now.history.since_full_s)}"
-    if now.history.recorded_s is not None:
-        return f"not charged fully in the {time_in_words(now.history.recorded_s)} of the log"
-    if now.counted_s > _MISSING_S:
-        return f"charge counted for {time_in_words(now.counted_s)} since the voltage last showed it"
+    if now.history.since_start_s is not None:
+        return f"not charged fully since the start {time_in_words(now.history.since_start_s)} ago"
     return "start not known better"
 
 

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.soc.causes import ChargeHistory, CountingStart
+from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
-from ohmward.filters.consistency import BAND_95
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
+from ohmward.trace.snapshot import take
 
-#: The battery has certainly been full where SoC stood this close to 1, with a 95 % band no wider than that.
-FULL_WITHIN = 0.05
+_NO_MEMORY = ChargeMemory()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,43 +32,20 @@ class SocRun(Run[SocEstimate]):
 
     Attributes:
         settings, kernel, end: the estimator, its compiled step, and its state after the log.
+        history: time since events that anchor SoC, before the log too where the estimator went on.
     """
 
     settings: Any
     kernel: Kernel
     end: Any
+    history: ChargeHistory
 
     flag_type = SocFlag
 
     def explain(self) -> Explanation:
         """The state of charge at the end of the log in one sentence, and the causes of its band."""
         last = SocEstimate(*(float(column[-1]) for column in self.estimates))
-        return explain(self.settings, self.kernel, self.end, last, self.history())
-
-    def history(self) -> ChargeHistory:
-        """Time since the battery was certainly full, since the log began, and since SoC was declared unknown."""
-        half = BAND_95 * self.estimates.soc_std
-        full = (self.estimates.soc >= 1.0 - FULL_WITHIN) & (half <= FULL_WITHIN)
-        diverged = (self.flags & SocFlag.DIVERGED) > 0
-        first = max(_last(full), _last(diverged), 0)
-        anchor = CountingStart(
-            self._since(first), float(self.estimates.soc[first]), float(self.estimates.soc_std[first])
-        )
-        return ChargeHistory(
-            self._since(_last(full)) if full.any() else None,
-            self._since(0),
-            self._since(_last(diverged)) if diverged.any() else None,
-            anchor,
-        )
-
-    def _since(self, sample: int) -> float:
-        """Time [s] from a sample to the end of the log."""
-        return float(self.time_s[-1] - self.time_s[sample])
-
-
-def _last(happened: np.ndarray) -> int:
-    """Index of the last sample at which something happened, (T,) along the log; -1 if it never did."""
-    return len(happened) - 1 - int(np.argmax(happened[::-1])) if happened.any() else -1
+        return explain(self.settings, self.kernel, self.end, last, self.history)
 
 
 class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
@@ -104,6 +81,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
         self.title = _title(battery, filter)
+        self.memory = _NO_MEMORY
 
     def update(
         self,
@@ -129,7 +107,10 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         before_s = self.time_s
         dt_s = 0.0 if self._state is None else time_s - before_s
         clock_s = time_s if before_s <= time_s < math.inf else self._clock(time_s)
-        return self._advance((dt_s, current_A, voltage_V, temperature_degC), clock_s)
+        estimate = self._advance((dt_s, current_A, voltage_V, temperature_degC), clock_s)
+        if estimate[0] >= 1.0 - FULL_WITHIN or estimate[-1] is not self._no_flags or self.memory is _NO_MEMORY:
+            self.memory = self.memory.after(clock_s, estimate)
+        return estimate
 
     def run(self, log: Log, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
@@ -139,7 +120,9 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         samples = samples_of(log, self.time_s)
         first = SocSample(*(float(column[0]) for column in samples))
         estimates, seconds = self._scan(samples, first, float(log.time_s[-1]), progress)
-        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state)
+        self.memory = self.memory.after_log(log.time_s, estimates)
+        history = self.memory.history(self.time_s)
+        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state, history)
 
     def explain(self) -> Explanation:
         """The state of charge in one sentence, the causes of its band, and what would settle it; takes some 50 ms.
@@ -149,7 +132,19 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """
         if self.last is None:
             raise InputError("explain needs an estimate: give update() a sample first")
-        return explain(self.settings, self.kernel, self.state, self.last, ChargeHistory())
+        return explain(self.settings, self.kernel, self.state, self.last, self.memory.history(self.time_s))
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state and the memory as a dict for JSON, see `LiveEstimator.snapshot`."""
+        return take(self.settings, self.state, self.time_s, memory=self.memory.to_json())
+
+    @classmethod
+    def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
+        """The estimator that goes on from a snapshot, see `LiveEstimator.restore`; one without a memory begins one."""
+        estimator = super().restore(settings, snapshot, **options)
+        if "memory" in snapshot:
+            estimator.memory = ChargeMemory.of_json(snapshot["memory"])
+        return estimator
 
     def init(self, first: SocSample) -> Any:
         """State before the first sample."""

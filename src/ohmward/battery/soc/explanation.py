@@ -9,12 +9,12 @@ from ohmward.battery.soc.causes import (
     KNOWN_HALF_WIDTH,
     TESTED,
     Cause,
-    ChargeHistory,
     causes_of,
     conditions,
     reasons,
     time_in_words,
 )
+from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.rehearsal import STEP_S, std_after_full_charge, std_along_rest
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter

@@ -1,0 +1,104 @@
+"""Memory of an estimator for people: when the battery was last certainly full, and from where charge is counted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
+from ohmward.trace.snapshot import from_json, to_json
+
+#: The battery has certainly been full where SoC stood this close to 1, with a 95 % band no wider than that.
+FULL_WITHIN = 0.05
+
+
+class CountingStart(NamedTuple):
+    """Moment from which charge is counted: its time ago [s], SoC and standard deviation there."""
+
+    since_s: float
+    soc: float
+    std: float
+
+
+class ChargeHistory(NamedTuple):
+    """Time since events that anchor SoC [s]; None where there was none.
+
+    since_full_s: since the battery was certainly full.
+    since_start_s: since the estimate began.
+    since_diverged_s: since the voltage contradicted the estimate for so long that SoC was declared unknown.
+    anchor: the last of these.
+    """
+
+    since_full_s: float | None = None
+    since_start_s: float | None = None
+    since_diverged_s: float | None = None
+    anchor: CountingStart | None = None
+
+
+class ChargeMemory(NamedTuple):
+    """Times of these events [s], nan where there was none, with SoC and its standard deviation at the last of them."""
+
+    start_s: float = math.nan
+    full_s: float = math.nan
+    diverged_s: float = math.nan
+    anchor_s: float = math.nan
+    soc: float = math.nan
+    std: float = math.nan
+
+    @classmethod
+    def of_json(cls, memory: Any) -> Self:
+        """The memory in a snapshot.
+
+        Raises:
+            InputError: something else than a memory.
+        """
+        if not isinstance(memory, Mapping):
+            raise InputError(f"snapshot memory must be that of snapshot(), got {memory!r:.80}; leave the key out")
+        return cls(**{name: from_json(name, memory.get(name)) for name in cls._fields})
+
+    def to_json(self) -> dict[str, float | None]:
+        """The memory for a snapshot."""
+        return {name: to_json(value) for name, value in self._asdict().items()}
+
+    def after(self, time_s: float, estimate: SocEstimate) -> ChargeMemory:
+        """The memory after an estimate."""
+        soc, std = float(estimate.soc), float(estimate.soc_std)
+        here = self._replace(anchor_s=time_s, soc=soc, std=std)
+        if is_full(soc, std):
+            return here._replace(full_s=time_s, start_s=time_s if math.isnan(self.start_s) else self.start_s)
+        if math.isnan(self.start_s):
+            return here._replace(start_s=time_s)
+        return here._replace(diverged_s=time_s) if int(estimate.flags) & SocFlag.DIVERGED else self
+
+    def after_log(self, time_s: np.ndarray, estimates: SocEstimate) -> ChargeMemory:
+        """The memory after estimates (T,) along a log."""
+        full = is_full(estimates.soc, estimates.soc_std)
+        diverged = (estimates.flags.astype(int) & SocFlag.DIVERGED) > 0
+        memory = self
+        for happened in (np.arange(len(full)) == 0, full, diverged):
+            if happened.any():
+                last = len(full) - 1 - int(np.argmax(happened[::-1]))
+                row = SocEstimate(*(float(column[last]) for column in estimates))
+                at_s = float(time_s[last])
+                memory = memory.after(at_s, row) if not at_s < memory.anchor_s else memory._replace(diverged_s=at_s)
+        return memory
+
+    def history(self, now_s: float) -> ChargeHistory:
+        """Times since the events."""
+        full, start, diverged, anchor = (
+            None if math.isnan(event_s) else max(now_s - event_s, 0.0)
+            for event_s in (self.full_s, self.start_s, self.diverged_s, self.anchor_s)
+        )
+        return ChargeHistory(
+            full, start, diverged, None if anchor is None else CountingStart(anchor, self.soc, self.std)
+        )
+
+
+def is_full(soc: Any, std: Any) -> Any:
+    """True where the battery is certainly full."""
+    return (soc >= 1.0 - FULL_WITHIN) & (std * BAND_95 <= FULL_WITHIN)
