@@ -60,6 +60,12 @@ def test_the_slow_acid_is_found_in_a_pulse_test(battery):
     assert ocv_error_V(battery) < 0.05
 
 
+def test_the_axis_is_not_looked_up_on_the_curve_of_its_own_rests(battery):
+    (axis,) = [note for note in battery.identification.notes if "SoC starts at" in note]
+    assert "SoC starts at 1.000" in axis
+    assert "highest charge of a full sweep" in axis
+
+
 @pytest.mark.slow
 def test_gas_in_a_low_rate_charge_is_not_taken_for_open_circuit_voltage(pulses, bench):
     """Near full the charge of this battery lies 1 V above its open-circuit voltage."""

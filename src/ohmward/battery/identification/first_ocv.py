@@ -99,7 +99,7 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
     try:
         return FirstOcv(_ocv_from_rests(records, settings), "rests", tuple(records))
     except InputError:
-        if not settings.chemistry or not all(_known(record, settings) for record in records):
+        if not settings.chemistry or not all(known_without_curve(record, settings) for record in records):
             raise
     return _usual_ocv(records, settings)
 
@@ -123,7 +123,7 @@ def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings)
         try:
             axis = anchor_soc(record, settings.capacity_Ah, None, given, usual_efficiency(settings))
         except InputError as refusal:
-            if _known(record, settings):
+            if known_without_curve(record, settings):
                 raise
             first_refusal = first_refusal or refusal
             continue
@@ -134,7 +134,7 @@ def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings)
     return ocv_from_rests(points, lowest_V, reference_degC(records))
 
 
-def _known(record: Record, settings: IdentificationSettings) -> bool:
+def known_without_curve(record: Record, settings: IdentificationSettings) -> bool:
     """True where the record's state of charge is known without a curve."""
     try:
         find_anchors(record, settings.capacity_Ah, None, settings.initial_soc.get(record.log.name))

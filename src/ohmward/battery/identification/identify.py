@@ -22,7 +22,7 @@ from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import edge_notes
-from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, usual_efficiency
+from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, known_without_curve, usual_efficiency
 from ohmward.battery.identification.fit_samples import FitSamples, thin
 from ohmward.battery.identification.label_check import label_notes
 from ohmward.battery.identification.load_temperature import load_temperature
@@ -194,8 +194,11 @@ def _prepare_on_a_line(
 
 
 def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
+    """The axis of a record; one whose own rests made the curve learns nothing more about itself from that curve."""
     start, efficiency = settings.initial_soc.get(record.log.name), usual_efficiency(settings)
     curve, axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
+    if first and first.source == "rests" and known_without_curve(record, settings):
+        curve = None
     return anchor_soc(record, settings.capacity_Ah, curve, start, efficiency, axis_std)
 
 
