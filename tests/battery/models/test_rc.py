@@ -188,3 +188,11 @@ def test_traced_step_is_the_step():
     x = np.array([12.5, 12.4, 12.6])
     kernel = Kernel(step, x, 1.0, 1.0)
     np.testing.assert_allclose(kernel(x, -3.0, 0.8), step(x, -3.0, 0.8), rtol=0, atol=1e-13)
+
+
+def test_resistances_may_fall_towards_the_cold_as_a_fit_may_find_them():
+    model = replace(model_of(UNEVEN), activation_K=-200.0)
+    cold, warm = (model.circuit_at(model.ocv.reference_degC + K).r_bulk_ohm for K in (-20.0, 20.0))
+    assert cold < UNEVEN.r_bulk_ohm < warm
+    with pytest.raises(InputError, match=r"rc.activation_K must be"):
+        replace(model, activation_K=np.nan)

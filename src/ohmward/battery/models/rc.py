@@ -28,7 +28,7 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_between, require_each_positive
+from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
@@ -82,7 +82,7 @@ class RcModel:
 
     def __post_init__(self) -> None:
         require_each_positive("rc.", self, *Circuit._fields, "capacity_Ah")
-        require_between("rc.activation_K", self.activation_K, 0.0, float("inf"))
+        require_finite("rc.activation_K", self.activation_K)
         if self.r_surface_ohm * self.c_surface_F > self.r_bulk_ohm * self.c_bulk_F:
             raise InputError(
                 f"rc: the surface must follow faster than the bulk, r_surface_ohm * c_surface_F <= r_bulk_ohm * "
