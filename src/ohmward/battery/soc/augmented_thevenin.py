@@ -70,11 +70,11 @@ UNEVEN_ACTIVATION = 0.5
 
 #: Below this SoC the surface of a cold cell runs empty under load: the share grows with the coldness [K].
 #: NCA at 0 degC shows 2 to 3 times the overpotential at 10 % that tests at SoC 0.2 and above tell.
-LOW_SOC, LOW_SOC_ACTIVATION_K = 0.25, 3000.0
+LOW_SOC, LOW_SOC_ACTIVATION_K = 0.35, 8000.0
 
 #: Error of the SoC axis per loss of capacity: an aged cell has not its first curve over another capacity, its
 #: electrodes have slipped against each other.
-AXIS_ERROR_PER_LOSS = 0.15
+AXIS_ERROR_PER_LOSS = 0.5
 
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
@@ -268,7 +268,7 @@ class AugmentedThevenin:
         slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
         curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
-        uncertain_V2 = self.axis_variance(prior) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
+        uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
         ocv_V = noise.ocv_std_V_per_K * (u.temperature_degC - self.model.ocv.reference_degC)
@@ -293,11 +293,10 @@ class AugmentedThevenin:
         empty = LOW_SOC_ACTIVATION_K * maximum(cold, 0.0) * maximum(0.0, 1 - soc * (1 / LOW_SOC))
         return np.sqrt(base**2 + uneven * uneven + empty * empty)
 
-    def axis_variance(self, prior: Belief) -> Scalar:
+    def axis_variance(self, state: AugmentedState) -> Scalar:
         """Variance of the SoC axis of the curve: that of the file, and what a loss of capacity adds."""
-        gain = self.state_names.index("charge_gain")
-        loss = prior.mean[gain] - 1.0
-        return self.noise.soc_axis_std**2 + AXIS_ERROR_PER_LOSS**2 * (loss * loss + prior.cov[gain, gain])
+        loss = AXIS_ERROR_PER_LOSS * (state.charge_gain - 1.0)
+        return self.noise.soc_axis_std**2 + loss * loss
 
     def total_ohm(self, state: AugmentedState, u: CircuitInput) -> Scalar:
         """Resistance to a steady current [ohm] in this state."""

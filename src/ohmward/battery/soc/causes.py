@@ -177,7 +177,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
-    slopes_V = axis_errors(settings, belief, slope_V)
+    slopes_V = axis_errors(settings, x, slope_V)
     error_V = slopes_V | voltage_errors(settings, x, u, now_V)
     hysteresis_V = std["hysteresis"] * float(settings.model.ocv.hysteresis_at(x.circuit[SOC]))
     return Conditions(
@@ -194,10 +194,10 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     )
 
 
-def axis_errors(settings: TheveninFilter, belief: Belief, slope_V: float) -> dict[str, float]:
+def axis_errors(settings: TheveninFilter, x: AugmentedState, slope_V: float) -> dict[str, float]:
     """Standard deviations [V] of the errors of the SoC axis: that of the file, and what a lost capacity has moved."""
     axis = settings.noise.soc_axis_std
-    moved = math.sqrt(max(float(settings.system.axis_variance(belief)) - axis**2, 0.0))
+    moved = math.sqrt(max(float(settings.system.axis_variance(x)) - axis**2, 0.0))
     return {"axis": axis * slope_V, "capacity": moved * slope_V}
 
 
