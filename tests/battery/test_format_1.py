@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from ohmward.battery.chemistries import chemistry_prior, start_noise
+from ohmward.battery.chemistries import AGED_CAPACITY_STD, AGED_RESISTANCE_STD, chemistry_prior, start_noise
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import forecast
@@ -110,6 +110,9 @@ def test_what_it_lacks_comes_from_the_chemistry_and_is_said():
     assert battery.thevenin.pair_activation_K == prior.pair_activation_K.mean
     assert battery.noise.activation_std_K == prior.activation_std_K
     assert battery.noise.ocv_std_V_per_K == pytest.approx(prior.ocv_std_V_per_K * 13.1 / 3.7, rel=0.03)
+    assert battery.noise.model_std_V[0] == pytest.approx((0.0275142**2 + (0.01 * 13.1 / 3.7) ** 2) ** 0.5, rel=0.03)
+    assert battery.noise.capacity_std == AGED_CAPACITY_STD
+    assert battery.noise.resistance_std == AGED_RESISTANCE_STD
     said = " ".join(battery.not_identified)
     for word in ("hysteresis: needs", "activation: this file", "open-circuit voltage against", "[sensor]", "lfp cells"):
         assert word in said
@@ -166,7 +169,7 @@ def test_in_the_cold_an_old_file_is_no_longer_sure():
     warm, cold = forecast(loaded, [20.3, -10.0])
     sure_warm, sure_cold = forecast(sure, [20.3, -10.0])
     assert warm.known_start == pytest.approx(sure_warm.known_start, rel=0.02)
-    assert cold.known_start > 1.2 * sure_cold.known_start
+    assert cold.known_start > 1.1 * sure_cold.known_start
 
 
 def test_start_values_of_format_1_are_doubted_as_much_as_those_of_today():

@@ -11,7 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.chemistries import CELL_V, CHEMISTRIES, ChemistryPrior, chemistry_prior, start_noise
+from ohmward.battery.chemistries import (
+    AGED_CAPACITY_STD,
+    AGED_RESISTANCE_STD,
+    CELL_V,
+    CHEMISTRIES,
+    ChemistryPrior,
+    chemistry_prior,
+    start_noise,
+)
+from ohmward.battery.models.noise import BatteryNoise
 
 #: Keys of [sensor] by those that [noise] and [rc_noise] had for them.
 _SENSOR_KEYS = {
@@ -32,6 +41,8 @@ def from_format_1(table: dict[str, Any]) -> dict[str, Any]:
         *_take_sensor(table),
         *_take_activation(table, prior, kind),
         *_take_ocv_temperature(table, prior, kind),
+        *_take_hysteresis(table, prior, kind),
+        *_doubt_age(table),
         *_doubt_label(table, chemistry),
     ]
     if not isinstance(table.get("thevenin"), dict):
@@ -91,6 +102,41 @@ def _take_ocv_temperature(table: dict[str, Any], prior: ChemistryPrior, kind: st
         f"open-circuit voltage against temperature: a file of format 1 does not doubt it; +- {1e3 * std:.2g} mV/K was "
         f"taken, as usual for {kind}"
     ]
+
+
+def _take_hysteresis(table: dict[str, Any], prior: ChemistryPrior, kind: str) -> list[str]:
+    """Doubt the voltage by the usual hysteresis where the file has none."""
+    model, noise = table.get("thevenin"), table.get("noise")
+    curve = model.get("ocv") if isinstance(model, dict) else None
+    if not isinstance(curve, dict) or not isinstance(noise, dict) or not _are_numbers(curve.get("voltage_V")):
+        return []
+    measured = curve.get("hysteresis_V")
+    known_V = noise.get("model_std_V", list(BatteryNoise().model_std_V))
+    error_V = prior.hysteresis_V * float(np.mean(curve["voltage_V"])) / CELL_V
+    if (measured and _are_numbers(measured) and any(measured)) or not _are_numbers(known_V) or not error_V:
+        return []
+    table["noise"] = noise | {"model_std_V": np.hypot(known_V, error_V).tolist()}
+    return [
+        f"hysteresis: an error of the voltage of {1e3 * error_V:.2g} mV was taken in its place, as usual for {kind}"
+    ]
+
+
+def _doubt_age(table: dict[str, Any]) -> list[str]:
+    """Doubt capacity and resistance of a battery that has aged since its test."""
+    noise = table.get("noise")
+    least = {"capacity_std": AGED_CAPACITY_STD, "resistance_std": AGED_RESISTANCE_STD}
+    if not isinstance(noise, dict) or not _are_numbers([noise.get(key, 0.0) for key in least]):
+        return []
+    table["noise"] = noise | {key: max(noise.get(key, 0.0), std) for key, std in least.items()}
+    return [
+        f"age: a file of format 1 took the battery as it was tested; its capacity is now doubted by "
+        f"{AGED_CAPACITY_STD:.0%}, its resistance by {AGED_RESISTANCE_STD:.0%} (1 sigma)"
+    ]
+
+
+def _are_numbers(values: Any) -> bool:
+    """True for a list of numbers."""
+    return isinstance(values, list) and all(isinstance(value, int | float) for value in values)
 
 
 def _doubt_label(table: dict[str, Any], chemistry: str) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ohmward.battery.chemistries import AGED_CAPACITY_STD, AGED_RESISTANCE_STD
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
 from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import (
@@ -29,10 +30,6 @@ from ohmward.battery.models.thevenin import Thevenin
 
 #: Error of the SoC axis of the OCV curve.
 SOC_AXIS_STD = 0.01
-#: A file does not know how old its battery will get: relative error of the capacity, and error of the logarithm of the
-#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance; just tested, 0.02 and 0.1 hold.
-_CAPACITY_STD = 0.08
-_RESISTANCE_STD = 0.3
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
 #: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
@@ -89,8 +86,8 @@ def noise_from_fit(
             correlation_s(solution, samples),
             _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
         ),
-        capacity_std=_CAPACITY_STD,
-        resistance_std=_RESISTANCE_STD,
+        capacity_std=AGED_CAPACITY_STD,
+        resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
         ocv_std_V_per_K=ocv_std_V_per_K(problem),
         hysteresis_std=hysteresis_std(problem),
