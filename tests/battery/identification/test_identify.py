@@ -99,7 +99,8 @@ def test_low_rate_and_drive():
     (unseen,) = [s for s in battery.not_identified if s.startswith("resistances at SoC 0 to")]
     assert "taken from the shape of the low-rate branches" in unseen
     std_V = battery.noise.model_std_V
-    assert std_V[4] > 2 * std_V[-3]
+    # the drive has no rest that shows its lasting overpotential, so that it is known less where it went, too
+    assert std_V[4] > 1.4 * std_V[-3]
 
 
 def test_low_rate_alone_gives_the_curve_only():
