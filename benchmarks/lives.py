@@ -12,6 +12,8 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import lives_cases
 import lives_peers
@@ -52,8 +54,9 @@ the data, and both are told the same start. Met where the default's RMSE is no l
 
 def main() -> int:
     chosen = arguments(sys.argv[1:])
-    began = time.monotonic()
-    found = {part: of_part(part, began) for part in chosen.parts or all_parts()}
+    parts = chosen.parts or all_parts()
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        found = dict(zip(parts, pool.map(partial(of_part, began=time.monotonic()), parts), strict=True))
     skipped = [part for part, rows in found.items() if rows is None]
     rows = [row for part in found.values() for row in part or ()]
     if chosen.json:
@@ -70,6 +73,7 @@ def arguments(given: Sequence[str]) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description="Estimators over lives beyond the test bench.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(all_parts())}; all by default")
+    parser.add_argument("--jobs", type=int, default=2, help="parts at a time, each in a process; default %(default)s")
     parser.add_argument("--json", action="store_true", help="every row as JSON on standard output")
     chosen = parser.parse_args(given)
     if unknown := set(chosen.parts) - set(all_parts()):

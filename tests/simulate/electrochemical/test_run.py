@@ -4,9 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.optional import MissingPackageError
 from ohmward.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, simulate_cell
+from ohmward.simulate.electrochemical.run import _run
 from ohmward.simulate.profile import steps
 
 LFP = ElectrochemicalCell("Prada2013")
@@ -73,6 +74,24 @@ def test_protection_and_charger_keep_the_limits():
     assert -0.02 < truth.soc.min() < 0.05
     # the charger's current fades at its voltage limit, and the cell is full again
     assert truth.current_A[-1] < 0.1 and truth.soc[-1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_protection_opens_for_a_minute_where_the_equations_give_out():
+    def step(y, u):  # counts the charge, and has no solution below zero
+        after = ca.if_else(y > u[1] * u[0], y - u[1] * u[0], np.nan)
+        return after, ca.vertcat(u[1], after, u[2])
+
+    ca = pytest.importorskip("casadi")
+    y, u = ca.SX.sym("y"), ca.SX.sym("u", 3)
+    function = ca.Function("step", [y, u], list(step(y, u)))
+    demand_A = np.concatenate([np.full(15, 1.0), np.full(95, -0.5)])
+    inputs = np.vstack([np.ones(110), demand_A, np.full(110, 298.15)])
+    current_A, charge, _ = _run(function, np.array([10.5]), inputs)
+    # the step before the failure is the last that counts: nine seconds of discharge, a minute without, then the charge
+    assert list(current_A) == [1.0] * 9 + [0.0] * 60 + [-0.5] * 41
+    assert charge[-1] == pytest.approx(1.5 + 0.5 * 41)
+    with pytest.raises(OhmwardError, match="no solution"):
+        _run(function, np.array([-1.0]), inputs)
 
 
 @pytest.mark.slow

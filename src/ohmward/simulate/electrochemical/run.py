@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.checks import require_between
+from ohmward.errors import OhmwardError
 from ohmward.simulate.electrochemical.cell import LOW_RATE, ElectrochemicalCell
 from ohmward.simulate.plant import fine_times
 from ohmward.simulate.profile import Profile
@@ -17,6 +18,8 @@ from ohmward.simulate.profile import Profile
 _HOUR_S = 3600.0
 #: Longest step [s] in a rest or at constant current.
 _LONGEST_STEP_S = 10.0
+#: Time [s] for which protection opens.
+_OPEN_S = 60.0
 #: Step [s] of a discharge at low rate: 0.04 % of the capacity. Parameter sets hold up to this multiple of their label.
 _CAPACITY_STEP_S, _MOST_OF_NOMINAL = 30.0, 1.6
 #: The capacity is nearly linear in the lost shares: a few steps come this near, which is what a counted one shows.
@@ -40,7 +43,11 @@ class CellTruth(NamedTuple):
 def simulate_cell(cell: ElectrochemicalCell, profile: Profile, time_s: np.ndarray) -> CellTruth:
     """The truth at `time_s` (T,) under a load, from the full cell at rest at the first ambient temperature.
 
-    Protection and charger keep the voltage between the cell's limits, so the current may be less than the load asks.
+    Protection and charger keep the voltage between the cell's limits, so the current may be less than the load asks;
+    where the electrolyte of an empty cell gives out before its voltage falls, protection opens for a minute.
+
+    Raises:
+        OhmwardError: the equations have no solution even without current.
     """
     grid = _grid(profile, time_s)
     middle = 0.5 * (grid[1:] + grid[:-1])
@@ -49,7 +56,7 @@ def simulate_cell(cell: ElectrochemicalCell, profile: Profile, time_s: np.ndarra
     step, rest = cell.compiled
     inputs = np.vstack([np.diff(grid), -current, ambient])
     first = rest(float(profile.ambient_degC[0]) + KELVIN)
-    outputs = np.array(step.mapaccum(grid.size - 1)(first, inputs)[1])
+    outputs = _run(step, first, inputs)
     start = np.array([[0.0], [first[-1]], [profile.ambient_degC[0] + KELVIN]])
     current_A, voltage_V, kelvin = np.concatenate([start, outputs], axis=1)
     charge_Ah = np.concatenate([[0.0], np.cumsum(-current_A[1:] * np.diff(grid))]) / _HOUR_S
@@ -61,6 +68,24 @@ def simulate_cell(cell: ElectrochemicalCell, profile: Profile, time_s: np.ndarra
         kelvin[rows] - KELVIN,
         1.0 + charge_Ah[rows] / capacity_Ah(cell),
     )
+
+
+def _run(step: Any, state: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Outputs (3, n) of n steps from `state`; inputs (3, n) as in `stepper.step_function`."""
+    inputs, done = inputs.copy(), np.zeros((3, 0))
+    while (start := done.shape[1]) < inputs.shape[1]:
+        states, outputs = (np.array(part) for part in step.mapaccum(inputs.shape[1] - start)(state, inputs[:, start:]))
+        failed = ~np.isfinite(outputs).all(axis=0)
+        if not failed.any():
+            return np.concatenate([done, outputs], axis=1)
+        count = max(int(np.argmax(failed)) - 1, 0)
+        opened = start + count + np.flatnonzero(np.cumsum(inputs[0, start + count :]) <= _OPEN_S)
+        if not inputs[1, opened].any():
+            raise OhmwardError("the equations of the cell have no solution here: take a smaller load or shorter steps")
+        inputs[1, opened] = 0.0
+        done = np.concatenate([done, outputs[:, :count]], axis=1)
+        state = states[:, count - 1] if count else state
+    return done
 
 
 def _grid(profile: Profile, time_s: np.ndarray) -> np.ndarray:
