@@ -116,3 +116,25 @@ def test_the_first_voltage_says_less_where_the_resistance_is_in_doubt():
     expected_V = float(voltage(np.array([0.5, 0.0, 0.0, 0.0]), u, NMC)[0])
     sure, doubting = (initial_soc(expected_V, u, NMC, noise, settings.sensor) for noise in (TESTED, DOUBTED))
     assert doubting.std > 1.5 * sure.std
+
+
+def test_five_cycles_show_capacity_and_resistance_of_an_aged_battery():
+    """80 % of the capacity and 1.5 times the resistance, charged and discharged over nearly all of it, with rests."""
+
+    def times(row, factor=1.5):
+        return tuple(factor * r for r in row)
+
+    worn = replace(NMC, capacity_Ah=1.6, r0_discharge_ohm=times(NMC.r0_discharge_ohm))
+    worn = replace(worn, r0_charge_ohm=times(NMC.r0_charge_ohm), r_ohm=tuple(times(row) for row in NMC.r_ohm))
+    cycle = np.concatenate([np.full(6400, -0.8), np.zeros(600), np.full(6400, 0.8), np.zeros(600)])
+    truth = simulate(worn, np.tile(cycle, 5), 0.95)
+    noise = BatteryNoise(capacity_std=0.1, resistance_std=0.3)
+    columns = samples(truth, 0.0, noise)
+    settings = TheveninFilter(NMC, noise)
+    state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.95)
+    _, estimates = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0)).scan(state, columns)
+    assert estimates.soh_capacity[-1] == pytest.approx(0.8, rel=0.03)
+    assert estimates.resistance_ratio[-1] == pytest.approx(1.5, rel=0.1)
+    error = estimates.soc - truth.soc
+    assert np.sqrt(np.mean(error[-cycle.size :] ** 2)) < 0.01
+    assert np.mean(np.abs(error) < 1.96 * estimates.soc_std) > 0.9

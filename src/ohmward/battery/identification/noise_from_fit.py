@@ -28,8 +28,8 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 
-#: Error of the SoC axis of the OCV curve.
-SOC_AXIS_STD = 0.01
+#: Error of the SoC axis of the OCV curve where its anchors are sure: branches of measured cells agree so.
+SOC_AXIS_STD = 0.005
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
 #: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
