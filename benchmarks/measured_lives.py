@@ -1,6 +1,9 @@
 """Lives of measured cells, see `lives.py`: files from the tests that a user has, driven where those tests never were.
 
 Nothing is tuned per file; each battery is identified with the defaults, from the tests that its row names.
+
+[K] P. Kollmeyer et al., A blind modeling tool for standardized evaluation of battery state of charge estimation
+algorithms, IEEE Transportation Electrification Conference, 2022.
 """
 
 from __future__ import annotations
