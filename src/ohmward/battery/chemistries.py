@@ -30,6 +30,8 @@ _LABEL_RESISTANCE_STD = 0.8
 #: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance; just tested, 0.02 and 0.1 hold.
 AGED_CAPACITY_STD = 0.08
 AGED_RESISTANCE_STD = 0.3
+#: The same of a capacity that a low-rate test from full to empty has measured: its owner knows its age, and can again.
+MEASURED_CAPACITY_STD = 0.03
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.

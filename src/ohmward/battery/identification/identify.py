@@ -16,7 +16,13 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.battery import Provenance as Provenance
-from ohmward.battery.chemistries import CHEMISTRIES, start_model, start_noise
+from ohmward.battery.chemistries import (
+    AGED_CAPACITY_STD,
+    CHEMISTRIES,
+    MEASURED_CAPACITY_STD,
+    start_model,
+    start_noise,
+)
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem
@@ -229,6 +235,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
+    noise = replace(noise, capacity_std=_capacity_std(prepared))
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, Q, hysteresis),
@@ -317,6 +324,12 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         not_identified=(missing,) if prepared.first.both_directions else (missing, one_way),
     )
     return Identified(battery, prepared.branches, ocv)
+
+
+def _capacity_std(prepared: Preparation) -> float:
+    """Relative error of the capacity: less where a low-rate test from full to empty has measured it."""
+    measured = any(b.complete for b in prepared.branches)
+    return MEASURED_CAPACITY_STD if measured else AGED_CAPACITY_STD
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.chemistries import AGED_CAPACITY_STD, AGED_RESISTANCE_STD
+from ohmward.battery.chemistries import AGED_RESISTANCE_STD
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
 from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import (
@@ -86,7 +86,6 @@ def noise_from_fit(
             correlation_s(solution, samples),
             _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
         ),
-        capacity_std=AGED_CAPACITY_STD,
         resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
         ocv_std_V_per_K=ocv_std_V_per_K(problem),
