@@ -27,6 +27,8 @@ STORE = HERE.parent / "build" / "lives"
 START_DEPTH = 0.1
 #: A night's charge ends the day: what identification learns from everyday records is between two of these.
 _EVERYDAY = (DayPlan(22.0, 4.0, charged_fully=True), DayPlan(20.0, 4.0, load=1.2, charged_fully=True))
+#: Step [s] of a charger that counts; distance [V] of one cell from its cut-off at which a test ends.
+_CHARGER_S, _CUT_OFF_V = 10.0, 0.005
 #: Resistance of a cell that has kept this share of its capacity, over a new one's.
 RESISTANCE_AT = {1.0: 1.0, 0.9: 1.2, 0.8: 1.5}
 
@@ -95,13 +97,38 @@ def bench_log(cell: LifeCell, test: str, temperature_degC: float) -> Log:
     profile = make(capacity_of(cell.new), temperature_degC)
     times = bench_times(profile) if test == "pulses" else np.arange(0.0, profile.time_s[-1], 10.0)
     name = f"{test} {temperature_degC:g} degC"
-    return measured(truth_of(cell.new, profile, times, name), cell, name)
+    return measured(until_cut_off(truth_of(cell.new, profile, times, name), cell), cell, name)
+
+
+def within_full(profile: Profile, cell: LifeCell) -> Profile:
+    """The profile from full whose charger stops when the charge is back: the model of lead-acid makes no gas.
+
+    Cells of lithium are full at their voltage limit, and their profiles are left as they are.
+    """
+    if cell.chemistry != "lead-acid":
+        return profile
+    time_s = np.union1d(profile.time_s, np.arange(0.0, profile.time_s[-1], _CHARGER_S))
+    current_A, charge_As = np.interp(time_s, profile.time_s, profile.current_A), 0.0
+    for k, step_s in enumerate(np.diff(time_s), start=1):
+        if charge_As + 0.5 * (current_A[k - 1] + current_A[k]) * step_s > 0.0:
+            current_A[k] = 0.0
+        charge_As += 0.5 * (current_A[k - 1] + current_A[k]) * step_s
+    return Profile(time_s, current_A, np.interp(time_s, profile.time_s, profile.ambient_degC))
+
+
+def until_cut_off(truth: CellTruth, cell: LifeCell) -> CellTruth:
+    """The truth of a test to its first cut-off where the model of the empty cell is not to be trusted: lead-acid."""
+    low_V = cell.new.n_series * cell.new.limits.low_V
+    below = truth.voltage_V <= low_V + _CUT_OFF_V * cell.new.n_series
+    if cell.chemistry != "lead-acid" or not below.any():
+        return truth
+    return CellTruth(*(values[: np.argmax(below) + 1] for values in truth))
 
 
 def everyday_log(cell: LifeCell) -> Log:
     """Two working days of the new cell, from full to full."""
     profile = days(np.random.default_rng(2), capacity_of(cell.new), _EVERYDAY)
-    profile, _ = first_discharged(profile, capacity_of(cell.new), 0.0)
+    profile = within_full(first_discharged(profile, capacity_of(cell.new), 0.0)[0], cell)
     truth = truth_of(cell.new, profile, np.arange(0.0, profile.time_s[-1], 1.0), "everyday")
     return measured(truth, cell, "everyday")
 
@@ -111,6 +138,7 @@ def truth_of_life(cell: LifeCell, life: Life) -> CellTruth:
     """The truth of a life at 1 Hz, from a rest of an hour after START_DEPTH was discharged."""
     profile = days(np.random.default_rng(life.seed), capacity_of(cell.new), life.plans)
     profile, start_s = first_discharged(profile, capacity_of(cell.new), START_DEPTH)
+    profile = within_full(profile, cell) if any(plan.charged_fully for plan in life.plans) else profile
     older = aged_cell(cell.new, life.capacity_ratio)
     return truth_of(older, profile, np.arange(start_s, profile.time_s[-1], 1.0), f"life {life}")
 
