@@ -19,13 +19,13 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, UNSCENTED_CHEMISTRIES, EstimatorSettings
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
 from ohmward.published.registry import ESTIMATORS, available, make_estimator
 from ohmward.simulate.voltage import simulate_voltage
 
-DEFAULT_METHODS = ("coulomb", "ekf", "ukf")
+USUAL_METHODS = ("coulomb", DEFAULT, "ekf", "ukf")
 HOUR = 3600.0
 INTRODUCTION = """\
 Every battery is identified with the defaults, from the tests that its user would have, and estimated on another
@@ -158,7 +158,7 @@ SECTIONS: tuple[Callable[[], Iterator[Row]], ...] = (a123, panasonic, inr20r, vr
 def _estimates(
     data: str, battery: Battery, run: Log, truth: np.ndarray, cases: list[Case], all_methods: bool = False
 ) -> Iterator[Row]:
-    methods = available(battery) if all_methods else DEFAULT_METHODS
+    methods = (DEFAULT, *available(battery)) if all_methods else USUAL_METHODS
     for method in methods:
         for case in cases:
             estimator = make_estimator(method, battery, EstimatorSettings(battery.idle_current_A))
@@ -167,7 +167,7 @@ def _estimates(
             counted = run.time_s - run.time_s[0] >= case.after_s
             estimates = result.estimates
             found = score(estimates.soc[counted], truth[counted], estimates.soc_std[counted])
-            bar, met = _judge(found, case) if method == "ekf" else ("", None)
+            bar, met = _judge(found, case) if method == DEFAULT else ("", None)
             start = case.start + (f", after {case.after_s / 60:.0f} min" if case.after_s else "")
             yield Row(data, method, start, found, 1e6 * result.seconds / len(run.time_s), bar, met)
 
@@ -223,5 +223,6 @@ def table(rows: Sequence[Row]) -> list[str]:
             f"| {row.data} | {row.method} | {row.start} | {factor * s.rmse:.2f} | {factor * s.mae:.2f} "
             f"| {factor * s.max_error:.2f} | {coverage} | {row.us_per_step:.0f} | {row.bar} | {verdict(row.met)} |"
         )
-    methods = [f"- `{name}`: {choice.title}" for name, choice in ESTIMATORS.items()]
+    methods = [f"- `{DEFAULT}`: `ukf` for {', '.join(UNSCENTED_CHEMISTRIES)}, `ekf` for all others"]
+    methods += [f"- `{name}`: {choice.title}" for name, choice in ESTIMATORS.items()]
     return [*lines, "", "Methods:", "", *methods]

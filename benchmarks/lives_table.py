@@ -14,7 +14,7 @@ import numpy as np
 from figure import verdict
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, chosen_name
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log
 from ohmward.published.registry import available, make_estimator
@@ -78,7 +78,7 @@ def life_row(
     settings = EstimatorSettings(battery.idle_current_A if idle_current_A is None else idle_current_A)
     bands: dict[str, Score | None] = dict.fromkeys(methods)
     errors: dict[str, Score | None] = dict.fromkeys(methods)
-    for method in (method for method in methods if method in known):
+    for method in (method for method in methods if chosen_name(method, battery) in known):
         run = SocEstimator(make_estimator(method, battery, settings), initial_soc).run(log).estimates
         for scores, part in ((bands, since_s >= settled_s), (errors, late)):
             scores[method] = score(run.soc[part], truth[part], run.soc_std[part])

@@ -87,7 +87,7 @@ def accuracy_table(text: str) -> list[str]:
     motion = {(row[DATA], row[METHOD], row[QUANTITY]): row[VALUE] for row in rows if QUANTITY in row}
     lines = ["| what | error | by counting alone | truth in the band |", "|---|---|---|---|"]
     for words, data, start in CHARGE:
-        ours, counted = charge[data, "ekf", start], charge[data, "coulomb", start]
+        ours, counted = charge[data, "default", start], charge[data, "coulomb", start]
         lines.append(f"| {words} | {ours[RMSE]} points | {counted[RMSE]} points | {ours[COVERAGE]} |")
     slip, coverage = float(motion[*SLIP, SLIP_ERROR]), motion[*SLIP, SLIP_COVERAGE].rstrip("%")
     lines.append(

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,10 +125,11 @@ def test_missing_values_and_faults_are_survived_and_flagged():
 
 def test_an_estimate_of_the_charge_brings_its_uncertainty():
     nan = math.nan
+    tested = replace(BATTERY, noise=replace(BATTERY.noise, capacity_std=0.02))
     sure, unsure = (SocEstimate(0.6, std, nan, nan, nan, nan, nan, nan, 0) for std in (0.001, 0.1))
     widths = []
     for soc in (sure, unsure):
-        left = driven(new(), slice(0, 3), soc=soc)[-1].usable_J
+        left = driven(RangeEstimator(tested, NEW, refresh_s=600.0), slice(0, 3), soc=soc)[-1].usable_J
         widths.append(left.p90 - left.p10)
     assert widths[1] > 3 * widths[0]
 

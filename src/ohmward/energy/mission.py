@@ -18,7 +18,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import check_log
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
 from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
@@ -64,7 +64,7 @@ class MissionSettings:
     soc_std: float = 0.03
     initial_soc: float | None = None
     initial_soc_std: float = 0.03
-    filter: str = "ekf"
+    filter: str = DEFAULT
     reserve_soc: float | None = None
     cutoff_V: float | None = None
     payload_kg: float = 0.0

@@ -35,6 +35,15 @@ def test_each_battery_offers_what_its_models_allow():
     assert all_available(RC_ALONE) == ("rc", "published.rc-kf", "published.rc-aukf")
 
 
+def test_the_default_follows_the_chemistry_and_the_models():
+    assert make_estimator("default", BOTH) == make_estimator("ekf", BOTH)
+    assert make_estimator("Default", replace(BOTH, chemistry="lfp")) == make_estimator("ukf", BOTH)
+    assert make_any("default", RC_ALONE) == make_any("rc", RC_ALONE)
+    assert "ukf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
+    with pytest.raises(InputError, match="filter must be one of default, ekf, ukf"):
+        make_estimator("best", BOTH)
+
+
 @pytest.mark.parametrize("former", FORMER_NAMES)
 def test_a_former_name_makes_the_same_estimator(former):
     assert make_any(former, BOTH) == make_any(FORMER_NAMES[former], BOTH)
@@ -60,9 +69,11 @@ def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
 
 
 def test_refusals():
-    with pytest.raises(InputError, match=r"filter must be one of ekf, ukf, rc, .* got 'kf'"):
+    with pytest.raises(InputError, match=r"filter must be one of default, ekf, ukf, rc, .* got 'kf'"):
         make_estimator("kf", BOTH)
-    with pytest.raises(InputError, match=r"filter must be one of ekf, ukf, rc, .* published.rc-aukf, got 'kf'"):
+    with pytest.raises(
+        InputError, match=r"filter must be one of default, ekf, ukf, rc, .* published.rc-aukf, got 'kf'"
+    ):
         make_any("kf", BOTH)
     with pytest.raises(InputError, match=r"no \[thevenin\] model.*ohmward identify"):
         make_estimator("ekf", RC_ALONE)

@@ -14,7 +14,7 @@ from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, Charg
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.registry import DEFAULT, make_estimator
+from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -60,7 +60,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         initial_soc: in [0, 1]; None takes it from the first voltage.
         initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
-        filter: name of the estimator of a battery, see `ohmward.available`.
+        filter: name of the estimator of a battery, see `ohmward.available`; by default the one that wins for its
+            chemistry.
     """
 
     flag_type = SocFlag
@@ -181,7 +182,7 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
 
 def _title(battery: Battery | Estimator, filter: str) -> str:
     if isinstance(battery, Battery):
-        return f"{filter.lower()}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
+        return f"{chosen_name(filter.lower(), battery)}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
     return type(battery).__name__
 
 

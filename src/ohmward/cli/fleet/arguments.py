@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--battery", required=True, metavar="FILE.toml", help="battery file of all of them")
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder for summary.csv and progress")
     group = parser.add_argument_group("estimation")
-    group.add_argument("--filter", default="ekf", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
+    group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
     group.add_argument("--initial-soc", type=share, metavar="S", help="at the start of every log; default: its voltage")
     group.add_argument(
         "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"

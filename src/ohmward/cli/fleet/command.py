@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.battery.file import BATTERY_FILE
+from ohmward.battery.soc.registry import chosen_name
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -26,7 +27,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
     battery, contradictions = load_battery_with_sensor(args.battery, args)
-    make_estimator(args.filter, battery)  # refused now, not in every process
+    name = chosen_name(args.filter.lower(), battery)
+    make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
     paths = find(args.logs)
     if args.dask:  # workers have other working folders
@@ -34,7 +36,7 @@ def run(args: argparse.Namespace) -> Outcome:
         paths = [str(Path(path).absolute()) for path in paths]
     job = Job(
         battery=BATTERY_FILE.dump(battery) if contradictions else Path(args.battery).read_text(encoding="utf-8"),
-        filter=args.filter,
+        filter=name,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
         reading=ReadOptions(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time),
@@ -43,7 +45,7 @@ def run(args: argparse.Namespace) -> Outcome:
     with progress() as report:
         finished = run_fleet(paths, job, folder, work(args), _progress_of(report))
     notes = [f"warning: {text}" for text in contradictions]
-    figures = summary(args, finished) | {"notes": notes}
+    figures = summary(args, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures, finished), notes)
 
 
@@ -82,7 +84,6 @@ def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
     return {
         "command": "fleet",
         "battery": args.battery,
-        "filter": args.filter,
         "logs": len(finished.rows),
         "failed": len(finished.failed),
         "resumed": finished.resumed,

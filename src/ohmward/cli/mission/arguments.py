@@ -47,7 +47,9 @@ def _add_battery_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--soc-std", type=positive, default=0.03, metavar="S", help="how sure --soc is (%(default)s)")
     group.add_argument("--initial-soc", type=share, metavar="S", help="at the log's start; default: from the voltage")
     group.add_argument("--initial-soc-std", type=positive, default=0.03, metavar="S", help="(default %(default)s)")
-    group.add_argument("--filter", default="ekf", metavar="NAME", help="SoC estimator, see `soc` (default %(default)s)")
+    group.add_argument(
+        "--filter", default="default", metavar="NAME", help="SoC estimator, see `soc` (default %(default)s)"
+    )
     group.add_argument("--reserve-soc", type=share, metavar="S", help="to be left; default: the plan's, else 0.1")
     add_sensor_options(group)
     group.add_argument("--cutoff-v", type=positive, metavar="V", help="voltage at which the robot stops")

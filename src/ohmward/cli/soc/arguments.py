@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_soc_options(parser)
     parser.add_argument(
         "--filter",
-        default="ekf",
+        default="default",
         metavar="NAME",
-        help="ekf, ukf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default %(default)s); as published: "
+        help="ekf, ukf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default ukf for LFP, else ekf); as published: "
         "published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
     )
     add_output_options(parser)

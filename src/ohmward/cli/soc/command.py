@@ -6,6 +6,7 @@ import argparse
 from functools import partial
 from pathlib import Path
 
+from ohmward.battery.soc.registry import chosen_name
 from ohmward.cli.battery_inputs import estimate, make_soc_task
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
@@ -19,10 +20,11 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.battery])
     with progress() as report:
         task = make_soc_task(args, report)
-        answer = estimate(task, args.filter, args, report)
+        name = chosen_name(args.filter.lower(), task.battery)
+        answer = estimate(task, name, args, report)
         if args.output:
             written = counting(report, f"writing {Path(args.output).name}")
             write_table(estimate_table(task, answer), args.output, written)
-    figures = summary(task, args.filter, answer)
-    page = partial(make_page, task, args.filter, answer, figures)
+    figures = summary(task, name, answer)
+    page = partial(make_page, task, name, answer, figures)
     return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)
