@@ -123,17 +123,31 @@ def page(rows: Sequence[LifeRow], of_health: Sequence[Figure], beside: Sequence[
 
 
 def summary_table(rows: Sequence[LifeRow]) -> list[str]:
-    """Each chemistry in one line: the rows that meet all bars, and the pooled band."""
-    head = ["| | rows | that meet every bar | covered | error / sigma | > 4 sigma | pooled bars |"]
-    lines = [*head, "|---|---|---|---|---|---|---|"]
+    """Each chemistry in one line: how many rows meet the bars, each and all, and the pooled band."""
+    bars = ("RMSE", "covered", "plain filter", "4 sigma")
+    head = [
+        "",
+        "rows",
+        "all met",
+        *(f"{bar} met" for bar in bars),
+        "covered",
+        "error / sigma",
+        "> 4 sigma",
+        "pooled bars",
+    ]
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for chemistry in dict.fromkeys(row.chemistry for row in rows):
         of_chemistry = [row for row in rows if row.chemistry == chemistry]
-        met = sum(not missed_bars(row) for row in of_chemistry)
+        missed = [missed_bars(row) for row in of_chemistry]
+        counts = [sum(not any(words.startswith(bar) for words in row) for row in missed) for bar in bars]
+        counts[0] -= sum(row.rmse_bar is None for row in of_chemistry)
+        judged = sum(row.rmse_bar is not None for row in of_chemistry)
         if (found := pooled(of_chemistry)) is not None:
             _, covered, _, ratio, beyond = figures(found)
-            missed = ", ".join(missed_pooled_bars(found))
-            word = f"{verdict(False)}: {missed}" if missed else verdict(True)
-            lines.append(f"| {chemistry} | {len(of_chemistry)} | {met} | {covered} | {ratio} | {beyond} | {word} |")
+            pooled_missed = ", ".join(missed_pooled_bars(found))
+            word = f"{verdict(False)}: {pooled_missed}" if pooled_missed else verdict(True)
+            cells = [chemistry, len(of_chemistry), missed.count(()), f"{counts[0]} of {judged}", *counts[1:]]
+            lines.append(f"| {' | '.join(map(str, [*cells, covered, ratio, beyond, word]))} |")
     return lines
 
 
