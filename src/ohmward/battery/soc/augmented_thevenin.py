@@ -80,6 +80,9 @@ AXIS_ERROR_PER_LOSS = 0.5
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
 
+#: Far below the resistance of any battery [ohm].
+_LEAST_OHM = 1e-9
+
 #: Index of the state of charge in the state.
 SOC = 0
 
@@ -309,7 +312,3 @@ class AugmentedThevenin:
     def ocv_slope(self, soc: np.ndarray, circuit: np.ndarray, u: CircuitInput) -> np.ndarray:
         """Slope of the open-circuit voltage per unit of SoC, (1,), at SoC (1,)."""
         return linearize(lambda s: np.array([open_circuit(np.array([*s, *circuit[1:]]), u, self.model)]), soc)[1][0]
-
-
-#: Far below the resistance of any battery [ohm].
-_LEAST_OHM = 1e-9
