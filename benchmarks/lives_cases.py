@@ -1,4 +1,8 @@
-"""Lives of the simulated half of the table: a base case for each test, and what is changed about it."""
+"""Lives of the simulated half of the table: a base case for each test, and what is changed about it.
+
+[K] P. Kollmeyer et al., A blind modeling tool for standardized evaluation of battery state of charge estimation
+algorithms, IEEE Transportation Electrification Conference, 2022.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ import numpy as np
 
 from lives_cells import (
     EVERYDAY,
+    FINE_V,
     LABEL,
     PULSES,
     PULSES_SLOW,
@@ -40,14 +45,22 @@ _TEMPERATURES = (25.0, 5.0, -10.0)
 _SWING_K = 3.0
 #: Load of a day without charges; of a full one the day with two takes 110 % of the capacity.
 _WITHOUT_CHARGES = 0.7
+#: A logger of 10 Hz, and how long it runs: two drives and a charge.
+_FAST_S, _FAST_HOURS = 0.1, 4.0
+#: A cheap converter: 10 bits over 10 V a cell.
+_COARSE_V = 0.01
+#: Offsets of the current sensor in a blind benchmark of the field, 0.1 and 0.3 A on 4.6 Ah [K].
+_BLIND_OFFSETS = tuple(ampere / 4.6 for ampere in (0.1, -0.1, 0.3, -0.3))
 
 
 class Case(NamedTuple):
     """One row: a file, a life, a start and a sensor.
 
     start: error of the initial value; None where it is unknown.
-    offset, gain: of the current sensor, as shares of C and of the current.
+    offset, gain: of the current sensor, as shares of C and of the current; voltage_step_V: of the voltage sensor.
     interval_s: of the logger.
+    restart: the estimator is switched on in the middle of a drive and has seen no current before.
+    full_charge: two days with a full charge between them.
     """
 
     tested: str
@@ -59,6 +72,9 @@ class Case(NamedTuple):
     interval_s: float = 1.0
     swing_K: float = _SWING_K
     charges: bool = True
+    voltage_step_V: float = FINE_V
+    restart: bool = False
+    full_charge: bool = False
 
     def life(self, chemistry: str) -> Life:
         """The day of this case: without charges an easier one, and one of aged lead-acid too, that do not end empty."""
@@ -66,7 +82,7 @@ class Case(NamedTuple):
         if chemistry == "lead-acid":
             load *= self.capacity_ratio
         plan = DayPlan(self.temperature_degC, self.swing_K, load, opportunity_charges=self.charges)
-        return Life((plan,), self.capacity_ratio)
+        return Life((plan._replace(charged_fully=True), plan) if self.full_charge else (plan,), self.capacity_ratio)
 
     @property
     def words(self) -> str:
@@ -76,16 +92,21 @@ class Case(NamedTuple):
             f"{self.temperature_degC:g} degC" + (f" +- {self.swing_K:g}" if self.swing_K != _SWING_K else ""),
             f"aged to {100 * self.capacity_ratio:.0f} %" if self.capacity_ratio < 1 else "",
             start,
-            f"offset {100 * self.offset:+.0f} % of C" if self.offset else "",
+            f"offset {100 * self.offset:+.2g} % of C" if self.offset else "",
             f"gain {100 * self.gain:+.0f} %" if self.gain else "",
             f"every {self.interval_s:g} s" if self.interval_s != 1.0 else "",
             "" if self.charges else "no charges",
+            f"voltage in steps of {1000 * self.voltage_step_V:g} mV" if self.voltage_step_V != FINE_V else "",
+            "restart in mid-drive" if self.restart else "",
+            "two days, a full charge between" if self.full_charge else "",
         )
         return ", ".join(part for part in parts if part)
 
 
-def cases(kept_out: bool) -> list[Case]:
-    """The rows of a cell; of one that was kept out a part of them."""
+def cases(cell: LifeCell) -> list[Case]:
+    """The rows of a cell: of one that was kept out a part of them, of one whose model is slow a few."""
+    if cell.slow:
+        return [Case(PULSES), Case(PULSES, -10.0), Case(PULSES, -10.0, start=None), Case(LABEL)]
     base = [
         *(Case(PULSES, T) for T in (*_TEMPERATURES, 40.0)),
         *(Case(PULSES, T, start=None) for T in _TEMPERATURES),
@@ -96,7 +117,7 @@ def cases(kept_out: bool) -> list[Case]:
         *(Case(EVERYDAY, T) for T in (25.0, 5.0)),
         *(Case(LABEL, T) for T in (25.0, 5.0)),
     ]
-    return base if kept_out else base + _variations()
+    return base if cell.kept_out else base + _variations() + _restarts()
 
 
 def _variations() -> list[Case]:
@@ -107,7 +128,9 @@ def _variations() -> list[Case]:
         *(Case(PULSES, T, capacity_ratio=0.8) for T in (25.0, -10.0)),
         *(Case(PULSES, T, offset=o) for T, o in ((25.0, -0.01), (5.0, 0.01), (5.0, -0.01), (-10.0, 0.01))),
         *(Case(PULSES, T, gain=0.02) for T in (25.0, 5.0)),
-        *(Case(PULSES, interval_s=s) for s in (10.0, 60.0)),
+        *(Case(PULSES, interval_s=s) for s in (_FAST_S, 10.0, 60.0)),
+        *(Case(PULSES, start=start, voltage_step_V=_COARSE_V) for start in (0.0, None)),
+        *(Case(PULSES, T, start=start, full_charge=True) for T in (25.0, -10.0) for start in (0.0, None)),
         Case(PULSES, 15.0, swing_K=12.0),
         *(Case(PULSES, T, charges=False) for T in (25.0, 5.0)),
         Case(PULSES, 5.0, start=None, offset=-0.01),
@@ -127,9 +150,21 @@ def _variations() -> list[Case]:
     ]
 
 
+def _restarts() -> list[Case]:
+    """The protocol of a blind benchmark [K]: a restart in mid-drive, with an offset of the sensor."""
+    return [
+        case
+        for T in (25.0, -10.0)
+        for case in (
+            *(Case(PULSES, T, start=start, restart=True) for start in (None, -0.3)),
+            *(Case(PULSES, T, start=None, offset=offset, restart=True) for offset in _BLIND_OFFSETS),
+        )
+    ]
+
+
 def rows(cell: LifeCell) -> Iterator[LifeRow]:
     """The rows of a cell, one after the other."""
-    for case in cases(cell.kept_out):
+    for case in cases(cell):
         yield row(cell, case)
 
 
@@ -141,17 +176,26 @@ def row(cell: LifeCell, case: Case) -> LifeRow:
     except InputError:
         nothing = dict.fromkeys(METHODS)
         return LifeRow(cell.chemistry, cell.name, case.tested, case.words, nothing, nothing, bar, cell.kept_out)
-    truth = truth_of_life(cell, case.life(cell.chemistry))
-    sensors = make_sensors(cell, case.offset, case.gain)
-    log = measured(truth, cell, case.words, sensors)
-    soc = truth.soc
-    if case.interval_s != 1.0:
-        log, soc = averaged(log, truth, round(case.interval_s))
-    initial = None if case.start is None else float(truth.soc[0] + case.start)
+    log, soc = recorded(cell, case)
+    initial = None if case.start is None else float(soc[0] + case.start)
     return life_row(
         cell.chemistry, cell.name, case.tested, case.words, battery, log, soc, initial, rmse_bar=bar,
         kept_out=cell.kept_out,
     )  # fmt: skip
+
+
+def recorded(cell: LifeCell, case: Case) -> tuple[Log, np.ndarray]:
+    """The log of a case and the state of charge (T,) at its times."""
+    life = case.life(cell.chemistry)
+    fast = case.interval_s < 1.0
+    truth = truth_of_life(cell, life, case.interval_s, _FAST_HOURS) if fast else truth_of_life(cell, life)
+    log = measured(truth, cell, case.words, make_sensors(cell, case.offset, case.gain, case.voltage_step_V))
+    if case.interval_s > 1.0:
+        return averaged(log, truth, round(case.interval_s))
+    if not case.restart:
+        return log, truth.soc
+    middle = len(log) // 2
+    return log.between(log.time_s[middle], np.inf), truth.soc[middle:]
 
 
 def averaged(log: Log, truth: CellTruth, count: int) -> tuple[Log, np.ndarray]:

@@ -29,6 +29,9 @@ START_DEPTH = 0.1
 _EVERYDAY = (DayPlan(22.0, 4.0, charged_fully=True), DayPlan(20.0, 4.0, load=1.2, charged_fully=True))
 #: Step [s] of a charger that counts; distance [V] of one cell from its cut-off at which a test ends.
 _CHARGER_S, _CUT_OFF_V = 10.0, 0.005
+_HOUR_S = 3600.0
+#: Resolution [V] of a usual converter, for one cell.
+FINE_V = 0.001
 #: Resistance of a cell that has kept this share of its capacity, over a new one's.
 RESISTANCE_AT = {1.0: 1.0, 0.9: 1.2, 0.8: 1.5}
 
@@ -40,6 +43,11 @@ class LifeCell(NamedTuple):
     chemistry: str
     new: ElectrochemicalCell
     kept_out: bool = False
+
+    @property
+    def slow(self) -> bool:
+        """Its days take minutes to simulate: the table has few of them."""
+        return self.new.model == "DFN"
 
     @property
     def label_Ah(self) -> float:
@@ -65,6 +73,10 @@ CELLS = (
     LifeCell("NCA_Kim2011, SPMe", "nca", ElectrochemicalCell("NCA_Kim2011")),
     LifeCell("Marquis2019, SPMe", "lipo", ElectrochemicalCell("Marquis2019"), kept_out=True),
     LifeCell("Sulzer2019, full model", "lead-acid", ElectrochemicalCell("Sulzer2019", "lead-acid", n_series=6)),
+    LifeCell("Prada2013, DFN", "lfp", ElectrochemicalCell("Prada2013", "DFN")),
+    LifeCell("ORegan2022, DFN", "nmc", ElectrochemicalCell("ORegan2022", "DFN", voltage_max_V=4.2)),
+    LifeCell("NCA_Kim2011, DFN", "nca", ElectrochemicalCell("NCA_Kim2011", "DFN")),
+    LifeCell("Marquis2019, DFN", "lipo", ElectrochemicalCell("Marquis2019", "DFN"), kept_out=True),
 )
 
 #: Names of what was tested.
@@ -134,13 +146,14 @@ def everyday_log(cell: LifeCell) -> Log:
 
 
 @cache
-def truth_of_life(cell: LifeCell, life: Life) -> CellTruth:
-    """The truth of a life at 1 Hz, from a rest of an hour after START_DEPTH was discharged."""
+def truth_of_life(cell: LifeCell, life: Life, interval_s: float = 1.0, hours: float = np.inf) -> CellTruth:
+    """The truth of a life or its first hours, from a rest of an hour after START_DEPTH was discharged."""
     profile = days(np.random.default_rng(life.seed), capacity_of(cell.new), life.plans)
     profile, start_s = first_discharged(profile, capacity_of(cell.new), START_DEPTH)
     profile = within_full(profile, cell) if any(plan.charged_fully for plan in life.plans) else profile
     older = aged_cell(cell.new, life.capacity_ratio)
-    return truth_of(older, profile, np.arange(start_s, profile.time_s[-1], 1.0), f"life {life}")
+    end_s = min(start_s + _HOUR_S * hours, profile.time_s[-1])
+    return truth_of(older, profile, np.arange(start_s, end_s, interval_s), f"life {life}")
 
 
 def measured(truth: CellTruth, cell: LifeCell, name: str, sensors: BatterySensors | None = None) -> Log:
@@ -157,15 +170,18 @@ def measured(truth: CellTruth, cell: LifeCell, name: str, sensors: BatterySensor
     )
 
 
-def make_sensors(cell: LifeCell, offset: float = 0.0, gain: float = 0.0) -> BatterySensors:
+def make_sensors(
+    cell: LifeCell, offset: float = 0.0, gain: float = 0.0, voltage_step_V: float = FINE_V
+) -> BatterySensors:
     """Sensors of a robot, with this offset of the current as a share of C, and this error of its gain.
 
-    Current: noise of 0.2 %, resolution of 0.1 % of C. Voltage: noise and resolution of 1 mV a cell. Temperature: 0.1 K.
+    Current: noise of 0.2 %, resolution of 0.1 % of C. Voltage: noise of 1 mV and this resolution a cell. Temperature:
+    0.1 K.
     """
     C, cells = cell.label_Ah, cell.new.n_series
     return BatterySensors(
         Sensor(-10 * C, 10 * C, 0.001 * C, 0.002 * C, offset=offset * C, gain_error=gain),
-        Sensor(0.0, 10.0 * cells, 0.001 * cells, 0.001 * cells),
+        Sensor(0.0, 10.0 * cells, voltage_step_V * cells, 0.001 * cells),
         Sensor(-55.0, 125.0, 0.1, 0.05),
     )
 
