@@ -12,6 +12,7 @@ from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.sample import SocFlag
@@ -29,6 +30,7 @@ ESTIMATORS: dict[str, Estimator] = {
     "ukf": TheveninFilter(LFP, NOISE, method="ukf"),
     "aekf": TheveninFilter(LFP, NOISE, method="ekf", matching=True),
     "aukf": TheveninFilter(LFP, NOISE, method="ukf", matching=True),
+    "gsf": GaussianSumFilter(TheveninFilter(LFP, NOISE, idle_current_A=0.0)),
     "coulomb": CoulombCounting(LFP, NOISE),
     "ocv": RestOcv(LFP, NOISE, settle_s=100.0),
 }

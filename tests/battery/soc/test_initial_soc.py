@@ -7,7 +7,7 @@ from battery.examples import LFP, NMC, STRAIGHT
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.initial_soc import first_voltage_std, initial_soc
+from ohmward.battery.soc.initial_soc import first_voltage_std, hypotheses, initial_soc
 from ohmward.errors import InputError
 
 REST = CircuitInput(0.0, 25.0)
@@ -98,3 +98,37 @@ def test_refuses():
         initial_soc(3.7, REST, NMC, NOISE, SENSOR, soc=80.0)
     with pytest.raises(InputError, match="initial_soc_std must be > 0, got 0"):
         initial_soc(3.7, REST, NMC, NOISE, SENSOR, soc=0.8, soc_std=0.0)
+
+
+@pytest.mark.parametrize("soc", [None, 0.2, 0.9])
+@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize("voltage_V", [math.nan, 3.3, float(LFP.ocv.mean_V(0.9, 25.0))])
+def test_the_parts_of_the_density_are_the_whole(soc, count, voltage_V):
+    """Law of total variance: masses, means and standard deviations of the parts give those of the whole."""
+    parts = hypotheses(voltage_V, REST, LFP, NOISE, SENSOR, soc, 0.03, count)
+    (whole,) = hypotheses(voltage_V, REST, LFP, NOISE, SENSOR, soc, 0.03, 1)
+    assert len(parts) == count
+    weights = np.array([part.weight for part in parts])
+    assert weights.sum() == pytest.approx(whole.weight, rel=1e-9)
+    means, stds = np.array([part.start for part in parts]).T
+    mean = weights @ means / weights.sum()
+    variance = weights @ (stds**2 + (means - mean) ** 2) / weights.sum()
+    assert mean == pytest.approx(whole.start.soc, abs=1e-3)
+    assert math.sqrt(variance) == pytest.approx(whole.start.std, rel=0.02)
+
+
+def test_cells_of_an_unknown_start_have_equal_mass():
+    thirds = hypotheses(math.nan, REST, LFP, NOISE, SENSOR, None, 0.03, 3)
+    assert [part.weight for part in thirds] == pytest.approx([thirds[0].weight] * 3)
+    assert [part.start.soc for part in thirds] == pytest.approx([1 / 6, 1 / 2, 5 / 6], abs=0.003)
+    assert [part.start.std for part in thirds] == pytest.approx([1 / math.sqrt(108)] * 3, rel=0.02)
+
+
+def test_told_right_comes_first_and_loses_where_the_voltage_says_so():
+    agreed = hypotheses(float(NMC.ocv.mean_V(0.3, 25.0)), REST, NMC, NOISE, SENSOR, 0.3, 0.03, 3)
+    assert agreed[0].start.soc == pytest.approx(0.3, abs=0.01)
+    assert agreed[0].weight > 20 * sum(part.weight for part in agreed[1:])
+    denied = hypotheses(float(NMC.ocv.mean_V(0.9, 25.0)), REST, NMC, NOISE, SENSOR, 0.3, 0.001, 3)
+    assert denied[0].weight < 1e-6 * denied[1].weight
+    assert denied[0].start.soc == pytest.approx(0.3, abs=0.01)
+    assert [part.start.soc for part in denied[1:]] == pytest.approx([0.9, 0.9], abs=0.03)

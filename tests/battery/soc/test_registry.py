@@ -28,19 +28,19 @@ LOG = replace(BARE, voltage_V=SIMULATED.voltage_V)
 
 def test_each_battery_offers_what_its_models_allow():
     assert available(BOTH) == tuple(ESTIMATORS)
-    assert available(THEVENIN_ALONE) == ("ekf", "ukf", "textbook-ekf", "textbook-ukf", "coulomb", "ocv")
+    assert available(THEVENIN_ALONE) == ("ekf", "ukf", "gsf", "textbook-ekf", "textbook-ukf", "coulomb", "ocv")
     assert available(RC_ALONE) == ("rc",)
     assert all_available(BOTH) == (*ESTIMATORS, *PUBLISHED)
-    assert all_available(THEVENIN_ALONE)[6:] == ("published.aekf", "published.aukf")
+    assert all_available(THEVENIN_ALONE)[7:] == ("published.aekf", "published.aukf")
     assert all_available(RC_ALONE) == ("rc", "published.rc-kf", "published.rc-aukf")
 
 
 def test_the_default_follows_the_chemistry_and_the_models():
     assert make_estimator("default", BOTH) == make_estimator("ekf", BOTH)
-    assert make_estimator("Default", replace(BOTH, chemistry="lfp")) == make_estimator("ukf", BOTH)
+    assert make_estimator("Default", replace(BOTH, chemistry="lfp")) == make_estimator("gsf", BOTH)
     assert make_any("default", RC_ALONE) == make_any("rc", RC_ALONE)
-    assert "ukf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
-    with pytest.raises(InputError, match="filter must be one of default, ekf, ukf"):
+    assert "gsf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
+    with pytest.raises(InputError, match="filter must be one of default, ekf, ukf, gsf"):
         make_estimator("best", BOTH)
 
 
@@ -69,10 +69,10 @@ def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
 
 
 def test_refusals():
-    with pytest.raises(InputError, match=r"filter must be one of default, ekf, ukf, rc, .* got 'kf'"):
+    with pytest.raises(InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* got 'kf'"):
         make_estimator("kf", BOTH)
     with pytest.raises(
-        InputError, match=r"filter must be one of default, ekf, ukf, rc, .* published.rc-aukf, got 'kf'"
+        InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* published.rc-aukf, got 'kf'"
     ):
         make_any("kf", BOTH)
     with pytest.raises(InputError, match=r"no \[thevenin\] model.*ohmward identify"):

@@ -66,7 +66,7 @@ class BandsAfterTest:
 
 
 def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:
-    """The bands of this battery file, from its default filter; () without a Thevenin model."""
+    """The bands of this battery file, from the extended filter; () without a Thevenin model."""
     if battery.thevenin is None:
         return ()
     settings = TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A)

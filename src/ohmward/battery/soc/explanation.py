@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from ohmward.battery.soc.causes import (
@@ -15,11 +16,13 @@ from ohmward.battery.soc.causes import (
     time_in_words,
 )
 from ohmward.battery.soc.charge_history import ChargeHistory
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.rehearsal import STEP_S, std_after_full_charge, std_along_rest
-from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import unpack
 from ohmward.filters.consistency import BAND_95
+from ohmward.filters.estimator import MOST_KERNELS
 from ohmward.trace import Kernel
 
 #: Lengths of a rest that are proposed [min].
@@ -78,6 +81,9 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
     said: tuple[str, ...] = ()
     causes: tuple[Cause, ...] = ()
     remedies: tuple[Remedy, ...] = ()
+    if isinstance(settings, GaussianSumFilter):  # explained as one filter whose belief has the moments of the sum
+        settings, state = settings.member, settings.merged(state)
+        kernel = _member_kernel(settings, kernel.lowering)
     if isinstance(settings, TheveninFilter):
         now = conditions(settings, state, history)
         causes = causes_of(now, unpack(state.belief))
@@ -86,6 +92,13 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
     advice = best_remedy(50 * (high - low), causes, remedies)
     sentence = known_sentence(soc, half) if known else unknown_sentence(low, high, said, advice)
     return Explanation(soc, low, high, known, sentence, causes, remedies)
+
+
+@lru_cache(maxsize=MOST_KERNELS)
+def _member_kernel(settings: TheveninFilter, lowering: str) -> Kernel:
+    """The step of one filter of a Gaussian sum, compiled."""
+    nothing = SocSample(0.0, math.nan, math.nan, math.nan)
+    return Kernel(settings.step, settings.init(nothing), nothing, lowering=lowering)
 
 
 def known_sentence(soc: float, half: float) -> str:

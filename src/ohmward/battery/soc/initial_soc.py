@@ -44,6 +44,13 @@ class InitialSoc(NamedTuple):
     std: float
 
 
+class Hypothesis(NamedTuple):
+    """A part of the density before the first step: its mass, up to a factor that all parts share, and its moments."""
+
+    weight: float
+    start: InitialSoc
+
+
 def initial_soc(
     voltage_V: float,
     u: CircuitInput,
@@ -60,15 +67,53 @@ def initial_soc(
     soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
     soc_std: standard deviation of that value.
     """
+    (whole,) = hypotheses(voltage_V, u, p, noise, sensor, soc, soc_std, count=1)
+    return whole.start
+
+
+def hypotheses(
+    voltage_V: float,
+    u: CircuitInput,
+    p: Thevenin,
+    noise: BatteryNoise,
+    sensor: CurrentSensor,
+    soc: float | None,
+    soc_std: float,
+    count: int,
+) -> tuple[Hypothesis, ...]:
+    """The density of SoC in `count` parts: "the value is right", and cells of equal mass of "nothing is known".
+
+    Arguments as those of `initial_soc`. One part is the whole density.
+    """
     if soc is not None:
         require_between("initial_soc", soc, 0.0, 1.0)
         require_positive("initial_soc_std", soc_std)
     grid = _grid_through(0.5 if soc is None else soc)
-    density = _prior(grid, soc, soc_std) * _likelihood(grid, voltage_V, u, p, noise, sensor)
-    density /= density.sum()
+    likelihood = _likelihood(grid, voltage_V, u, p, noise, sensor)
+    *told, anywhere = _priors(grid, soc, soc_std)
+    if count == 1:
+        return (_moments(grid, sum(told) + anywhere, likelihood),)
+    cells = _cells_of_equal_mass(anywhere * likelihood, count - len(told))
+    return tuple(_moments(grid, prior, likelihood) for prior in (*told, *(anywhere * cell for cell in cells)))
+
+
+def _moments(grid: np.ndarray, prior: np.ndarray, likelihood: np.ndarray) -> Hypothesis:
+    """Mass, mean and standard deviation of a part; where the voltage rules it out, those of its prior."""
+    density = prior * likelihood
+    mass = float(density.sum())
+    density = density / mass if mass > 0.0 else prior / prior.sum()
     mean = float(density @ grid)
     std = float(np.sqrt(density @ (grid - mean) ** 2))
-    return InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD))
+    return Hypothesis(mass, InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD)))
+
+
+def _cells_of_equal_mass(density: np.ndarray, count: int) -> np.ndarray:
+    """(count, G) shares of each point of the grid in cells of equal mass, one after the other along it."""
+    above = np.cumsum(density) / density.sum() * count
+    below = np.concatenate([[0.0], above[:-1]])
+    first = np.arange(count)[:, None]
+    inside = np.clip(above, first, first + 1) - np.clip(below, first, first + 1)
+    return np.where(above > below, inside / np.maximum(above - below, np.finfo(float).tiny), 1.0 / count)
 
 
 def _grid_through(soc: float) -> np.ndarray:
@@ -77,13 +122,13 @@ def _grid_through(soc: float) -> np.ndarray:
     return grid + (soc - grid[np.argmin(np.abs(grid - soc))])
 
 
-def _prior(grid: np.ndarray, soc: float | None, soc_std: float) -> np.ndarray:
-    """Density on the grid, up to a factor: around the value, which may be wrong; flat without a value."""
+def _priors(grid: np.ndarray, soc: float | None, soc_std: float) -> tuple[np.ndarray, ...]:
+    """Densities on the grid, up to a factor: around the value where there is one, and flat for "nothing is known"."""
     possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
     if soc is None:
-        return possible
+        return (possible,)
     peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
-    return (1 - WRONG_SHARE) * peak / peak.sum() + WRONG_SHARE * possible
+    return (1 - WRONG_SHARE) * peak / peak.sum(), WRONG_SHARE * possible
 
 
 def _likelihood(

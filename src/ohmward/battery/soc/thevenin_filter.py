@@ -20,7 +20,7 @@ import numpy as np
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
-from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
+from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
@@ -31,7 +31,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, where
+from ohmward.trace import clip, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
@@ -68,6 +68,7 @@ class TheveninUpdate(NamedTuple):
     noise: moments for covariance matching.
     accepted: the condition that the voltage was used.
     contradicts: the condition that the voltage contradicts the belief.
+    log_likelihood: of the voltage, up to a constant; see `TheveninFilter.log_likelihood`.
     """
 
     belief: Belief
@@ -76,6 +77,15 @@ class TheveninUpdate(NamedTuple):
     noise: adaptive.NoiseEstimate
     accepted: Any
     contradicts: Any
+    log_likelihood: Scalar
+
+
+class TheveninStep(NamedTuple):
+    """One step: the state after it, the estimate, and the update by its voltage."""
+
+    state: FilterState
+    estimate: SocEstimate
+    update: TheveninUpdate
 
 
 @dataclass(frozen=True)
@@ -153,12 +163,19 @@ class TheveninFilter:
 
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
-        clean = self.sanitize(state, sample)
+        after, estimate, _ = self.advance(state, self.sanitize(state, sample), self.has_diverged(state))
+        return after, estimate
+
+    def has_diverged(self, state: FilterState) -> Any:
+        """True where the voltage has contradicted the belief for too long."""
+        return state.rejected_s > self.reset_after_s
+
+    def advance(self, state: FilterState, clean: CleanSocSample, diverged: Any) -> TheveninStep:
+        """The step on a clean sample; where the filter has diverged, SoC is declared unknown first."""
         prior = self.predict(state, clean)
         rest_s = self.rest_s(state, prior, clean)
         resting = self.is_resting(rest_s)
         prior = self.zero_current_update(prior, clean, resting)
-        diverged = state.rejected_s > self.reset_after_s
         prior = choose(diverged, inflate(prior, SOC, SOC_UNKNOWN_STD**2 - prior.cov[SOC, SOC]), prior)
         update = self.correct(state, prior, clean)
         posterior, limited = self.within_limits(update.belief)
@@ -181,7 +198,7 @@ class TheveninFilter:
                 SocFlag.DIVERGED: clean.voltage_measured & diverged,
             }
         )
-        return after, self.estimate(posterior, update, clean, flags)
+        return TheveninStep(after, self.estimate(posterior, update, clean, flags), update)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample with what cannot be true replaced and flagged, its voltage unused where the battery gases."""
@@ -214,7 +231,20 @@ class TheveninFilter:
             noise=choose(accepted, noise, state.noise),
             accepted=accepted,
             contradicts=self.contradicts(correction.innovation, repeated),
+            log_likelihood=self.log_likelihood(correction.innovation, R[0, 0], error),
         )
+
+    def log_likelihood(self, innovation: Innovation, R: Scalar, error: VoltageError) -> Scalar:
+        """Log density of a voltage before it was used, up to a constant that is the same for every belief.
+
+            -(nu^2 / S + ln(S / R) + ln(variance) / weight) / 2
+
+        It is that of one observation in every `weight` samples: S and R hold the weight, and the variance counts once
+        in that time. With weight 1 it is ln N(nu; 0, S). One outlier counts no more than the gate.
+        """
+        nu, S = innovation.value[0], innovation.cov[0, 0]
+        nis = minimum(nu * nu / S, self.gate)
+        return -0.5 * (nis + log(S / R) + log(error.variance) / error.weight)
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
         """True where the voltage contradicts the belief beyond the variance of an error that holds on.

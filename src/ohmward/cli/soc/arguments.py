@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--filter",
         default="default",
         metavar="NAME",
-        help="ekf, ukf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default ukf for LFP, else ekf); as published: "
-        "published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
+        help="ekf, ukf, gsf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default gsf for LFP, else ekf); as "
+        "published: published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
     )
     add_output_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")
