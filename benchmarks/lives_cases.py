@@ -14,7 +14,6 @@ import numpy as np
 
 from lives_cells import (
     EVERYDAY,
-    FINE_V,
     LABEL,
     PULSES,
     PULSES_SLOW,
@@ -30,6 +29,7 @@ from lives_table import METHODS, LifeRow, life_row
 from ohmward.errors import InputError
 from ohmward.logs import Log
 from ohmward.simulate.electrochemical import CellTruth, DayPlan
+from ohmward.simulate.electrochemical.records import FINE_V
 
 #: RMSE to reach from a right start, at 25, 5 and -10 degC, with a file from pulses at 25 degC.
 _BARS = {
@@ -57,7 +57,7 @@ class Case(NamedTuple):
     """One row: a file, a life, a start and a sensor.
 
     start: error of the initial value; None where it is unknown.
-    offset, gain: of the current sensor, as shares of C and of the current; voltage_step_V: of the voltage sensor.
+    offset, gain: of the current sensor, as shares of C and of the current; voltage_step_V: of a cheap voltage sensor.
     interval_s: of the logger.
     restart: the estimator is switched on in the middle of a drive and has seen no current before.
     full_charge: two days with a full charge between them.

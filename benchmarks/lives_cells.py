@@ -19,19 +19,18 @@ from ohmward.logs import Log
 from ohmward.simulate.bench_profiles import bench_times, low_rate_profile, pulse_profile
 from ohmward.simulate.electrochemical import CellTruth, DayPlan, ElectrochemicalCell, aged, capacity_Ah, simulate_cell
 from ohmward.simulate.electrochemical.days import days, first_discharged
+from ohmward.simulate.electrochemical.records import FINE_V, log_of, until_cut_off, usual_sensors
 from ohmward.simulate.profile import Profile
-from ohmward.simulate.sensors import BatterySensors, Sensor
+from ohmward.simulate.sensors import BatterySensors
 
 STORE = HERE.parent / "build" / "lives"
 #: Share of its capacity that a day starts without: no day starts where the voltage alone gives the charge away.
 START_DEPTH = 0.1
 #: A night's charge ends the day: what identification learns from everyday records is between two of these.
 _EVERYDAY = (DayPlan(22.0, 4.0, charged_fully=True), DayPlan(20.0, 4.0, load=1.2, charged_fully=True))
-#: Step [s] of a charger that counts; distance [V] of one cell from its cut-off at which a test ends.
-_CHARGER_S, _CUT_OFF_V = 10.0, 0.005
+#: Step [s] of a charger that counts.
+_CHARGER_S = 10.0
 _HOUR_S = 3600.0
-#: Resolution [V] of a usual converter, for one cell.
-FINE_V = 0.001
 #: Resistance of a cell that has kept this share of its capacity, over a new one's.
 RESISTANCE_AT = {1.0: 1.0, 0.9: 1.2, 0.8: 1.5}
 
@@ -109,7 +108,7 @@ def bench_log(cell: LifeCell, test: str, temperature_degC: float) -> Log:
     profile = make(capacity_of(cell.new), temperature_degC)
     times = bench_times(profile) if test == "pulses" else np.arange(0.0, profile.time_s[-1], 10.0)
     name = f"{test} {temperature_degC:g} degC"
-    return measured(until_cut_off(truth_of(cell.new, profile, times, name), cell), cell, name)
+    return measured(until_cut_off(truth_of(cell.new, profile, times, name), cell.new), cell, name)
 
 
 def within_full(profile: Profile, cell: LifeCell) -> Profile:
@@ -126,15 +125,6 @@ def within_full(profile: Profile, cell: LifeCell) -> Profile:
             current_A[k] = 0.0
         charge_As += 0.5 * (current_A[k - 1] + current_A[k]) * step_s
     return Profile(time_s, current_A, np.interp(time_s, profile.time_s, profile.ambient_degC))
-
-
-def until_cut_off(truth: CellTruth, cell: LifeCell) -> CellTruth:
-    """The truth of a test to its first cut-off where the model of the empty cell is not to be trusted: lead-acid."""
-    low_V = cell.new.n_series * cell.new.limits.low_V
-    below = truth.voltage_V <= low_V + _CUT_OFF_V * cell.new.n_series
-    if cell.chemistry != "lead-acid" or not below.any():
-        return truth
-    return CellTruth(*(values[: np.argmax(below) + 1] for values in truth))
 
 
 def everyday_log(cell: LifeCell) -> Log:
@@ -157,33 +147,16 @@ def truth_of_life(cell: LifeCell, life: Life, interval_s: float = 1.0, hours: fl
 
 
 def measured(truth: CellTruth, cell: LifeCell, name: str, sensors: BatterySensors | None = None) -> Log:
-    """Log of the truth, its time from 0; with the sensors of a bench by default."""
-    sensors = sensors or make_sensors(cell)
+    """Log of the truth, its time from 0, its noise drawn by the names; with the sensors of a bench by default."""
     rng = np.random.default_rng(int(hashlib.sha256(f"{cell.name} {name}".encode()).hexdigest()[:8], 16))
-    time_s = truth.time_s - truth.time_s[0]
-    return Log(
-        name,
-        time_s,
-        sensors.current.measure(truth.current_A, time_s, rng),
-        sensors.voltage.measure(truth.voltage_V, time_s, rng),
-        sensors.temperature.measure(truth.temperature_degC, time_s, rng),
-    )
+    return log_of(truth, sensors or make_sensors(cell), rng, name)
 
 
 def make_sensors(
     cell: LifeCell, offset: float = 0.0, gain: float = 0.0, voltage_step_V: float = FINE_V
 ) -> BatterySensors:
-    """Sensors of a robot, with this offset of the current as a share of C, and this error of its gain.
-
-    Current: noise of 0.2 %, resolution of 0.1 % of C. Voltage: noise of 1 mV and this resolution a cell. Temperature:
-    0.1 K.
-    """
-    C, cells = cell.label_Ah, cell.new.n_series
-    return BatterySensors(
-        Sensor(-10 * C, 10 * C, 0.001 * C, 0.002 * C, offset=offset * C, gain_error=gain),
-        Sensor(0.0, 10.0 * cells, voltage_step_V * cells, 0.001 * cells),
-        Sensor(-55.0, 125.0, 0.1, 0.05),
-    )
+    """Sensors of a robot; see `usual_sensors`."""
+    return usual_sensors(cell.label_Ah, cell.new.n_series, offset, gain, voltage_step_V)
 
 
 @cache

@@ -95,6 +95,22 @@ def test_protection_opens_for_a_minute_where_the_equations_give_out():
 
 
 @pytest.mark.slow
+def test_a_set_may_hold_far_more_than_its_label():
+    cell = ElectrochemicalCell("Ramadass2004")
+    assert 1.7 < capacity_Ah(cell) / cell.nominal_Ah < 1.8
+
+
+def test_a_cell_that_is_never_empty_is_named(monkeypatch):
+    ca = pytest.importorskip("casadi")
+    y, u = ca.SX.sym("y", 1), ca.SX.sym("u", 3)
+    never = ca.Function("step", [y, u], [y, ca.vertcat(u[1], y, u[2])])
+    cell = ElectrochemicalCell("Prada2013", voltage_min_V=2.1)
+    monkeypatch.setitem(cell.__dict__, "compiled", (never, lambda kelvin: np.zeros(1)))
+    with pytest.raises(OhmwardError, match=r"Prada2013 is not empty after 4 times its 2\.3 Ah: set voltage_min_V"):
+        capacity_Ah(cell)
+
+
+@pytest.mark.slow
 def test_an_aged_cell_has_lost_capacity_and_resists_more():
     older = aged(LFP, 0.8, 1.5)
     assert capacity_Ah(older) == pytest.approx(0.8 * capacity_Ah(LFP), rel=2e-3)
@@ -121,6 +137,8 @@ def test_the_full_model_of_porous_electrodes_is_near_the_single_particle():
 def test_bad_cells_are_refused():
     with pytest.raises(InputError, match=r"parameter_set must be one of .*Prada2013.*, got 'Prada'"):
         capacity_Ah(ElectrochemicalCell("Prada"))
+    with pytest.raises(InputError, match=r"'Sulzer2019' does not describe a cell of model 'SPMe': Parameter"):
+        capacity_Ah(ElectrochemicalCell("Sulzer2019"))
     with pytest.raises(InputError, match="model must be"):
         ElectrochemicalCell("Prada2013", "SPM2")
     with pytest.raises(InputError, match="lost_lithium must be 0 in a lead-acid cell"):

@@ -1,4 +1,4 @@
-"""`ohmward simulate`: a robot, its battery, its observer and its controller in closed loop on a ground."""
+"""`ohmward simulate`: a robot, its battery, its observer and its controller in closed loop; or a battery alone."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from functools import partial
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
+from ohmward.cli.simulate import cell
+from ohmward.cli.simulate.arguments import OF_CELLS
 from ohmward.cli.simulate.report import make_page
 from ohmward.cli.simulate.result import describe, summary
 from ohmward.errors import InputError
@@ -24,6 +26,10 @@ def run(args: argparse.Namespace) -> Outcome:
         return _example()
     if args.list:
         return _listed()
+    if args.cell is not None:
+        return cell.run(args)
+    if given := [name for name in OF_CELLS if getattr(args, name) is not None]:
+        raise InputError(f"--{given[0].replace('_', '-')} is of a battery alone: name it with --cell")
     scenario = _scenario(args)
     check_output("--output", args.output, (".csv", ".parquet"), [args.scenario])
     answer = _simulate(scenario)

@@ -2,6 +2,16 @@
 
 from ohmward.simulate.electrochemical.cell import ElectrochemicalCell
 from ohmward.simulate.electrochemical.days import DayPlan, working_day
+from ohmward.simulate.electrochemical.records import record_cell
 from ohmward.simulate.electrochemical.run import CellTruth, aged, capacity_Ah, simulate_cell
 
-__all__ = ["CellTruth", "DayPlan", "ElectrochemicalCell", "aged", "capacity_Ah", "simulate_cell", "working_day"]
+__all__ = [
+    "CellTruth",
+    "DayPlan",
+    "ElectrochemicalCell",
+    "aged",
+    "capacity_Ah",
+    "record_cell",
+    "simulate_cell",
+    "working_day",
+]

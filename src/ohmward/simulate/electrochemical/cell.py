@@ -18,7 +18,10 @@ from ohmward.simulate.electrochemical.stepper import CellEquations, VoltageLimit
 _USER = "a simulated electrochemical cell"
 _CURRENT, _AMBIENT = "Current function [A]", "Ambient temperature [K]"
 _VOLTAGE, _TEMPERATURE = "Terminal voltage [V]", "Volume-averaged cell temperature [K]"
-_MODELS = ("SPMe", "DFN", "lead-acid")
+#: Names of the models.
+MODELS = ("SPMe", "DFN", "lead-acid")
+#: PyBaMM's set of a lead-acid cell; all others are of lithium or sodium.
+_LEAD_ACID = "Sulzer2019"
 #: Points over negative electrode, separator, positive electrode, and over the radius of both kinds of particles.
 #: On a drive at 5 degC twice as many change the voltage by less than 2 mV.
 _POINTS = {"x_n": 8, "x_s": 5, "x_p": 8, "r_n": 12, "r_p": 12}
@@ -55,7 +58,7 @@ class ElectrochemicalCell:
     resistance_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        require_one_of("cell.model", self.model, _MODELS)
+        require_one_of("cell.model", self.model, MODELS)
         require_positive("cell.n_series", self.n_series)
         require_between("cell.lost_lithium", self.lost_lithium, 0.0, 0.9)
         require_between("cell.lost_material", self.lost_material, 0.0, 0.9)
@@ -96,7 +99,18 @@ class ElectrochemicalCell:
     @cached_property
     def compiled(self) -> tuple[Any, Callable[[float], np.ndarray]]:
         """The step of `stepper.step_function`, and the full cell's state at rest at an ambient temperature [K]."""
-        return _compile(self)
+        try:
+            return _compile(self)
+        except KeyError as error:
+            raise InputError(
+                f"cell.parameter_set {self.parameter_set!r} does not describe a cell of model {self.model!r}: "
+                f"{str(error.args[0]).partition('. ')[0]}"
+            ) from error
+
+
+def usual_model(parameter_set: str) -> str:
+    """The model that fits a parameter set and is quick: "SPMe", or "lead-acid"."""
+    return "lead-acid" if parameter_set == _LEAD_ACID else "SPMe"
 
 
 def _pybamm() -> Any:

@@ -20,8 +20,10 @@ _HOUR_S = 3600.0
 _LONGEST_STEP_S = 10.0
 #: Time [s] for which protection opens.
 _OPEN_S = 60.0
-#: Step [s] of a discharge at low rate: 0.04 % of the capacity. Parameter sets hold up to this multiple of their label.
-_CAPACITY_STEP_S, _MOST_OF_NOMINAL = 30.0, 1.6
+#: Step [s] of a discharge at low rate: 0.04 % of the capacity.
+_CAPACITY_STEP_S = 30.0
+#: A discharge runs on by this share of the label until the cell is empty; sets hold up to 1.8 of it (Ramadass2004).
+_STRETCH, _MOST_STRETCHES = 0.4, 10
 #: The capacity is nearly linear in the lost shares: a few steps come this near, which is what a counted one shows.
 _SECANT_STEPS, _CAPACITY_TOLERANCE = 5, 1e-3
 
@@ -96,15 +98,25 @@ def _grid(profile: Profile, time_s: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def capacity_Ah(cell: ElectrochemicalCell) -> float:
-    """Capacity [Ah] between the voltage limits at 1/20 C and 25 degC, of the cell at its age."""
+    """Capacity [Ah] between the voltage limits at 1/20 C and 25 degC, of the cell at its age.
+
+    Raises:
+        OhmwardError: it holds more than four times its label.
+    """
     rate_A = LOW_RATE * cell.nominal_Ah
-    count = round(_MOST_OF_NOMINAL / LOW_RATE * _HOUR_S / _CAPACITY_STEP_S)
+    count = round(_STRETCH / LOW_RATE * _HOUR_S / _CAPACITY_STEP_S)
     step, rest = cell.compiled
     inputs = np.repeat([[_CAPACITY_STEP_S], [rate_A], [ROOM_DEGC + KELVIN]], count, axis=1)
-    current_A = np.array(step.mapaccum(count)(rest(ROOM_DEGC + KELVIN), inputs)[1])[0]
-    limited = current_A < 0.999 * rate_A
-    until = int(np.argmax(limited)) if limited.any() else count
-    return float(np.sum(current_A[:until]) * _CAPACITY_STEP_S / _HOUR_S)
+    state, current_A = rest(ROOM_DEGC + KELVIN), np.zeros(0)
+    for _ in range(_MOST_STRETCHES):
+        states, outputs = step.mapaccum(count)(state, inputs)
+        state, current_A = states[:, -1], np.append(current_A, np.array(outputs)[0])
+        if (limited := current_A < 0.999 * rate_A).any():
+            return float(np.sum(current_A[: np.argmax(limited)]) * _CAPACITY_STEP_S / _HOUR_S)
+    raise OhmwardError(
+        f"{cell.parameter_set} is not empty after {_STRETCH * _MOST_STRETCHES:g} times its {cell.nominal_Ah:g} Ah: "
+        "set voltage_min_V where it is"
+    )
 
 
 def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: float = 1.0) -> ElectrochemicalCell:
