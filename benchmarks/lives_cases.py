@@ -208,8 +208,7 @@ def averaged(log: Log, truth: CellTruth, count: int) -> tuple[Log, np.ndarray]:
     ends = np.arange(1, groups + 1) * count - 1
     assert log.temperature_degC is not None
     stored = replace(
-        log,
-        time_s=log.time_s[ends],
+        log.select(ends),
         current_A=mean(log.current_A),
         voltage_V=mean(log.voltage_V),
         temperature_degC=mean(log.temperature_degC),

@@ -59,6 +59,11 @@ def test_a_fast_logger_asks_for_a_truth_of_its_own(day):
     assert day[0][1:] == (0.1, 4.0)
 
 
+def test_a_slow_logger_is_that_of_the_case(day):
+    log, soc = cases.recorded(cells.CELLS[0], cases.Case(cells.PULSES, interval_s=60.0))
+    assert len(log) == len(soc) == 120 and log.time_s[0] == 59.0
+
+
 def test_a_cheap_converter_and_an_offset_are_in_the_log(day):
     log, _ = cases.recorded(cells.CELLS[0], cases.Case(cells.PULSES, voltage_step_V=0.01, offset=0.1 / 4.6))
     assert np.allclose(log.voltage_V, np.round(log.voltage_V, 2))
