@@ -220,9 +220,12 @@ def _node(operation: Operation, args: tuple[Any, ...]) -> Expression:
 
 def _key(arg: Any) -> Any:
     """Key under which equal arguments are found: serial of a node, value of a constant (0.0 is not -0.0)."""
-    if isinstance(arg, Expression):
-        return arg.serial
-    return (arg, math.copysign(1.0, arg)) if isinstance(arg, float) else arg
+    return arg.serial if isinstance(arg, Expression) else constant_key(arg)
+
+
+def constant_key(value: Any) -> Any:
+    """Key under which equal constants are found: 0.0 is not -0.0."""
+    return (value, math.copysign(1.0, value)) if isinstance(value, float) else value
 
 
 def _order(arg: Any) -> float:

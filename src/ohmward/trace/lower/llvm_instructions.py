@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 from ohmward.trace.elementary import Precision
@@ -100,12 +101,18 @@ class Instructions:
         self.declarations: set[str] = set()
         self.words: dict[int, str] = {}
         self._tables: dict[tuple[float, ...], str] = {}
-        self._temporaries = 0
+        self._numbers = count(1)
+
+    def beside(self, width: int) -> Instructions:
+        """Instructions of the same function on vectors of this width: they share names, globals and declarations."""
+        wide = Instructions(replace(self.target, width=width))
+        wide.globals, wide.declarations = self.globals, self.declarations
+        wide._tables, wide._numbers = self._tables, self._numbers
+        return wide
 
     def new(self) -> str:
         """Name of a new temporary value."""
-        self._temporaries += 1
-        return f"%v{self._temporaries}"
+        return f"%v{next(self._numbers)}"
 
     def word(self, x: Any) -> str:
         """Name of a traced value, or a literal; a name stays."""

@@ -20,7 +20,8 @@ from typing import Any
 
 from ohmward.trace.expression import Expression, is_condition
 from ohmward.trace.lower.llvm_instructions import Instructions, Target
-from ohmward.trace.lower.llvm_operations import spell
+from ohmward.trace.lower.llvm_operations import SPELLINGS, spell
+from ohmward.trace.lower.packs import Key, Pack, Packs, is_one, key_of
 from ohmward.trace.program import Program
 
 #: Arguments of every function that is made here.
@@ -39,6 +40,8 @@ def scan_source(program: Program, state_size: int, target: Target, own: Sequence
     own:        for each sample column True where every lane has its own value.
     """
     loop = _LogLoop(program, state_size, target, own)
+    if target.width == 1 and (packs := Packs(program)).places and packs.order is not None:
+        loop = _PackedLoop(program, state_size, target, own, packs)
     body = list(loop.function(name))
     return "\n".join([*loop.write.globals, *body, *sorted(loop.write.declarations), ""])
 
@@ -63,7 +66,7 @@ class _LogLoop:
     def function(self, name: str) -> Iterator[str]:
         """Blocks of lanes, steps of time, and the program within."""
         step = list(self.step())
-        after = [self.write.word(y) for y in self.after]
+        state_phis = list(self.state_phis())
         yield f"define void @{name}({ARGUMENTS}) {{"
         yield "entry:"
         yield from self.arrays()
@@ -79,8 +82,7 @@ class _LogLoop:
         yield "  br label %test"
         yield "test:"
         yield "  %t = phi i64 [%first, %load], [%t1, %step]"
-        for k, (symbol, word) in enumerate(zip(self.state, after, strict=True)):
-            yield f"  %x{k} = phi {self.write.type_of(symbol)} [%before{k}, %load], [{word}, %step]"
+        yield from state_phis
         yield "  %go = icmp slt i64 %t, %last"
         yield "  br i1 %go, label %step, label %done"
         yield "step:"
@@ -88,8 +90,7 @@ class _LogLoop:
         yield "  %t1 = add i64 %t, 1"
         yield "  br label %test"
         yield "done:"
-        for k, symbol in enumerate(self.state):
-            yield from self.store(f"%x{k}", f"%s{k}", symbol.boolean)
+        yield from self.store_state()
         yield f"  %l1 = add i64 %l, {self.target.width}"
         yield "  br label %block"
         yield "end:"
@@ -105,6 +106,11 @@ class _LogLoop:
             yield from spell(self.write, node)
         for j, y in self.results:
             yield from self.store_output(j, y)
+
+    def state_phis(self) -> Iterator[str]:
+        """The state, from the step before or from memory."""
+        for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
+            yield f"  %x{k} = phi {self.write.type_of(symbol)} [%before{k}, %load], [{self.write.word(y)}, %step]"
 
     def arrays(self) -> Iterator[str]:
         """Addresses and strides of columns and outputs."""
@@ -123,6 +129,11 @@ class _LogLoop:
             yield f"  %s{k}.by = mul i64 %row, {k}"
             yield f"  %s{k} = getelementptr i8, ptr %base, i64 %s{k}.by"
             yield from self.load(f"%before{k}", f"%s{k}", symbol.boolean, own=True)
+
+    def store_state(self) -> Iterator[str]:
+        """The state after the last step."""
+        for k, symbol in enumerate(self.state):
+            yield from self.store(f"%x{k}", f"%s{k}", symbol.boolean)
 
     def load_sample(self, j: int, symbol: Expression) -> Iterator[str]:
         """Column j of the sample at time t."""
@@ -170,6 +181,126 @@ class _LogLoop:
             doubles = self.write.new()
             yield f"  {doubles} = fpext {target.number} {word} to {kind}"
         yield f"  store {kind} {doubles}, ptr {pointer}, align {_DOUBLE}"
+
+
+class _PackedLoop(_LogLoop):
+    """The loop over one log with the members of the state in the lanes of vectors.
+
+    packs: of the program.
+    """
+
+    def __init__(self, program: Program, state_size: int, target: Target, own: Sequence[bool], packs: Packs):
+        super().__init__(program, state_size, target, own)
+        self.packs = packs
+        lanes = len(packs.places[0])
+        self.wide = self.write.beside(1 << (lanes - 1).bit_length())
+        self.vectors = {key_of(pack): f"%p{j}" for j, pack in enumerate(packs.inputs)}
+        self.packed = {k for places in packs.places for k in places}
+
+    def step(self) -> Iterator[str]:
+        """One step: samples in, packs and single operations, outputs out."""
+        alone = enumerate(self.state)
+        self.write.words |= {symbol.serial: f"%x{k}" for k, symbol in alone if k not in self.packed}
+        for j, symbol in self.columns:
+            yield from self.load_sample(j, symbol)
+        for vertex in self.packs.order or ():
+            if isinstance(vertex, Expression):
+                yield from self.single(vertex.args)
+                yield from spell(self.write, vertex)
+            else:
+                yield from self.operation(vertex)
+        for y in [*(y for k, y in enumerate(self.after) if k not in self.packed), *(y for _, y in self.results)]:
+            yield from self.single((y,))
+        for pack in self.packs.results:
+            yield from self.vector(pack)
+        for j, y in self.results:
+            yield from self.store_output(j, y)
+
+    def single(self, values: Sequence[Any]) -> Iterator[str]:
+        """Take the scalars that were computed in lanes out of them."""
+        for x in values:
+            if isinstance(x, Expression) and x.serial not in self.write.words:
+                key, lane = self.packs.lane[x.serial]
+                word = self.write.words[x.serial] = self.write.new()
+                kind = self.wide.type_of(x)
+                yield f"  {word} = extractelement {kind} {self.vectors[key]}, i64 {lane}"
+
+    def operation(self, key: Key) -> Iterator[str]:
+        """A pack of operations."""
+        first, arguments = self.packs.operations[key][0], self.packs.arguments[key]
+        spoken: list[Any] = []
+        for x, argument in zip(first.args, arguments, strict=True):
+            if not isinstance(x, tuple):  # the table of a gather
+                yield from self.argument(x, argument)
+            spoken.append(
+                x if isinstance(x, Expression | tuple) or is_one(argument) else self.vectors[key_of(argument)]
+            )
+        if first.operation.name == "gather" and key_of(arguments[0]) in self.packs.arguments:
+            for x, argument in zip(first.args[0].args, self.packs.arguments[key_of(arguments[0])], strict=True):
+                yield from self.argument(x, argument)  # an index that is rounded down is read before that
+        self.vectors[key] = self.wide.new()
+        yield from SPELLINGS[first.operation.name](self.wide, self.vectors[key], tuple(spoken))
+
+    def argument(self, first: Any, pack: Pack) -> Iterator[str]:
+        """A pack under the name of its first lane."""
+        yield from self.vector(pack)
+        if isinstance(first, Expression):
+            self.wide.words[first.serial] = self.vectors[key_of(pack)]
+
+    def vector(self, pack: Pack) -> Iterator[str]:
+        """A pack as one value: put together from scalars where it was not computed as one."""
+        key = key_of(pack)
+        if key in self.vectors:
+            return
+        first = pack[0]
+        if is_one(pack) and not isinstance(first, Expression):
+            self.vectors[key] = self.wide.word(first)
+            return
+        boolean = is_condition(first)
+        kind = self.wide.target.flag if boolean else self.wide.target.number
+        element = self.write.target.flag if boolean else self.write.target.number
+        yield from self.single(pack)
+        filled = "poison"
+        for lane in range(self.wide.target.width):
+            word = self.write.word(pack[lane] if lane < len(pack) else first)
+            vector = self.wide.new()
+            yield f"  {vector} = insertelement {kind} {filled}, {element} {word}, i64 {lane}"
+            filled = vector
+        self.vectors[key] = filled
+
+    # ---- state
+
+    def state_phis(self) -> Iterator[str]:
+        """The state, from the step before or from memory, packs as vectors."""
+        for k, (symbol, y) in enumerate(zip(self.state, self.after, strict=True)):
+            if k not in self.packed:
+                yield f"  %x{k} = phi {self.write.type_of(symbol)} [%before{k}, %load], [{self.write.word(y)}, %step]"
+        for j, (before, after) in enumerate(zip(self.packs.inputs, self.packs.results, strict=True)):
+            word = self.vectors[key_of(after)]
+            yield f"  %p{j} = phi {self.wide.type_of(before[0])} [%packed{j}, %load], [{word}, %step]"
+
+    def load_state(self) -> Iterator[str]:
+        """The state before the first step."""
+        yield from super().load_state()
+        for j, (places, pack) in enumerate(zip(self.packs.places, self.packs.inputs, strict=True)):
+            filled, width = "poison", self.wide.target.width
+            element = self.write.type_of(pack[0])
+            for lane in range(width):
+                vector = f"%packed{j}" if lane == width - 1 else self.wide.new()
+                word = f"%before{places[lane if lane < len(places) else 0]}"
+                yield f"  {vector} = insertelement {self.wide.type_of(pack[0])} {filled}, {element} {word}, i64 {lane}"
+                filled = vector
+
+    def store_state(self) -> Iterator[str]:
+        """The state after the last step."""
+        for k, symbol in enumerate(self.state):
+            if k not in self.packed:
+                yield from self.store(f"%x{k}", f"%s{k}", symbol.boolean)
+        for j, (places, pack) in enumerate(zip(self.packs.places, self.packs.inputs, strict=True)):
+            for lane, k in enumerate(places):
+                word = self.write.new()
+                yield f"  {word} = extractelement {self.wide.type_of(pack[0])} %p{j}, i64 {lane}"
+                yield from self.store(word, f"%s{k}", pack[0].boolean)
 
 
 def _entry(name: str, kind: str, array: str, index: int) -> Iterator[str]:
