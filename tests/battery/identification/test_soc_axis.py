@@ -76,7 +76,9 @@ def test_nothing_known_is_refused():
 
 
 def test_capacity_far_too_small_is_refused_with_figures():
-    with pytest.raises(InputError, match=r"with a capacity of 1\.5 Ah .* would run from -0\..* it moves 1\.9"):
+    with pytest.raises(
+        InputError, match=r"with a capacity of 1\.5 Ah .* would run from -0\..* it moves 1\.9.* tied to"
+    ):
         anchor_soc(record_of(pulse_log(cell(), count=3, rest_s=600), 1.5), 1.5)
 
 

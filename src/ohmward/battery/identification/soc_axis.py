@@ -98,7 +98,7 @@ def anchor_soc(
     anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std)
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
-    _require_inside(record, axis.soc, capacity_Ah)
+    _require_inside(record, axis, capacity_Ah)
     return axis._replace(notes=_notes(record, axis, capacity_Ah, ocv))
 
 
@@ -263,13 +263,14 @@ def _tied(record: Record, capacity_Ah: float, anchors: Sequence[Anchor], efficie
     return counted + np.interp(flowed, flowed[at], [a.soc - counted[a.sample] for a in anchors])
 
 
-def _require_inside(record: Record, soc: np.ndarray, capacity_Ah: float) -> None:
-    outside = max(-soc.min(), soc.max() - 1.0)
-    if outside > _MOST_OUTSIDE:
+def _require_inside(record: Record, axis: SocAxis, capacity_Ah: float) -> None:
+    soc, first = axis.soc, axis.anchors[0]
+    if max(-soc.min(), soc.max() - 1.0) > _MOST_OUTSIDE:
+        start = f"{first.soc:.2f} at t = {record.log.time_s[first.sample]:g} s ({first.reason})"
         raise InputError(
             f"log {record.log.name!r}: with a capacity of {capacity_Ah:g} Ah its state of charge would run from "
-            f"{soc.min():.2f} to {soc.max():.2f}; it moves {np.ptp(record.charge.total_Ah):.4g} Ah, so give a larger "
-            "capacity_Ah, or the right initial_soc"
+            f"{soc.min():.2f} to {soc.max():.2f}; it moves {np.ptp(record.charge.total_Ah):.4g} Ah and is tied to "
+            f"{start}; correct what is wrong: capacity_Ah, initial_soc or ocv"
         )
 
 
