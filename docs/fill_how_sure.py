@@ -13,6 +13,8 @@ from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
+from marked_block import replaced
+
 import ohmward as ow
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, Normal, chemistry_prior
@@ -35,14 +37,6 @@ def described(text: str) -> str:
     text = replaced(text, "noise", key_table(BatteryNoise))
     text = replaced(text, "sensor", key_table(CurrentSensor))
     return replaced(text, "priors", prior_table())
-
-
-def replaced(text: str, name: str, lines: Iterable[str]) -> str:
-    """The text with these lines between the markers of that name."""
-    begin, end = f"<!-- {name}: written by docs/fill_how_sure.py -->\n", f"<!-- /{name} -->"
-    before, rest = text.split(begin)
-    _, after = rest.split(end)
-    return before + begin + "".join(f"{line}\n" for line in lines) + end + after
 
 
 def key_table(cls: type) -> list[str]:

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from marked_block import replaced
+
 ROOT = Path(__file__).parents[1]
 README, BENCHMARKS = ROOT / "README.md", ROOT / "benchmarks"
 DATA, METHOD, START, QUANTITY = "data", "method", "start", "quantity"
@@ -68,14 +70,6 @@ def page(name: str) -> str:
     """The text of a benchmark's page, empty where there is none."""
     path = BENCHMARKS / name
     return path.read_text(encoding="utf-8") if path.exists() else ""
-
-
-def replaced(text: str, name: str, lines: list[str]) -> str:
-    """The text with these lines between the markers of that name."""
-    begin, end = f"<!-- {name}: written by docs/fill_readme.py -->\n", f"<!-- /{name} -->"
-    before, rest = text.split(begin)
-    _, after = rest.split(end)
-    return before + begin + "".join(f"{line}\n" for line in lines) + end + after
 
 
 def accuracy_table(text: str) -> list[str]:

@@ -1,8 +1,8 @@
 """The page on the band: its tables of keys and priors are those of the code."""
 
-from test_readme import load_script
+from benchmarks.scripts import script
 
-fill_how_sure = load_script("fill_how_sure")
+fill_how_sure = script("fill_how_sure", "docs")
 
 
 def test_keys_and_priors_on_the_page_are_those_of_the_code():

@@ -1,13 +1,12 @@
 """The front page keeps its promises: its commands exist, its numbers come from the benchmark, its picture is whole."""
 
 import re
-from importlib.util import module_from_spec, spec_from_file_location
-from types import ModuleType
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from benchmarks.scripts import script
 from markdown_pages import ROOT, command_lines, links, programs, redirected
 from ohmward import make_robot_day, score, write_log
 from ohmward.cli.main import main
@@ -16,16 +15,7 @@ from ohmward.traction import RLMA
 README = ROOT / "README.md"
 
 
-def load_script(name: str) -> ModuleType:
-    """A script of the documentation, which is no package."""
-    spec = spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
-    assert spec and spec.loader
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-fill_readme = load_script("fill_readme")
+fill_readme = script("fill_readme", "docs")
 
 
 def words() -> list[str]:
@@ -98,7 +88,7 @@ def test_its_pictures_are_whole(name, texts):
 
 @pytest.mark.slow
 def test_its_day_tells_the_truth():
-    pictures = load_script("make_pictures")
+    pictures = script("make_pictures", "docs")
     log, filtered, counted = pictures.robot_day()
     of_filter = score(filtered.soc, log.extra["soc_true"], filtered.soc_std)
     of_counting = score(counted.soc, log.extra["soc_true"])
@@ -109,7 +99,7 @@ def test_its_day_tells_the_truth():
 
 @pytest.mark.slow
 def test_its_drive_tells_the_truth():
-    log, track = load_script("make_pictures").drive_home()
+    log, track = script("make_pictures", "docs").drive_home()
     truth, found = log.extra["speed_true_m_s"], track.estimates.speed_m_s
     wheels = RLMA.wheel.radius_m * track.estimates.wheel_speed_rad_s.mean(axis=1)
     rms = [float(np.sqrt(np.mean((v - truth) ** 2))) for v in (found, wheels)]
@@ -137,7 +127,7 @@ def test_without_a_benchmark_there_is_no_table(monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_its_range_holds_the_truth():
-    day = load_script("make_pictures").range_of_a_day(asked_every_s=900)
+    day = script("make_pictures", "docs").range_of_a_day(asked_every_s=900)
     inside = (day.p10_m <= day.truth_m) & (day.truth_m <= day.p90_m)
     assert 0.5 <= inside.mean() <= 1.0
     assert np.abs(day.p50_m - day.truth_m).max() < 0.15 * day.truth_m[0]

@@ -1,4 +1,4 @@
-"""The benchmarks, which are scripts and no package."""
+"""The benchmarks and the scripts of the documentation, which are no packages."""
 
 import sys
 from importlib import import_module
@@ -7,9 +7,8 @@ from types import ModuleType
 from markdown_pages import ROOT
 
 
-def script(name: str) -> ModuleType:
-    """A module of benchmarks/."""
-    folder = str(ROOT / "benchmarks")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
+def script(name: str, folder: str = "benchmarks") -> ModuleType:
+    """A module of benchmarks/ or docs/."""
+    if str(ROOT / folder) not in sys.path:
+        sys.path.insert(0, str(ROOT / folder))
     return import_module(name)
