@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
-from ohmward.trace import maximum, trace, where
+from ohmward.trace import maximum, table, trace, where
 from ohmward.trace.elementary import F64, expand
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.lower.packs import Packs, members
@@ -113,3 +113,20 @@ def test_members_that_wait_for_each_other_stay_scalars():
     program = trace(chain, ((Pair(0.0), Pair(0.0)), 0.0), Seen(0.0, False, 0.0))
     assert Packs(program).order is None
     assert_same_bits(program, [0.5, 0.25, 0.0], a_log(50))
+
+
+def test_members_read_a_table_whose_slopes_repeat():
+    """The distinct slopes are a table of their own, found by a table of indices: a gather of a gather."""
+    values = (0.25, 0.12, 0.06, 0.05, *(0.04,) * 7)
+
+    def read(state: Bank, sample: Seen) -> tuple:
+        moved = tuple(
+            m._replace(level=0.5 * m.level + table(values, 0.0, 0.1, m.level + sample.u), held=0.9 * m.held + m.level)
+            for m in state.members
+        )
+        return state._replace(members=moved), moved[0].level
+
+    bank = Bank(0.0, tuple(Memory(0.0, False, np.zeros(2)) for _ in range(3)), 0.0)
+    program = trace(read, bank, Seen(0.0, False, 0.0))
+    assert Packs(expand(program, F64)).operations
+    assert_same_bits(program, [0.1, *(x for k in range(3) for x in (0.3 * k, 0.0, 0.1, -0.2)), 0.0], a_log(100))

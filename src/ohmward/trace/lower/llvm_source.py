@@ -230,8 +230,7 @@ class _PackedLoop(_LogLoop):
         first, arguments = self.packs.operations[key][0], self.packs.arguments[key]
         spoken: list[Any] = []
         for x, argument in zip(first.args, arguments, strict=True):
-            if not isinstance(x, tuple):  # the table of a gather
-                yield from self.argument(x, argument)
+            yield from self.argument(x, argument)
             spoken.append(
                 x if isinstance(x, Expression | tuple) or is_one(argument) else self.vectors[key_of(argument)]
             )
@@ -242,7 +241,9 @@ class _PackedLoop(_LogLoop):
         yield from SPELLINGS[first.operation.name](self.wide, self.vectors[key], tuple(spoken))
 
     def argument(self, first: Any, pack: Pack) -> Iterator[str]:
-        """A pack under the name of its first lane."""
+        """A pack under the name of its first lane; the table of a gather has no value of its own."""
+        if isinstance(first, tuple):
+            return
         yield from self.vector(pack)
         if isinstance(first, Expression):
             self.wide.words[first.serial] = self.vectors[key_of(pack)]
