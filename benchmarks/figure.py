@@ -1,4 +1,4 @@
-"""One measured figure of the traction half, and where the measured data are. `accuracy.py` collects and writes them."""
+"""One measured figure with its bar, and where the measured data are. `accuracy.py` and `lives.py` collect them."""
 
 from __future__ import annotations
 
