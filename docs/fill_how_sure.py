@@ -60,7 +60,7 @@ def prior_table() -> list[str]:
     meaning = attributes(ChemistryPrior)
     rows = []
     for key in ChemistryPrior._fields:
-        text = next((text for shown, text in meaning.items() if key in shown), "")
+        text = next((text for shown, text in meaning.items() if key in shown.split("`, `")), "")
         values = (value_of(getattr(chemistry_prior(name), key)) for name in names)
         rows.append(f"| `{key}` | {text} | {' | '.join(values)} |")
     titles = " | ".join(name or "not named" for name in names)

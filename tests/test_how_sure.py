@@ -15,3 +15,8 @@ def test_every_key_and_prior_has_a_meaning():
         names = ", ".join(fill_how_sure.attributes(cls))
         fields = getattr(cls, "__dataclass_fields__", None) or cls._fields
         assert [name for name in fields if name not in names] == []
+
+
+def test_a_prior_has_its_own_meaning_and_not_that_of_a_longer_name():
+    row = next(row for row in fill_how_sure.prior_table() if row.startswith("| `ocv_std_V` |"))
+    assert "about that of the chemistry" in row and "temperature" not in row
