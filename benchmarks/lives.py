@@ -2,7 +2,7 @@
 
 Parts are chemistries, simulated here, and "measured": `measured_lives.py`. The measured part needs what is not part of
 the repository, `../shared/data` or the folder named by OHMWARD_DATA; without it, the part is skipped with a message.
-The first run simulates the cells, for some minutes; later ones take them from build/lives.
+The first run simulates the cells, for half an hour; later ones take them from build/lives.
 """
 
 from __future__ import annotations

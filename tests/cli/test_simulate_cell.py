@@ -1,11 +1,13 @@
 """`ohmward simulate --cell` from the outside: the log, JSON, the page, refusals."""
 
+import re
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from markdown_pages import ROOT
 from ohmward.cli.main import main
 from ohmward.cli.simulate import arguments
 from ohmward.cli.simulate import cell as command
@@ -45,6 +47,11 @@ def test_the_figures_of_a_record(recorded, as_json):
     assert (found["record"], found["samples"], found["soc_final"]) == ("pulse-test", 60, 0.5)
     assert found["voltage_min_V"] == found["voltage_max_V"] == pytest.approx(13.2)
     assert found["capacity_Ah"] == found["capacity_new_Ah"] == 2.0
+
+
+def test_keys_are_all_listed(recorded, as_json):
+    page = (ROOT / "docs" / "electrochemical-cells.md").read_text(encoding="utf-8")
+    assert as_json(*CELL).keys() - set(re.findall(r"`(\w+)`", page)) == set()
 
 
 def test_a_day_is_the_default_and_lead_acid_has_its_own_model(recorded, as_json):
