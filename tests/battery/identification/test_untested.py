@@ -9,6 +9,7 @@ from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
+from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.confidence import confidence_intervals
 from ohmward.battery.identification.load_temperature import load_temperature
@@ -56,7 +57,7 @@ def test_a_sweep_inside_one_record_shows_three_activations():
     assert 600.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
     named = {c.name: c for c in confidence_intervals(fit, False, True)}
     assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
-    assert not any("activation" in sentence for sentence in untested_sentences(problem, "nmc"))
+    assert not any("temperature" in sentence for sentence in untested_sentences(fit, problem, "nmc"))
 
 
 def test_one_temperature_leaves_the_prior_and_says_so():
@@ -65,19 +66,37 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     fit = fit_circuit(problem, 2)
     assert fit.solution.rates.activations_K == tuple(A.mean for A in problem.prior.untested.activations_K)
     assert activation_std_K(fit, problem) == problem.prior.untested.activation_std_K
-    hysteresis, activation, curve = untested_sentences(problem, "nmc")
+    hysteresis, activation, curve = untested_sentences(fit, problem, "nmc")
     assert "low-rate discharge and a low-rate charge" in hysteresis
     assert unknown_hysteresis_V(problem) > 0.0
     assert "24 to 26 degC only" in activation and "usual for nmc cells" in activation
-    assert "low-rate tests at two temperatures" in curve
-    assert all("name the chemistry" in sentence for sentence in untested_sentences(problem, ""))
+    assert "needs tests at two temperatures" in curve
+    assert all("name the chemistry" in sentence for sentence in untested_sentences(fit, problem, ""))
 
 
 def test_a_measured_temperature_slope_narrows_the_curve():
     problem = swept(24.0, 26.0)
     measured = problem._replace(ocv=replace(problem.ocv, temperature_V_per_K=(1e-4,) * len(problem.ocv.voltage_V)))
-    assert ocv_std_V_per_K(measured) < ocv_std_V_per_K(problem)
-    assert not any("open-circuit" in sentence for sentence in untested_sentences(measured, "nmc"))
+    fit = fit_circuit(problem, 1)
+    assert ocv_std_V_per_K(fit, measured) < ocv_std_V_per_K(fit, problem)
+    assert not any("open-circuit" in sentence for sentence in untested_sentences(fit, measured, "nmc"))
+
+
+def test_rests_at_two_temperatures_show_how_the_curve_moves():
+    """A cell whose curve falls by 0.4 mV/K, from pulse tests at 25 and 0 degC; otherwise activations would explain it."""
+    slope = -4e-4
+    moving = replace(TRUE, ocv=replace(TRUE.ocv, temperature_V_per_K=(slope,) * len(TRUE.ocv.voltage_V)))
+    logs = [pulse_log(cell(), count=8, rest_s=3600.0) for _ in range(2)]
+    problem = problem_of(*logs, degC=(25.0, 0.0), fit_activation=True)
+    samples = tuple(s._replace(voltage_V=simulate(s, moving)) for s in problem.samples)
+    problem = problem._replace(samples=samples)
+    fit = fit_circuit(problem, 2)
+    soc = np.linspace(0.3, 0.9, 13)
+    found = np.interp(soc, np.linspace(0, 1, 201), circuit_of(fit.solution, problem, 1.0).ocv.temperature_V_per_K)
+    assert found == pytest.approx(slope, rel=0.1)
+    assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
+    usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
+    assert 0.5 * usual <= ocv_std_V_per_K(fit, problem) < usual
 
 
 @pytest.mark.parametrize("chemistry", ["nmc", ""])
@@ -105,4 +124,5 @@ def test_a_hysteresis_that_was_seen_is_known_within_half_of_itself():
     seen = problem._replace(ocv=replace(problem.ocv, hysteresis_V=(0.01,) * len(problem.ocv.voltage_V)))
     assert (hysteresis_std(problem), hysteresis_std(seen)) == (0.0, 0.5)
     assert unknown_hysteresis_V(seen) == 0.0
-    assert not any("hysteresis" in sentence for sentence in untested_sentences(seen, "nmc"))
+    sentences = untested_sentences(fit_circuit(problem, 1), seen, "nmc")
+    assert not any("hysteresis" in sentence for sentence in sentences)

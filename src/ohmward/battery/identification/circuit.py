@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
+from ohmward.battery.identification.circuit_design import ENTROPY_KNOTS, OCV_KNOTS, RESISTANCE_GRID
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import FitSamples
@@ -48,6 +48,8 @@ def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurv
     mean_V = np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
     gap_V = scale * np.asarray(first.hysteresis_at(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
     slope = np.interp(OCV_GRID, np.linspace(0, 1, len(first.temperature_V_per_K)), first.temperature_V_per_K)
+    if layout.entropy:
+        slope = slope + np.interp(OCV_GRID, ENTROPY_KNOTS, solution.x[layout.entropic])
     return OcvCurve(
         tuple(monotone(mean_V).tolist()),
         tuple(np.maximum(gap_V, 0.0).tolist()),

@@ -2,10 +2,11 @@
 
 With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
 
-    V = OCV(soc) + c(soc) + ms D(soc) h + r0(soc, sign i) i + sum_j v_j,   v_j driven by r_j(soc) i,
+    V = OCV(soc) + c(soc) + (T - T_ref) e(soc) + ms D(soc) h + r0(soc, sign i) i + sum_j v_j,   v_j driven by r_j(soc) i,
 
 is linear in r0_discharge, r0_charge, r_1 ... r_n on a grid of SoC, in the scale ms of the hysteresis, in a correction
-c of the OCV curve on knots, and in the states v_j and h at the start of each record.
+c of the OCV curve and one e of its change with temperature on knots, and in the states v_j and h at the start of each
+record.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 OCV_KNOTS = np.concatenate(
     [[0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.linspace(0.1, 0.9, 17), [0.92, 0.94, 0.96, 0.97, 0.98, 0.99, 1.0]]
 )
+#: Entropy changes smoothly along SoC but for the stages of graphite, whose width this is.
+ENTROPY_KNOTS = np.linspace(0.0, 1.0, 11)
 
 
 class Rates(NamedTuple):
@@ -48,14 +51,17 @@ class Rates(NamedTuple):
 class ParameterLayout(NamedTuple):
     """Layout of the vector x (K,) of the linear unknowns.
 
-    pairs: number n of RC pairs; records: number of records; hysteresis: True where the OCV curve has any.
+    pairs: number n of RC pairs; records: number of records; hysteresis: True where the OCV curve has any; entropy: True
+    where the temperature of the curve is corrected as well.
     Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV
-    correction on OCV_KNOTS, and for each record v_1 ... v_n (and h with hysteresis) at its start.
+    correction on OCV_KNOTS, that of its change with temperature on ENTROPY_KNOTS (with entropy), and for each record
+    v_1 ... v_n (and h with hysteresis) at its start.
     """
 
     pairs: int
     records: int
     hysteresis: bool
+    entropy: bool = False
 
     @property
     def blocks(self) -> int:
@@ -81,10 +87,15 @@ class ParameterLayout(NamedTuple):
         """Correction of the OCV curve on OCV_KNOTS [V]."""
         return slice(self.scale.stop, self.scale.stop + OCV_KNOTS.size)
 
+    @property
+    def entropic(self) -> slice:
+        """Correction of the change of the OCV curve with temperature on ENTROPY_KNOTS [V/K]; empty without entropy."""
+        return slice(self.correction.stop, self.correction.stop + self.entropy * ENTROPY_KNOTS.size)
+
     def initial(self, record: int) -> slice:
         """States at the start of a record."""
         width = self.pairs + self.hysteresis
-        return slice(self.correction.stop + record * width, self.correction.stop + (record + 1) * width)
+        return slice(self.entropic.stop + record * width, self.entropic.stop + (record + 1) * width)
 
     @property
     def size(self) -> int:
@@ -114,6 +125,9 @@ def design(
         A[:, layout.block(2 + j)] = scan(decay, (1 - decay)[:, None] * driven)
         A[:, initial + j] = np.cumprod(decay)
     A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
+    if layout.entropy:
+        warmer_K = samples.temperature_degC - ocv.reference_degC
+        A[:, layout.entropic] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
     if layout.hysteresis:
         gap_V = ocv.hysteresis_at(samples.soc)
         decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)

@@ -10,7 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import ChemistryPrior, chemistry_prior
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, ParameterLayout
+from ohmward.battery.identification.circuit_design import (
+    ENTROPY_KNOTS,
+    OCV_KNOTS,
+    RESISTANCE_GRID,
+    ParameterLayout,
+)
 from ohmward.battery.models.ocv import OcvCurve
 
 
@@ -66,6 +71,13 @@ _IRON_PHOSPHATE = CircuitPrior(hysteresis=(0.4, 0.05), hysteresis_rate=15.0, hys
 
 #: The same where a drive and a given curve are all there is: the residual of one record is the best case.
 LFP_WITHOUT_LOW_RATE_V = 0.008
+
+
+#: Width of the curve's temperature slope where low-rate tests measured it, over that where they did not: their branches
+#: hold overpotential, which changes with temperature as well.
+_MEASURED_SLOPE = 0.5
+#: Correlation length of that slope along SoC: a stage of graphite.
+_ENTROPY_LENGTH = 0.2
 
 
 class SlowestPair(NamedTuple):
@@ -130,6 +142,8 @@ def nuisance_prior(
         precision[layout.scale, layout.scale] += 1 / std**2
         information[layout.scale] += mean / std**2
     precision[layout.correction, layout.correction] += ocv_precision(prior, ocv, volts)
+    if layout.entropy:
+        precision[layout.entropic, layout.entropic] += entropy_precision(prior, ocv, volts)
     for record, rests in enumerate(at_rest):
         where = layout.initial(record)
         start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
@@ -163,8 +177,18 @@ def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarra
     gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
     axis = np.hypot(prior.ocv_soc, prior.ocv_axis_std * axis_bridge(OCV_KNOTS))
     std = np.sqrt((volts * prior.ocv_V) ** 2 + (axis * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
-    correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / prior.ocv_length)
-    return np.linalg.inv(std[:, None] * correlation * std)
+    return np.linalg.inv(std[:, None] * _correlation(OCV_KNOTS, prior.ocv_length) * std)
+
+
+def entropy_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
+    """(K, K) precision of the change of the OCV curve with temperature on ENTROPY_KNOTS."""
+    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * _correlation(ENTROPY_KNOTS, _ENTROPY_LENGTH))
+
+
+def entropy_std(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> float:
+    """Prior standard deviation of that change [V/K]: less where low-rate tests at two temperatures have measured it."""
+    usual = volts * prior.untested.ocv_std_V_per_K
+    return _MEASURED_SLOPE * usual if any(ocv.temperature_V_per_K) else usual
 
 
 def axis_bridge(soc: Any) -> Any:
@@ -176,6 +200,11 @@ def axis_bridge(soc: Any) -> Any:
 def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
     """Add the precision of `rows` @ x[where] ~ N(., 1) to precision (K, K), in place."""
     precision[where, where] += rows.T @ rows
+
+
+def _correlation(knots: np.ndarray, length: float) -> np.ndarray:
+    """(K, K) correlation of a curve on knots of SoC, exponential with this length."""
+    return np.exp(-np.abs(knots[:, None] - knots) / length)
 
 
 def _walk(prior: CircuitPrior, level: float) -> np.ndarray:

@@ -146,7 +146,8 @@ def solve(
 
     robust: weights of the samples from an earlier solution; None finds them by reweighting (pseudo-Huber).
     """
-    layout = ParameterLayout(len(rates.tau_s), len(problem.samples), any(problem.ocv.hysteresis_V))
+    hysteresis = any(problem.ocv.hysteresis_V)
+    layout = ParameterLayout(len(rates.tau_s), len(problem.samples), hysteresis, problem.fit_activation)
     plain = _linear_system(problem, layout, rates)
     system = plain if robust is None else plain.weighed_by(robust)
     prior = _prior(problem, layout, system)

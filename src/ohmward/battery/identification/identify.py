@@ -239,7 +239,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, Q, hysteresis),
-        *untested_sentences(problem, settings.chemistry),
+        *untested_sentences(fit, problem, settings.chemistry),
     )
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.battery.identification.circuit_fit import ACTIVATION_UNIT_K, CircuitFit
+from ohmward.battery.identification.circuit_prior import entropy_std
 from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.load_temperature import load_temperature
 
@@ -13,9 +14,9 @@ from ohmward.battery.identification.load_temperature import load_temperature
 _ACTIVATION_FLOOR_K = 700.0
 #: Relative error of a hysteresis that low-rate branches show: 0.35 to 0.7 of their gap on measured LFP cells.
 _HYSTERESIS_STD = 0.5
-#: Width of the curve's temperature slope where it was measured, over that where it was not: low-rate branches hold
-#: overpotential, which changes with temperature as well.
-_MEASURED_SLOPE = 0.5
+#: Least error of the curve's temperature slope over that of the chemistry: rests at two temperatures are not equally
+#: complete, and low-rate branches hold overpotential, which changes with temperature as well.
+_LEAST_SLOPE = 0.5
 
 
 def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
@@ -28,10 +29,13 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     return min(max(found_K, _ACTIVATION_FLOOR_K), usual_K)
 
 
-def ocv_std_V_per_K(problem: CircuitProblem) -> float:
-    """Standard deviation of the change of the open-circuit voltage with temperature [V/K]."""
+def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
+    """Standard deviation of the change of the open-circuit voltage with temperature [V/K]: of the fit, rms along SoC."""
     usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
-    return _MEASURED_SLOPE * usual if any(problem.ocv.temperature_V_per_K) else usual
+    if not problem.fit_activation:
+        return entropy_std(problem.prior, problem.ocv, problem.volts)
+    found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.layout.entropic].mean()))
+    return min(max(found, _LEAST_SLOPE * usual), usual)
 
 
 def hysteresis_std(problem: CircuitProblem) -> float:
@@ -44,10 +48,10 @@ def unknown_hysteresis_V(problem: CircuitProblem) -> float:
     return 0.0 if any(problem.ocv.hysteresis_V) else problem.volts * problem.prior.untested.hysteresis_V
 
 
-def untested_sentences(problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
+def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
     """Sentences on what was taken from the chemistry `chemistry`, "" for an unknown one."""
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
-    return (*_hysteresis(problem, kind), *_activation(problem, kind), *_ocv_temperature(problem, kind))
+    return (*_hysteresis(problem, kind), *_activation(problem, kind), *_ocv_temperature(fit, problem, kind))
 
 
 def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
@@ -71,11 +75,11 @@ def _activation(problem: CircuitProblem, kind: str) -> list[str]:
     ]
 
 
-def _ocv_temperature(problem: CircuitProblem, kind: str) -> list[str]:
-    if any(problem.ocv.temperature_V_per_K):
+def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> list[str]:
+    if problem.fit_activation or any(problem.ocv.temperature_V_per_K):
         return []
-    std_mV = 1e3 * ocv_std_V_per_K(problem)
+    std_mV = 1e3 * ocv_std_V_per_K(fit, problem)
     return [
-        f"open-circuit voltage against temperature: needs low-rate tests at two temperatures; 0 +- {std_mV:.2g} mV/K "
-        f"was taken, as usual for {kind}"
+        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 +- {std_mV:.2g} mV/K was taken, "
+        f"as usual for {kind}"
     ]
