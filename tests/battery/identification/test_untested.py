@@ -83,7 +83,7 @@ def test_a_measured_temperature_slope_narrows_the_curve():
 
 
 def test_rests_at_two_temperatures_show_how_the_curve_moves():
-    """A cell whose curve falls by 0.4 mV/K, from pulse tests at 25 and 0 degC; otherwise activations would explain it."""
+    """A cell whose curve falls by 0.4 mV/K, from pulses at 25 and 0 degC; otherwise activations would explain it."""
     slope = -4e-4
     moving = replace(TRUE, ocv=replace(TRUE.ocv, temperature_V_per_K=(slope,) * len(TRUE.ocv.voltage_V)))
     logs = [pulse_log(cell(), count=8, rest_s=3600.0) for _ in range(2)]
@@ -97,6 +97,21 @@ def test_rests_at_two_temperatures_show_how_the_curve_moves():
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
     assert 0.5 * usual <= ocv_std_V_per_K(fit, problem) < usual
+
+
+def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
+    """Pulses at 1 C and C/2 of a cell after Butler and Volmer, whose activation a straight drop makes too small."""
+    bent = replace(TRUE, transfer_V=0.1)
+    logs = [pulse_log(cell(), count=8, rest_s=1800.0) for _ in range(2)]
+    problem = problem_of(*logs, degC=(25.0, 0.0), fit_activation=True)
+    problem = problem._replace(samples=tuple(s._replace(voltage_V=simulate(s, bent)) for s in problem.samples))
+    fit = fit_circuit(problem, 2)
+    assert fit.solution.rates.transfer_V == pytest.approx(0.1, rel=0.15)
+    assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=100.0)
+    assert fit.solution.x[fit.solution.layout.block(0)][5:-1] == pytest.approx(0.030, rel=0.03)
+    assert max(float(np.nanmax(np.abs(r))) for r in fit.solution.residual_V) < 2e-3
+    named = {c.name: c for c in confidence_intervals(fit, False, True)}
+    assert named["transfer_V"].low < 0.1 < named["transfer_V"].high
 
 
 @pytest.mark.parametrize("chemistry", ["nmc", ""])

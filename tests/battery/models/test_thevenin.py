@@ -15,6 +15,7 @@ from ohmward.battery.models.thevenin import (
     Thevenin,
     next_hysteresis,
     next_state,
+    ohmic_drop,
     ohmic_resistance,
     open_circuit,
     pair_decays,
@@ -127,6 +128,34 @@ def test_pairs_and_time_constants_have_activations_of_their_own():
     assert pair_decays(CircuitInput(-1.0, 25.0), p, 5.0) == pair_decays(u, NMC, 5.0)
     x = next_state(np.array([0.5, 0.0, 0.0, 0.0]), u, p, 5.0)
     assert x[1] == pytest.approx(-0.01 * transfer * (1 - np.exp(-5.0 / (slower * p.tau_s[0]))), rel=1e-12)
+
+
+def test_charge_transfer_bends_the_ohmic_drop():
+    """Butler-Volmer, two electrodes of exchange current i_0: i = 2 i_0 sinh(v / V_t), so that R_0 = V_t / (2 i_0)."""
+    drop_V, V_t = np.array([-0.6, -0.05, 0.05, 0.6]), 0.1
+    p, exchange_A = replace(NMC, transfer_V=V_t), V_t / (2 * 0.05)
+    r0_ohm = ohmic_resistance(0.5, CircuitInput(drop_V, 25.0), NMC)  # differs by direction, 0.05 in discharge
+    i_A = 2 * exchange_A * np.sinh(drop_V / V_t) * (0.05 / r0_ohm)
+    assert ohmic_drop(0.5, CircuitInput(i_A, 25.0), p) == pytest.approx(drop_V, rel=2e-5)
+    assert ohmic_drop(0.5, CircuitInput(1e-6, 25.0), p) == pytest.approx(ohmic_drop(0.5, CircuitInput(1e-6, 25.0), NMC))
+    aged = ohmic_drop(0.5, CircuitInput(-2.0, 25.0), p, StateOfHealth(resistance_ratio=1.5))
+    assert aged == pytest.approx(ohmic_drop(0.5, CircuitInput(-3.0, 25.0), p), rel=1e-12)
+    pack = ohmic_drop(0.5, CircuitInput(-8.0, 0.0), p.in_series(4))
+    assert pack == pytest.approx(4 * ohmic_drop(0.5, CircuitInput(-8.0, 0.0), p), rel=1e-12)
+
+
+def test_without_charge_transfer_the_drop_is_straight():
+    u = CircuitInput(-7.0, -10.0)
+    assert ohmic_drop(0.4, u, NMC) == ohmic_resistance(0.4, u, NMC) * (1.0 * u.current_A)
+    with pytest.raises(InputError, match=r"thevenin\.transfer_V"):
+        replace(NMC, transfer_V=0.0)
+
+
+def test_the_bent_drop_has_the_slope_of_r0_at_rest():
+    p = replace(NMC, transfer_V=0.1)
+    value, slope = linearize(lambda i: np.array([ohmic_drop(0.5, CircuitInput(i[0], 25.0), p)]), np.array([0.0]))
+    assert value[0] == 0.0
+    assert slope[0, 0] == pytest.approx(ohmic_resistance(0.5, CircuitInput(0.0, 25.0), NMC), rel=1e-4)
 
 
 def test_an_activation_is_finite():

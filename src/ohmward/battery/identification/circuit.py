@@ -37,6 +37,7 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         reference_degC=problem.reference_degC,
         pair_activation_K=solution.rates.pair_activation_K,
         tau_activation_K=solution.rates.tau_activation_K,
+        transfer_V=solution.rates.transfer_V,
     )
 
 

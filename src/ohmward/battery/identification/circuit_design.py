@@ -2,7 +2,7 @@
 
 With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
 
-    V = OCV(soc) + c(soc) + (T - T_ref) e(soc) + ms D(soc) h + r0(soc, sign i) i + sum_j v_j,   v_j driven by r_j(soc) i,
+    V = OCV(soc) + c(soc) + (T - T_0) e(soc) + ms D(soc) h + r0(soc, sign i) i + sum_j v_j,   v_j driven by r_j(soc) i,
 
 is linear in r0_discharge, r0_charge, r_1 ... r_n on a grid of SoC, in the scale ms of the hysteresis, in a correction
 c of the OCV curve and one e of its change with temperature on knots, and in the states v_j and h at the start of each
@@ -34,6 +34,7 @@ class Rates(NamedTuple):
 
     tau_s: (n,) time constants; hysteresis_rate: gamma.
     activation_K, pair_activation_K, tau_activation_K: of r0, of r_1 ... r_n and of the time constants.
+    transfer_V: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current.
     """
 
     tau_s: tuple[float, ...]
@@ -41,6 +42,7 @@ class Rates(NamedTuple):
     activation_K: float = 0.0
     pair_activation_K: float = 0.0
     tau_activation_K: float = 0.0
+    transfer_V: float | None = None
 
     @property
     def activations_K(self) -> tuple[float, float, float]:

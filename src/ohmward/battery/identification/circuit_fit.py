@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
-from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, solve
+from ohmward.battery.identification.circuit_solve import TRANSFER_V, CircuitProblem, CircuitSolution, solve
 from ohmward.optional import require
 
 #: Bounds of gamma.
@@ -20,6 +20,8 @@ HYSTERESIS_RATES = (5.0, 200.0)
 #: The search counts activations in this unit, so that all its parameters are of order 1 [K], and within these bounds.
 ACTIVATION_UNIT_K = 1000.0
 _ACTIVATIONS_K = (-5000.0, 15000.0)
+#: Bounds of the ohmic drop that charge transfer bends, of a lithium-ion cell [V].
+_TRANSFERS_V = (0.05, 5.0)
 #: Gamma of a circuit without hysteresis; nothing depends on it.
 _UNUSED_RATE = 20.0
 #: Steps of each search; each has as many evaluations more as there are parameters.
@@ -44,6 +46,16 @@ class CircuitFit(NamedTuple):
     search: np.ndarray
     search_cov: np.ndarray
     starts: tuple[tuple[Rates, float], ...]
+
+    @property
+    def activation_std_K(self) -> np.ndarray:
+        """(3,) standard deviation [K] of the activations, where they were found: ohmic, of pairs, of their rates."""
+        return ACTIVATION_UNIT_K * np.sqrt(np.diag(self.search_cov)[-4:-1])
+
+    @property
+    def transfer_log_std(self) -> float:
+        """Standard deviation of the logarithm of `transfer_V`, where it was found."""
+        return float(np.sqrt(self.search_cov[-1, -1]))
 
     def ocv_std_V(self, soc: np.ndarray) -> np.ndarray:
         """Standard deviation [V] of the correction of the open-circuit voltage at soc."""
@@ -90,8 +102,9 @@ def fit_circuit(
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
     """Rates to start from where nothing is known."""
     gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    usual_K = [A.mean for A in problem.prior.untested.activations_K]
-    return [Rates(tau, gamma, *usual_K) for tau in _STARTS[pairs] for gamma in gammas]
+    ohmic_K, pairs_K, tau_K = (A.mean for A in problem.prior.untested.activations_K)
+    transfer_V = TRANSFER_V * problem.volts if problem.fit_activation else None
+    return [Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V) for tau in _STARTS[pairs] for gamma in gammas]
 
 
 class Search(NamedTuple):
@@ -111,7 +124,7 @@ def _search(problem: CircuitProblem, pairs: int, start: np.ndarray, bounds: tupl
         return Search(first, start, np.zeros((1, 0)))
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        return solve(problem, _to_rates(theta, problem, pairs), first.robust).weighted
+        return solve(problem, _to_rates(theta, problem, pairs), first).weighted
 
     found = least_squares(residuals, start, bounds=bounds, diff_step=_STEP, x_scale=0.3, max_nfev=_EVALUATIONS)
     return Search(solve(problem, _to_rates(found.x, problem, pairs)), found.x, found.jac)
@@ -126,11 +139,12 @@ def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[
 
 
 def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
-    """Log tau_1, log of the ratios of the further ones, log gamma, activations in 1000 K: the search parameters."""
+    """Search parameters: log tau_1, log of the ratios of further ones, log gamma, activations in 1000 K, log V_t."""
     tau = np.log(np.array(rates.tau_s))
     tail = [np.log(rates.hysteresis_rate)] if any(problem.ocv.hysteresis_V) else []
     if problem.fit_activation:
-        tail += [A / ACTIVATION_UNIT_K for A in rates.activations_K]
+        transfer_V = rates.transfer_V or TRANSFER_V * problem.volts
+        tail += [*(A / ACTIVATION_UNIT_K for A in rates.activations_K), np.log(transfer_V / problem.volts)]
     return np.array([*tau[:1], *np.diff(tau), *tail])
 
 
@@ -138,8 +152,10 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
-    found_K = [ACTIVATION_UNIT_K * float(A) for A in rest]
-    return Rates(tau, gamma, *(found_K or [A.mean for A in problem.prior.untested.activations_K]))
+    if not problem.fit_activation:
+        return Rates(tau, gamma, *(A.mean for A in problem.prior.untested.activations_K))
+    ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
+    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, problem.volts * float(np.exp(rest[3])))
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
@@ -156,6 +172,6 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
         low.append(np.log(HYSTERESIS_RATES[0]))
         high.append(np.log(HYSTERESIS_RATES[1]))
     if problem.fit_activation:
-        low += [_ACTIVATIONS_K[0] / ACTIVATION_UNIT_K] * 3
-        high += [_ACTIVATIONS_K[1] / ACTIVATION_UNIT_K] * 3
+        low += [*(_ACTIVATIONS_K[0] / ACTIVATION_UNIT_K,) * 3, np.log(_TRANSFERS_V[0])]
+        high += [*(_ACTIVATIONS_K[1] / ACTIVATION_UNIT_K,) * 3, np.log(_TRANSFERS_V[1])]
     return np.array(low), np.array(high)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
-from ohmward.battery.identification.circuit_fit import ACTIVATION_UNIT_K, HYSTERESIS_RATES, CircuitFit
+from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
 from ohmward.battery.identification.circuit_solve import CircuitSolution
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.filters.consistency import BAND_95
@@ -80,11 +80,13 @@ def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> li
     if hysteresis:
         found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
     if activation:
-        halves_K = BAND_95 * ACTIVATION_UNIT_K * std[-len(ACTIVATIONS) :]
+        halves_K = BAND_95 * fit.activation_std_K
         found += [
             ConfidenceInterval(name, value, value - half, value + half)
             for name, value, half in zip(ACTIVATIONS, rates.activations_K, halves_K.tolist(), strict=True)
         ]
+        if rates.transfer_V is not None:
+            found.append(_log_interval("transfer_V", rates.transfer_V, fit.transfer_log_std))
     return found
 
 

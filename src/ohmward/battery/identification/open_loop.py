@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_decays, pair_resistances
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_decays, pair_resistances
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.optional import require
 
@@ -42,4 +42,4 @@ def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hy
     decays = pair_decays(before, p, samples.dt_s)
     for decay, resistance, v0 in zip(decays, resistances, start_V or (0.0,) * p.pairs, strict=True):
         voltage = voltage + scan(decay, np.append(v0, ((1 - decay) * resistance * samples.mean_current_A)[1:]))
-    return voltage + ohmic_resistance(samples.soc, at, p) * samples.current_A
+    return voltage + ohmic_drop(samples.soc, at, p)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_fit import ACTIVATION_UNIT_K, CircuitFit
+from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_prior import entropy_std
 from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.load_temperature import load_temperature
@@ -24,13 +24,13 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     usual_K = problem.prior.untested.activation_std_K
     if not problem.fit_activation:
         return usual_K
-    ohmic_pairs_tau = np.diag(fit.search_cov)[-3:]
-    found_K = ACTIVATION_UNIT_K * float(np.sqrt(ohmic_pairs_tau[:2].mean()))
+    ohmic_and_pairs_K = fit.activation_std_K[:2]
+    found_K = float(np.sqrt(np.mean(ohmic_and_pairs_K**2)))
     return min(max(found_K, _ACTIVATION_FLOOR_K), usual_K)
 
 
 def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
-    """Standard deviation of the change of the open-circuit voltage with temperature [V/K]: of the fit, rms along SoC."""
+    """Standard deviation of the change of the open-circuit voltage with temperature [V/K]; of a fit, rms along SoC."""
     usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)

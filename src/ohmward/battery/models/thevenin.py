@@ -3,7 +3,8 @@
 d soc/dt = eta i / Q            eta = 1 in discharge
 d v_j/dt = -v_j / tau_j + R_j i / tau_j
 h+       = e^(-a) h + (1 - e^(-a)) sign(i),  a = |gamma i dt / Q|
-V        = OCV(soc, T) + M(soc) h + sum v_j + R_0 i
+V        = OCV(soc, T) + M(soc) h + sum v_j + v_0
+v_0      = R_0 i, or V_t asinh(R_0 i / V_t) where charge transfer bends it (Butler-Volmer)
 
 R_0, R_j and tau_j grow in the cold by Arrhenius factors of their own: conduction, and transfer and diffusion.
 """
@@ -19,8 +20,11 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
 from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError
-from ohmward.trace import exp, sign, table, where
+from ohmward.trace import exp, log, sign, sqrt, table, where
 from ohmward.trace.expression import Scalar
+
+#: Keeps asinh(x) / x from 0 / 0: it is 1 within 2e-5 there.
+_ROUND = 1e-4
 
 
 class CircuitInput(NamedTuple):
@@ -58,6 +62,8 @@ class Thevenin:
         tau_activation_K: the same of the time constants.
         gassing_V: terminal voltage above which part of a charge makes gas, so that the voltage, then and until the
             surface charge is gone, tells nothing about SoC; None for a battery that makes none.
+        transfer_V: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in
+            proportion to the current.
     """
 
     capacity_Ah: float
@@ -73,6 +79,7 @@ class Thevenin:
     pair_activation_K: float | None = None
     tau_activation_K: float = 0.0
     gassing_V: float | None = None
+    transfer_V: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -96,6 +103,8 @@ class Thevenin:
                 require_finite(f"thevenin.{name}", value)
         if self.gassing_V is not None:
             require_positive("thevenin.gassing_V", self.gassing_V)
+        if self.transfer_V is not None:
+            require_positive("thevenin.transfer_V", self.transfer_V)
 
     @property
     def pairs(self) -> int:
@@ -140,6 +149,7 @@ class Thevenin:
             r0_charge_ohm=times(self.r0_charge_ohm),
             r_ohm=tuple(times(row) for row in self.r_ohm),
             gassing_V=None if self.gassing_V is None else cells * self.gassing_V,
+            transfer_V=None if self.transfer_V is None else cells * self.transfer_V,
         )
 
 
@@ -175,7 +185,19 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
 def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> list[Any]:
     """Overpotentials [V]: v_1 ... v_n of the RC pairs, then the ohmic drop."""
     soc, *v, _ = x
-    return [*v, ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)]
+    return [*v, ohmic_drop(soc, u, p, health)]
+
+
+def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> Any:
+    """Ohmic drop [V]: R_0 i, or with `transfer_V` V_t asinh(R_0 i / V_t), the Butler-Volmer law of two equal halves."""
+    linear_V = ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)
+    return linear_V if p.transfer_V is None else linear_V * transfer_share(linear_V * (1 / p.transfer_V))
+
+
+def transfer_share(x: Any) -> Any:
+    """Asinh(x) / x, 1 at x = 0: even, so that it is the same for charge and discharge."""
+    size = sqrt(x * x + _ROUND)
+    return log(size + sqrt(size * size + 1.0)) * (1.0 / size)
 
 
 def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any) -> list[Any]:

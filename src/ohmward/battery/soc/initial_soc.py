@@ -15,7 +15,7 @@ import numpy as np
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import coldness_per_K
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or
 from ohmward.checks import require_between, require_positive
 
@@ -141,7 +141,7 @@ def _likelihood(
     if not np.isfinite(voltage_V):
         return np.ones_like(grid)
     u = CircuitInput(finite_or(u.current_A, 0.0), u.temperature_degC)
-    expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_resistance(grid, u, p) * u.current_A
+    expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_drop(grid, u, p)
     lowest_V, highest_V = np.interp((0.0, 1.0), grid, expected)
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
         return np.ones_like(grid)
@@ -160,7 +160,7 @@ def first_voltage_std(
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     resistance_std = np.sqrt(noise.resistance_variance(coldness_per_K(u.temperature_degC, p.reference_degC)))
-    drop = resistance_std * ohmic_resistance(soc, u, p) * abs(u.current_A)
+    drop = resistance_std * abs(ohmic_drop(soc, u, p))
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.ocv.hysteresis_at(soc)
     thermal = noise.ocv_std_V_per_K * (u.temperature_degC - p.ocv.reference_degC)
     terms = (

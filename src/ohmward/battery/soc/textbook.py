@@ -21,7 +21,7 @@ from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,
     charge,
-    ohmic_resistance,
+    ohmic_drop,
     pair_decays,
     pair_resistances,
 )
@@ -109,7 +109,7 @@ class TextbookFilter:
         """State before the voltage of a sample is used, and that voltage."""
         clean = sanitize_bare(sample, state.current_A, self.model.ocv.voltage_V[-1])
         prior = self.predict(unpack(state.belief), clean.mean_A, clean.dt_s)
-        drop_V = ohmic_resistance(prior.mean[0], self.input(clean.current_A), self.model) * clean.current_A
+        drop_V = ohmic_drop(prior.mean[0], self.input(clean.current_A), self.model)
         return TextbookState(pack(prior), clean.current_A), VoltageSample(clean.voltage_V, drop_V, clean.measured)
 
     def estimate(
