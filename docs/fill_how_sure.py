@@ -17,7 +17,7 @@ from marked_block import replaced
 
 import ohmward as ow
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, Normal, chemistry_prior
+from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, CurvePrior, Normal, chemistry_prior
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
@@ -68,9 +68,12 @@ def prior_table() -> list[str]:
 
 
 def value_of(value: Any) -> str:
-    """A prior as mean and standard deviation, or a number."""
+    """A prior as mean and standard deviation, as its range between the ends of the curve, or a number."""
     if isinstance(value, Normal):
         return f"{value.mean:g} ± {value.std:g}"
+    if isinstance(value, CurvePrior):
+        inside = value.std_V[1:-1] or value.std_V
+        return " to ".join(f"{std_V:g}" for std_V in sorted({min(inside), max(inside)}))
     return f"{value:g}"
 
 

@@ -146,7 +146,7 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     const float t104 = t103 * t103;
     const float t105 = 1.2775f * t104;
     const float t106 = t102 + t105;
-    const float t107 = 0.011249756f + t106;
+    const float t107 = 1.0004f + t106;
     const float t108 = 0.99933356f * t8;
     const float t109 = 0.99933356f * t108;
     const float t110 = 4e-06f + t109;
