@@ -74,6 +74,7 @@ def batteries(draw):
         pair_activation_K=draw(st.none() | st.floats(-1e4, 1e4)),
         tau_activation_K=draw(st.floats(-1e4, 1e4)),
         transfer_V=draw(st.none() | positive),
+        empty_activation_K=draw(st.floats(-1e4, 1e4)),
     )
     name = draw(st.text(st.characters(codec="utf-8"), max_size=30))
     return Battery(name, draw(positive), thevenin=p, not_identified=(name,), noise=BatteryNoise(model_std_V=draw(row)))

@@ -109,6 +109,8 @@ def test_what_it_lacks_comes_from_the_chemistry_and_is_said():
     assert battery.thevenin.activation_K == prior.activation_K.mean
     assert battery.thevenin.pair_activation_K == prior.pair_activation_K.mean
     assert battery.noise.activation_std_K == prior.activation_std_K
+    assert battery.thevenin.empty_activation_K == prior.empty_activation_K.mean
+    assert battery.noise.empty_activation_std_K == prior.empty_activation_K.std
     assert battery.noise.ocv_std_V_per_K == pytest.approx(prior.ocv_std_V_per_K * 13.1 / 3.7, rel=0.03)
     assert battery.noise.model_std_V[0] == pytest.approx((0.0275142**2 + (0.01 * 13.1 / 3.7) ** 2) ** 0.5, rel=0.03)
     assert battery.noise.capacity_std == AGED_CAPACITY_STD

@@ -69,6 +69,7 @@ class ChemistryPrior(NamedTuple):
     ocv_std_V_per_K: change of the open-circuit voltage with temperature, about 0, for each CELL_V of the battery.
     curve: of the open-circuit voltage about that of the chemistry, standard deviation [V] of one cell between the ends.
     hysteresis_V: typical half distance of the branches, for each CELL_V.
+    empty_activation_K: of the RC pairs at empty beyond pair_activation_K.
     """
 
     activation_K: Normal
@@ -78,6 +79,7 @@ class ChemistryPrior(NamedTuple):
     ocv_std_V_per_K: float
     curve: CurvePrior
     hysteresis_V: float
+    empty_activation_K: Normal = Normal(0.0, 8000.0)
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:
@@ -112,6 +114,8 @@ _LITHIUM = ChemistryPrior(
 _COBALT = _LITHIUM._replace(ocv_std_V_per_K=3.5e-4, curve=_LCO_CURVE)
 _IRON_PHOSPHATE = _LITHIUM._replace(ocv_std_V_per_K=1.2e-4, curve=_LFP_CURVE, hysteresis_V=0.01)
 _NICKEL_MANGANESE_COBALT = _LITHIUM._replace(curve=_NMC_CURVE)
+#: Pulses of a Panasonic NCA cell at -10 to 25 degC: the transfer of lithium into a nearly full layered oxide.
+_NICKEL_COBALT_ALUMINIUM = _LITHIUM._replace(empty_activation_K=Normal(11000.0, 8000.0))
 #: Acid conducts with about 1500 K; a cell of 2 V moves by 0.2 mV/K (Bode, Lead-Acid Batteries, 1977).
 _LEAD_ACID = ChemistryPrior(
     Normal(1500.0, 700.0),
@@ -193,7 +197,17 @@ CHEMISTRIES: dict[str, Chemistry] = {
         (20.0, 500.0),
         prior=_NICKEL_MANGANESE_COBALT,
     ),
-    "nca": Chemistry("lithium nickel cobalt aluminium oxide", _TENTHS, _NCA, 0.005, 0.10, 0.03, 0.04, (20.0, 500.0)),
+    "nca": Chemistry(
+        "lithium nickel cobalt aluminium oxide",
+        _TENTHS,
+        _NCA,
+        0.005,
+        0.10,
+        0.03,
+        0.04,
+        (20.0, 500.0),
+        prior=_NICKEL_COBALT_ALUMINIUM,
+    ),
     "lipo": Chemistry(
         "lithium polymer (cobalt oxide)", _TENTHS, _LCO, 0.005, 0.06, 0.03, 0.04, (20.0, 500.0), prior=_COBALT
     ),
@@ -250,6 +264,7 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
         activation_K=c.prior.activation_K.mean,
         pair_activation_K=c.prior.pair_activation_K.mean,
         tau_activation_K=c.prior.tau_activation_K.mean,
+        empty_activation_K=c.prior.empty_activation_K.mean,
         gassing_V=c.gassing_V(curve),
     )
     return cell.in_series(n_series)
@@ -295,5 +310,6 @@ def start_noise(name: str = "", n_series: int = 1, ocv_known: bool = False) -> B
         capacity_std=_LABEL_CAPACITY_STD,
         resistance_std=_LABEL_RESISTANCE_STD,
         activation_std_K=prior.activation_std_K,
+        empty_activation_std_K=prior.empty_activation_K.std,
         ocv_std_V_per_K=prior.ocv_std_V_per_K * n_series * cell_V / CELL_V,
     )

@@ -69,10 +69,11 @@ def _take_activation(table: dict[str, Any], prior: ChemistryPrior, kind: str) ->
     if not isinstance(model, dict):
         return []
     _into_noise(table, "activation_std_K", prior.activation_std_K)
+    _into_noise(table, "empty_activation_std_K", prior.empty_activation_K.std)
     tested = bool(model.get("activation_K"))
     ohmic, pairs, tau = (A.mean for A in prior.activations_K)
     taken = {"tau_activation_K": tau} if tested else _activations(ohmic, pairs, tau)
-    table["thevenin"] = model | taken
+    table["thevenin"] = model | taken | {"empty_activation_K": prior.empty_activation_K.mean}
     if tested:
         return [
             f"activation_std_K: a file of format 1 does not say it; +-{prior.activation_std_K:.0f} K, and {tau:.0f} K "

@@ -158,6 +158,17 @@ def test_the_bent_drop_has_the_slope_of_r0_at_rest():
     assert slope[0, 0] == pytest.approx(ohmic_resistance(0.5, CircuitInput(0.0, 25.0), NMC), rel=1e-4)
 
 
+def test_the_activation_of_the_pairs_grows_towards_empty():
+    p = replace(NMC, pair_activation_K=3000.0, empty_activation_K=10000.0)
+    inverse_K = 1 / 273.15 - 1 / 298.15
+    for soc, activation_K in ((0.0, 13000.0), (0.175, 8000.0), (0.35, 3000.0), (0.9, 3000.0), (-0.1, 13000.0)):
+        warm = pair_resistances(soc, CircuitInput(-1.0, 25.0), p)
+        cold = pair_resistances(soc, CircuitInput(-1.0, 0.0), p)
+        assert warm == pair_resistances(soc, CircuitInput(-1.0, 25.0), NMC)
+        assert cold == pytest.approx(np.exp(activation_K * inverse_K) * np.array(warm), rel=1e-12)
+        assert ohmic_resistance(soc, CircuitInput(-1.0, 0.0), p) == ohmic_resistance(soc, CircuitInput(-1.0, 0.0), NMC)
+
+
 def test_an_activation_is_finite():
     with pytest.raises(InputError, match=r"thevenin\.activation_K"):
         replace(NMC, activation_K=np.nan)
@@ -165,6 +176,8 @@ def test_an_activation_is_finite():
         replace(NMC, pair_activation_K=np.inf)
     with pytest.raises(InputError, match=r"thevenin\.tau_activation_K"):
         replace(NMC, tau_activation_K=np.nan)
+    with pytest.raises(InputError, match=r"thevenin\.empty_activation_K"):
+        replace(NMC, empty_activation_K=np.nan)
 
 
 def test_resistance_depends_on_soc_and_on_the_direction():

@@ -69,9 +69,18 @@ def test_cold_lives_are_covered_where_the_activation_is_in_doubt(method):
 def test_the_doubt_opens_in_the_cold_and_closes_on_the_way_back():
     system = TheveninFilter(NMC, DOUBTED).system
     warm, cold = (float(system.overpotential_share(0.6, CircuitInput(-0.5, degC))) for degC in (25.0, -15.0))
-    empty = float(system.overpotential_share(0.05, CircuitInput(-0.5, -15.0)))
     assert warm == pytest.approx(TESTED.overpotential_share)
-    assert 4 * warm < cold < empty
+    assert 4 * warm < cold
+
+
+def test_the_doubt_of_the_pairs_near_empty_opens_there_in_the_cold_only():
+    noise = replace(TESTED, empty_activation_std_K=8000.0)
+    share = TheveninFilter(NMC, noise).system.overpotential_share
+    for soc, degC in ((0.05, 25.0), (0.05, 40.0), (0.4, -15.0)):
+        assert float(share(soc, CircuitInput(-0.5, degC))) == pytest.approx(noise.overpotential_share)
+    cold = 8000.0 * (1 / 258.15 - 1 / 298.15) * (1 - 0.05 / 0.35)
+    expected = np.hypot(noise.overpotential_share, cold)
+    assert float(share(0.05, CircuitInput(-0.5, -15.0))) == pytest.approx(expected, rel=1e-9)
 
 
 def test_states_without_a_doubt_are_not_there():

@@ -38,6 +38,7 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         pair_activation_K=solution.rates.pair_activation_K,
         tau_activation_K=solution.rates.tau_activation_K,
         transfer_V=solution.rates.transfer_V,
+        empty_activation_K=solution.rates.empty_activation_K,
     )
 
 

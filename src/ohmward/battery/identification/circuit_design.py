@@ -20,6 +20,7 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.open_loop import hysteresis_decay, scan
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import arrhenius_factor
+from ohmward.battery.models.thevenin import emptying_factor
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 OCV_KNOTS = np.concatenate(
@@ -35,6 +36,7 @@ class Rates(NamedTuple):
     tau_s: (n,) time constants; hysteresis_rate: gamma.
     activation_K, pair_activation_K, tau_activation_K: of r0, of r_1 ... r_n and of the time constants.
     transfer_V: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current.
+    empty_activation_K: of r_1 ... r_n at empty beyond that, the chemistry's.
     """
 
     tau_s: tuple[float, ...]
@@ -43,6 +45,7 @@ class Rates(NamedTuple):
     pair_activation_K: float = 0.0
     tau_activation_K: float = 0.0
     transfer_V: float | None = None
+    empty_activation_K: float = 0.0
 
     @property
     def activations_K(self) -> tuple[float, float, float]:
@@ -118,7 +121,8 @@ def design(
     A = np.zeros((samples.soc.size, layout.size))
     ohmic, pairs, faster = arrhenius_factors(samples.temperature_degC, rates, reference_degC)
     here = hat(samples.soc, RESISTANCE_GRID) * (ohmic * samples.current_A)[:, None]
-    driven = hat(samples.soc_before, RESISTANCE_GRID) * (pairs * samples.mean_current_A)[:, None]
+    emptying = emptying_factor(samples.soc_before, samples.temperature_degC, rates.empty_activation_K, reference_degC)
+    driven = hat(samples.soc_before, RESISTANCE_GRID) * (pairs * emptying * samples.mean_current_A)[:, None]
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
     A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     initial = layout.initial(record).start

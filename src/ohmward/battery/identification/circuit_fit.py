@@ -102,9 +102,11 @@ def fit_circuit(
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
     """Rates to start from where nothing is known."""
     gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    ohmic_K, pairs_K, tau_K = (A.mean for A in problem.prior.untested.activations_K)
+    usual = problem.prior.untested
+    ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
     transfer_V = TRANSFER_V * problem.volts if problem.fit_activation else None
-    return [Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V) for tau in _STARTS[pairs] for gamma in gammas]
+    further = (ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
+    return [Rates(tau, gamma, *further) for tau in _STARTS[pairs] for gamma in gammas]
 
 
 class Search(NamedTuple):
@@ -152,10 +154,13 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = list(theta[pairs:])
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
-    if not problem.fit_activation:
-        return Rates(tau, gamma, *(A.mean for A in problem.prior.untested.activations_K))
-    ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
-    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, problem.volts * float(np.exp(rest[3])))
+    usual = problem.prior.untested
+    ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
+    transfer_V = None
+    if problem.fit_activation:
+        ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
+        transfer_V = problem.volts * float(np.exp(rest[3]))
+    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:

@@ -69,9 +69,11 @@ def _activation(problem: CircuitProblem, kind: str) -> list[str]:
         return []
     prior = problem.prior.untested
     ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
+    empty = f"{prior.empty_activation_K.mean:.0f} +- {prior.empty_activation_K.std:.0f} K"
     return [
         f"activation: currents flowed at {load_temperature(problem.samples)} only; {ohmic} (R0), {pairs} (RC pairs) "
-        f"and {tau} (time constants), all +-{prior.activation_std_K:.0f} K, were taken, as usual for {kind}"
+        f"and {tau} (time constants), all +-{prior.activation_std_K:.0f} K, and for the pairs at SoC 0 "
+        f"{empty} more were taken, as usual for {kind}"
     ]
 
 

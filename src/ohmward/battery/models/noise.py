@@ -65,6 +65,7 @@ class BatteryNoise:
         resistance_std: relative error of all resistances together.
         resistance_walk: random walk of that error in 100 hours.
         activation_std_K: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference)).
+        empty_activation_std_K: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`.
         hysteresis_std: relative error of the hysteresis of the OCV curve.
         ocv_std_V_per_K: error of the OCV curve for every degree from its reference temperature.
     """
@@ -80,6 +81,7 @@ class BatteryNoise:
     resistance_std: float = 0.05
     resistance_walk: float = 0.05
     activation_std_K: float = 0.0
+    empty_activation_std_K: float = 0.0
     hysteresis_std: float = 0.0
     ocv_std_V_per_K: float = 0.0
 

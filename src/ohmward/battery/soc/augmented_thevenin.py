@@ -41,6 +41,7 @@ from ohmward.battery.models.thevenin import (
     CircuitInput,
     StateOfHealth,
     Thevenin,
+    emptiness,
     next_state,
     ohmic_resistance,
     open_circuit,
@@ -67,10 +68,6 @@ RESISTANCE_CORRELATION = 0.7
 #: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
 #: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
 UNEVEN_ACTIVATION = 0.5
-
-#: Below this SoC the surface of a cold cell runs empty under load: the share grows with the coldness [K].
-#: NCA at 0 degC shows 2 to 3 times the overpotential at 10 % that tests at SoC 0.2 and above tell.
-LOW_SOC, LOW_SOC_ACTIVATION_K = 0.35, 8000.0
 
 #: Error of the SoC axis at half charge per loss of capacity: an aged cell has not its first curve over less capacity,
 #: its electrodes have slipped against each other; full and empty stay full and empty. Measured on simulated NCA and NMC
@@ -294,7 +291,7 @@ class AugmentedThevenin:
         base = self.noise.overpotential_share_at(soc)
         cold = self.coldness(u)
         uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * cold
-        empty = LOW_SOC_ACTIVATION_K * maximum(cold, 0.0) * maximum(0.0, 1 - soc * (1 / LOW_SOC))
+        empty = self.noise.empty_activation_std_K * maximum(cold, 0.0) * emptiness(soc)
         return np.sqrt(base**2 + uneven * uneven + empty * empty)
 
     def axis_variance(self, state: AugmentedState) -> Scalar:
