@@ -49,5 +49,7 @@ def test_a_temperature_that_the_tests_do_not_show_is_a_warning_and_no_refusal():
     cold = replace(warm, temperature_degC=np.where(TIME_S < 50, 20.0, -30.0))
     (note,) = check_log(cold, BATTERY).notes
     assert note.level == "warning" and note.text.startswith("the log goes to -30 degC, where the resistance follows")
+    (note,) = check_log(replace(warm, temperature_degC=np.full(100, -0.04)), BATTERY).notes
+    assert note.text.startswith("the log goes to 0 degC")
     unmeasured = replace(warm, temperature_degC=np.full(100, np.nan))
     assert check_log(unmeasured, BATTERY) is unmeasured

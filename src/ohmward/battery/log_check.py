@@ -67,7 +67,7 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
     if spread[worst] < DOUBTFUL_RESISTANCE:
         return log
     text = (
-        f"the log goes to {degC[worst]:.0f} degC, where the resistance follows from {reference_degC:.0f} degC within "
+        f"the log goes to {degC[worst]:z.0f} degC, where the resistance follows from {reference_degC:z.0f} degC within "
         f"+-{spread[worst]:.0%} only (1 sigma); the band is wider there"
     )
     return log.with_notes(Note(text, "warning"))

@@ -86,4 +86,7 @@ def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:
     others = ", ".join(
         f"{fit.solution.score - best:+.0f} with {pairs}" for pairs, fit in sorted(fits.items()) if pairs != chosen
     )
-    return Note(f"RC pairs: {chosen} chosen by evidence (-2 ln of it, less is better: {others})")
+    return Note(
+        f"RC pairs: {chosen} chosen by evidence "
+        f"(-2 ln of it: {others}; a pair more must lower it by {_STRONG_EVIDENCE:g})"
+    )

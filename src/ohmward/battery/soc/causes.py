@@ -259,12 +259,12 @@ def _curve(now: Conditions) -> str:
 def _activation(now: Conditions) -> str:
     T = now.temperature_degC
     spread = now.std["activation"] * abs(coldness_per_K(T, now.settings.model.reference_degC))
-    return f"resistance at {T:.0f} degC known only within {within(spread)}"
+    return f"resistance at {T:z.0f} degC known only within {within(spread)}"
 
 
 def _ocv_temperature(now: Conditions) -> str:
     std_mV = 1e3 * now.error_V["ocv_temperature"]
-    return f"open-circuit curve at {now.temperature_degC:.0f} degC known within ± {BAND_95 * std_mV:.2g} mV"
+    return f"open-circuit curve at {now.temperature_degC:z.0f} degC known within ± {BAND_95 * std_mV:.2g} mV"
 
 
 def _offset(now: Conditions) -> str:
