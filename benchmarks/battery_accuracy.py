@@ -19,7 +19,7 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT, FLAT_CHEMISTRIES, EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
 from ohmward.published.registry import ESTIMATORS, available, make_estimator
@@ -223,6 +223,6 @@ def table(rows: Sequence[Row]) -> list[str]:
             f"| {row.data} | {row.method} | {row.start} | {factor * s.rmse:.2f} | {factor * s.mae:.2f} "
             f"| {factor * s.max_error:.2f} | {coverage} | {row.us_per_step:.0f} | {row.bar} | {verdict(row.met)} |"
         )
-    methods = [f"- `{DEFAULT}`: `gsf` for {', '.join(FLAT_CHEMISTRIES)}, `ekf` for all others"]
+    methods = [f"- `{DEFAULT}`: `gsf`, for a battery without a Thevenin model `rc`"]
     methods += [f"- `{name}`: {choice.title}" for name, choice in ESTIMATORS.items()]
     return [*lines, "", "Methods:", "", *methods]

@@ -72,7 +72,7 @@ def test_the_estimates_are_those_of_two_halves(folder):
     written = read_log(folder / "long-estimates.parquet", current_sign="charge")
     log = read_log(folder / "long.parquet", extra=())
     estimator = SocEstimator(
-        make_estimator("ekf", load_battery(folder / "battery.toml"), EstimatorSettings()), lowering="machine"
+        make_estimator("default", load_battery(folder / "battery.toml"), EstimatorSettings()), lowering="machine"
     )
     halves = [estimator.run(log.select(part)).estimates for part in (slice(0, 500_000), slice(500_000, None))]
     for name in ("soc", "soc_std", "innovation_V", "flags"):

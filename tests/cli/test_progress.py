@@ -44,7 +44,7 @@ def test_every_stage_is_told_from_its_beginning_to_its_end(here, monkeypatch):
     monkeypatch.setattr(soc, "progress", lambda: nullcontext(lambda what, share: told.append((what, share))))
     main(["soc", "day.csv", "--battery", "battery.toml", "-o", "e.csv"])
     stages = list(dict.fromkeys(what for what, _ in told))
-    assert stages == ["reading day.csv", "ekf", "writing e.csv"]
+    assert stages == ["reading day.csv", "gsf", "writing e.csv"]
     for stage in stages:
         shares = [share for what, share in told if what == stage]
         assert (shares[0], shares[-1]) == (0.0, 1.0)

@@ -20,7 +20,7 @@ from ohmward.battery.soc.gaussian_sum import (
     normalised,
     relative,
 )
-from ohmward.battery.soc.sample import SocFlag
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
@@ -116,6 +116,17 @@ def test_on_a_straight_cell_it_is_the_exact_posterior():
         mean = density @ grid
         assert found.soc[k] == pytest.approx(mean + moved[k], abs=2e-4)
         assert found.soc_std[k] == pytest.approx(math.sqrt(density @ (grid - mean) ** 2), rel=0.01)
+
+
+def test_a_start_without_a_voltage_has_the_moments_of_the_prior():
+    """Told 60 +- 3 %, with a share of 2 % for anything else."""
+    settings = GaussianSumFilter(TheveninFilter(LFP, NOISE))
+    first = SocSample(0.0, 0.0, math.nan, 25.0)
+    blind = unpack(settings.merged(settings.init(first, 0.6)).belief)
+    taken = unpack(settings.merged(settings.start(first, 0.6, 0.03)).belief)
+    assert taken.mean[0] == pytest.approx(0.98 * 0.6 + 0.02 * 0.5, abs=1e-9)
+    assert taken.mean[0] == pytest.approx(blind.mean[0], abs=1e-4)
+    assert taken.cov[0, 0] == pytest.approx(blind.cov[0, 0], rel=0.02)
 
 
 def test_the_merged_state_has_the_moments_of_the_estimate():

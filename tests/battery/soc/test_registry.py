@@ -35,9 +35,8 @@ def test_each_battery_offers_what_its_models_allow():
     assert all_available(RC_ALONE) == ("rc", "published.rc-kf", "published.rc-aukf")
 
 
-def test_the_default_follows_the_chemistry_and_the_models():
-    assert make_estimator("default", BOTH) == make_estimator("ekf", BOTH)
-    assert make_estimator("Default", replace(BOTH, chemistry="lfp")) == make_estimator("gsf", BOTH)
+def test_the_default_follows_the_models():
+    assert make_estimator("Default", BOTH) == make_estimator("gsf", BOTH)
     assert make_any("default", RC_ALONE) == make_any("rc", RC_ALONE)
     assert "gsf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
     with pytest.raises(InputError, match="filter must be one of default, ekf, ukf, gsf"):

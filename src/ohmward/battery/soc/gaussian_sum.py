@@ -13,19 +13,19 @@ their gate. The voltage contradicts the filter where it contradicts every hypoth
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import and_, or_
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.soc.augmented_thevenin import AugmentedThevenin
+from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
 from ohmward.battery.soc.clean_sample import first_input
-from ohmward.battery.soc.initial_soc import hypotheses
+from ohmward.battery.soc.initial_soc import WRONG_SHARE, hypotheses
 from ohmward.battery.soc.sample import SocEstimate, SocSample
-from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import choose
@@ -85,11 +85,24 @@ class GaussianSumFilter:
         members = tuple(filter_.start(first, *part.start) for part in parts)
         return GaussianSumState(members, relative([np.log(max(part.weight, _TINY)) for part in parts]))
 
+    def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> GaussianSumState:
+        """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers.
+
+        That it is wrong has the same prior as in `init`, in cells of equal width.
+        """
+        wrong = equal_cells(self.count - 1)
+        members = tuple(self.member.start(first, *part) for part in [(soc, soc_std), *wrong])
+        weights = [1.0 - WRONG_SHARE, *(WRONG_SHARE / len(wrong) for _ in wrong)]
+        return GaussianSumState(members, relative([math.log(weight) for weight in weights]))
+
     def step(self, state: GaussianSumState, sample: SocSample) -> tuple[GaussianSumState, SocEstimate]:
         """State and estimate after a sample."""
         clean = self.member.sanitize(state.members[0], sample)
         diverged = reduce(and_, map(self.member.has_diverged, state.members))
-        steps = [self.member.advance(member, clean, diverged) for member in state.members]
+        steps = [
+            self.member.advance(member, clean, diverged, forget)
+            for member, forget in zip(state.members, self.restarts, strict=True)
+        ]
         believed = reduce(or_, (step.update.accepted for step in steps))
         log_weights = relative(
             [
@@ -100,6 +113,13 @@ class GaussianSumFilter:
         after = GaussianSumState(tuple(step.state for step in steps), log_weights)
         return after, mixed([step.estimate for step in steps], log_weights)
 
+    @property
+    def restarts(self) -> list[Callable[[Belief], Belief]]:
+        """Functions that declare SoC unknown in each hypothesis: one cell of it for each, of equal width."""
+        if self.count == 1:
+            return [forget_soc]
+        return [partial(with_soc, soc=soc, std=std) for soc, std in equal_cells(self.count)]
+
     def merged(self, state: GaussianSumState) -> FilterState:
         """The state of one filter whose belief has the mean and the covariance of the sum; the rest as most likely."""
         beliefs = [unpack(member.belief) for member in state.members]
@@ -107,6 +127,19 @@ class GaussianSumFilter:
         mean = sum(w * b.mean for w, b in zip(weights, beliefs, strict=True))
         cov = sum(w * (b.cov + np.outer(b.mean - mean, b.mean - mean)) for w, b in zip(weights, beliefs, strict=True))
         return most_likely(state.members, state.log_weights)._replace(belief=pack(Belief(mean, cov)))
+
+
+def equal_cells(count: int) -> list[tuple[float, float]]:
+    """Mean and standard deviation of each of `count` cells of SoC of equal width."""
+    return [((k + 0.5) / count, 1.0 / (count * math.sqrt(12.0))) for k in range(count)]
+
+
+def with_soc(belief: Belief, soc: float, std: float) -> Belief:
+    """The belief with another SoC, independent of all else."""
+    mean, cov = belief.mean.copy(), belief.cov.copy()
+    mean[SOC], cov[SOC, :], cov[:, SOC] = soc, 0.0, 0.0
+    cov[SOC, SOC] = std**2
+    return Belief(mean, cov)
 
 
 def relative(log_weights: Sequence[Any] | np.ndarray) -> np.ndarray:

@@ -20,10 +20,6 @@ from ohmward.errors import InputError
 #: The estimator of a user who does not choose: that of the battery, see `chosen_name`.
 DEFAULT = "default"
 
-#: Chemistries with a curve that is flat between knees, where one Gaussian is a poor picture of a start that is unknown
-#: or was told wrong. On measured LFP the Gaussian sum has half the interval score of one filter, extended or unscented.
-FLAT_CHEMISTRIES = ("lfp",)
-
 
 class EstimatorSettings(NamedTuple):
     """Settings of the use of a battery, the same for every estimator.
@@ -69,12 +65,10 @@ def make_from(
 
 
 def chosen_name(name: str, battery: Battery) -> str:
-    """The name itself, and for `DEFAULT` that of the estimator that wins for the chemistry of the battery."""
+    """The name itself, and for `DEFAULT` that of the estimator that wins where the battery has its model."""
     if name != DEFAULT:
         return name
-    if battery.thevenin is None:
-        return "rc"
-    return "gsf" if battery.chemistry in FLAT_CHEMISTRIES else "ekf"
+    return "rc" if battery.thevenin is None else "gsf"
 
 
 def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str, ...]:

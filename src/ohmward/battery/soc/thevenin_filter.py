@@ -10,6 +10,7 @@ Q is not matched: matching both finds the size of the noise but not the ratio of
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -86,6 +87,11 @@ class TheveninStep(NamedTuple):
     state: FilterState
     estimate: SocEstimate
     update: TheveninUpdate
+
+
+def forget_soc(belief: Belief) -> Belief:
+    """The belief with the standard deviation of an unknown SoC about its mean."""
+    return inflate(belief, SOC, SOC_UNKNOWN_STD**2 - belief.cov[SOC, SOC])
 
 
 @dataclass(frozen=True)
@@ -170,13 +176,19 @@ class TheveninFilter:
         """True where the voltage has contradicted the belief for too long."""
         return state.rejected_s > self.reset_after_s
 
-    def advance(self, state: FilterState, clean: CleanSocSample, diverged: Any) -> TheveninStep:
-        """The step on a clean sample; where the filter has diverged, SoC is declared unknown first."""
+    def advance(
+        self,
+        state: FilterState,
+        clean: CleanSocSample,
+        diverged: Any,
+        forget_soc: Callable[[Belief], Belief] = forget_soc,
+    ) -> TheveninStep:
+        """The step on a clean sample; where the filter has diverged, SoC is declared unknown first, by `forget_soc`."""
         prior = self.predict(state, clean)
         rest_s = self.rest_s(state, prior, clean)
         resting = self.is_resting(rest_s)
         prior = self.zero_current_update(prior, clean, resting)
-        prior = choose(diverged, inflate(prior, SOC, SOC_UNKNOWN_STD**2 - prior.cov[SOC, SOC]), prior)
+        prior = choose(diverged, forget_soc(prior), prior)
         update = self.correct(state, prior, clean)
         posterior, limited = self.within_limits(update.belief)
 

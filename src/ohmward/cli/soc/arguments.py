@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--filter",
         default="default",
         metavar="NAME",
-        help="ekf, ukf, gsf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default gsf for LFP, else ekf); as "
+        help="ekf, ukf, gsf, rc, textbook-ekf, textbook-ukf, coulomb or ocv (default gsf); as "
         "published: published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
     )
     add_output_options(parser)
