@@ -3,7 +3,7 @@ import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.soc_axis import anchor_soc, capacity_from_rests, full_charges
+from ohmward.battery.identification.soc_axis import anchor_soc, capacity_from_rests, full_charges, sweep_anchor
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -67,6 +67,18 @@ def test_the_steepest_rest_is_believed():
 def test_a_full_sweep_starts_full():
     axis = anchor_soc(record_of(pulse_log(cell(), count=3, rest_s=600)), 2.0)
     assert axis.soc[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_sweep_to_below_the_voltage_of_an_empty_battery_lacks_nothing_at_the_top():
+    """A capacity that a high rate does not give is missing at the bottom; a log that just stops may lack it on top."""
+    record = record_of(pulse_log(cell(), count=3, rest_s=600), 2.2)
+    lowest_V = float(np.nanmin(record.log.voltage_V))
+    (unknown,), (emptied,) = sweep_anchor(record, 2.2), sweep_anchor(record, 2.2, lowest_V + 0.01)
+    assert unknown.std == 0.03
+    assert emptied.std == 0.01
+    (stopped,) = sweep_anchor(record, 2.2, lowest_V - 0.01)
+    assert stopped == unknown
+    assert anchor_soc(record, 2.2, empty_V=lowest_V + 0.01).std == 0.01
 
 
 def test_nothing_known_is_refused():

@@ -36,6 +36,7 @@ class CircuitPrior(NamedTuple):
     gassing_factor: in a charge and the rest after it above `gassing_soc`, where part of the charge makes gas.
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
     model_V, model_soc_length: error of the model at any SoC, however well it fits, and its correlation length there.
+    pulses_V: the same error, at least, where short pulses are all there is: they show only the start of a slow process.
     untested: activations and temperature of the curve, where the data do not show them.
     """
 
@@ -61,6 +62,7 @@ class CircuitPrior(NamedTuple):
     model_V: float = 0.003
     untested: ChemistryPrior = chemistry_prior("")
     model_soc_length: float = 0.1
+    pulses_V: float = 0.008
 
 
 # On the plateau of iron phosphate hysteresis and a slow overpotential look alike in a drive that discharges: with
@@ -109,8 +111,9 @@ def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
             discharging_factor=2.0,
             charging_factor=6.0,
             gassing_factor=100.0,
-            model_V=0.01,
+            model_V=0.005,
             model_soc_length=0.5,
+            pulses_V=0.005,
         )
     slow = SLOW.get(chemistry, SlowestPair(prior.slow_tau_s, prior.slow_tau_log_std))
     return prior._replace(slow_tau_s=slow.tau_s, slow_tau_log_std=slow.log_std, untested=chemistry_prior(chemistry))

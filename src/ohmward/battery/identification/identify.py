@@ -205,7 +205,8 @@ def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | No
     curve, axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
     if first and first.source == "rests" and known_without_curve(record, settings):
         curve = None
-    return anchor_soc(record, settings.capacity_Ah, curve, start, efficiency, axis_std)
+    empty_V = settings.n_series * CHEMISTRIES[settings.chemistry].ocv_V[0] if settings.chemistry else 0.0
+    return anchor_soc(record, settings.capacity_Ah, curve, start, efficiency, axis_std, empty_V)
 
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:

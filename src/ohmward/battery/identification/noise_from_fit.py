@@ -32,8 +32,7 @@ from ohmward.battery.models.thevenin import Thevenin
 SOC_AXIS_STD = 0.005
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
-#: Short pulses show only the start of a slow process: least errors of the model and of its overpotential after them.
-_PULSES_STD_V = 0.008
+#: Short pulses show only the start of a slow process: least error of the overpotential after them.
 _PULSES_SHARE = 0.15
 _PULSES_CORRELATION_S = 300.0
 #: Residuals count within this distance of a state of charge.
@@ -72,7 +71,7 @@ def noise_from_fit(
     posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
     posterior_V = np.hypot(posterior_V, lasting_error_V(p, typical_current_A(samples), longest_rest_s))
     posterior_V = np.hypot(posterior_V, unknown_hysteresis_V(problem))
-    floor_V = volts * max(problem.prior.model_V, _PULSES_STD_V if pulses_only else 0.0)
+    floor_V = volts * max(problem.prior.model_V, problem.prior.pulses_V if pulses_only else 0.0)
     model_V = np.maximum(np.hypot(np.where(np.isnan(residual_V), 0.0, residual_V), posterior_V), floor_V)
     return BatteryNoise(
         soc_axis_std=axis_std,

@@ -21,6 +21,8 @@ FULL_STD = 0.005
 #: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = (0.01, 0.03)
+#: A log ends empty where its lowest voltage lies within this share of the capacity of its lowest charge.
+_AT_THE_END = 0.03
 #: A constant voltage lies within this share of the highest of the log, for at least so long; breaks are bridged [s].
 _TOP_SHARE = 0.02
 _TOP_BREAK_S = 600.0
@@ -84,6 +86,7 @@ def anchor_soc(
     initial_soc: float | None = None,
     efficiency: float = 1.0,
     ocv_axis_std: float = 0.0,
+    empty_V: float = 0.0,
 ) -> SocAxis:
     """The state of charge along a record, tied to what is known best.
 
@@ -91,11 +94,12 @@ def anchor_soc(
     of at least 85 % of the capacity, whose top is taken as full. The loss between two full charges gives the coulombic
     efficiency, and the rest of the difference is spread over the charge that flowed; without them `efficiency` holds.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
+    empty_V: usual open-circuit voltage of an empty battery of this chemistry; 0 where that is unknown.
 
     Raises:
         InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
     """
-    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std)
+    anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std, empty_V)
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
@@ -103,7 +107,12 @@ def anchor_soc(
 
 
 def find_anchors(
-    record: Record, capacity_Ah: float, ocv: OcvCurve | None, initial_soc: float | None, ocv_axis_std: float = 0.0
+    record: Record,
+    capacity_Ah: float,
+    ocv: OcvCurve | None,
+    initial_soc: float | None,
+    ocv_axis_std: float = 0.0,
+    empty_V: float = 0.0,
 ) -> tuple[Anchor, ...]:
     """The anchors that the axis is tied to: one, or all ends of full charges."""
     if initial_soc is not None:
@@ -112,7 +121,7 @@ def find_anchors(
         return full
     rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
     rests = tuple(a._replace(std=float(np.hypot(a.std, ocv_axis_std * axis_bridge(a.soc)))) for a in rests)
-    known = rests + sweep_anchor(record, capacity_Ah)
+    known = rests + sweep_anchor(record, capacity_Ah, empty_V)
     if not known:
         raise InputError(
             f"log {record.log.name!r}: nothing tells its state of charge (no full charge, no rest at a known "
@@ -150,15 +159,19 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Anc
     )
 
 
-def sweep_anchor(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
+def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[Anchor, ...]:
     """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
 
-    What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation.
+    What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation. Where the
+    load has drawn the battery below `empty_V` at the end, no more was to be had at that rate: it is at the bottom.
     """
-    total_Ah = record.charge.total_Ah
+    total_Ah, voltage_V = record.charge.total_Ah, record.log.voltage_V
     if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
         return ()
-    std = float(np.clip(0.5 * (1 - np.ptp(total_Ah) / capacity_Ah), *_SWEEP_STD))
+    lowest = int(np.nanargmin(voltage_V))
+    emptied = voltage_V[lowest] < empty_V and total_Ah[lowest] - total_Ah.min() < _AT_THE_END * capacity_Ah
+    at_top = 0.0 if emptied else 0.5 * (1 - np.ptp(total_Ah) / capacity_Ah)
+    std = float(np.clip(at_top, *_SWEEP_STD))
     return (Anchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
 
 
