@@ -104,7 +104,7 @@ def speed_table(speed: str, firmware: str) -> list[str]:
     lines = [
         "| what | ohmward | beside |",
         "|---|---|---|",
-        f"| One live sample through `update()`, default filter | {goals[LIVE]} | |",
+        f"| One live sample through `update()`, extended filter of 8 states | {goals[LIVE]} | |",
     ]
     for who, how, kind in PEERS:
         ours, theirs = overview["ohmward", "machine code"][kind], overview[who, how][kind]
