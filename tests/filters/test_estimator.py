@@ -166,7 +166,7 @@ def test_a_state_that_is_lost_on_the_way_is_noticed_although_the_charge_is_known
     estimator: Any = SocEstimator(BATTERY, 0.5, lowering="machine")
     live(estimator, SUBJECTS["soc"], slice(0, 30))
     state = estimator._live.state
-    state.belief.mean[-2] = math.nan
+    state.members[0].belief.mean[-2] = math.nan
     estimator._live.state = state
     now = estimator.update(TIME_S[30], -3.0, 13.1)
     assert now.flags & SocFlag.RESTARTED and math.isfinite(now.resistance_ratio)
@@ -178,7 +178,8 @@ def spoilt(state, value):
         changed = state.copy()
         changed.flat[0] = value
         return changed
-    return type(state)(spoilt(state[0], value), *state[1:])
+    parts = (spoilt(state[0], value), *state[1:])
+    return type(state)(*parts) if hasattr(state, "_fields") else parts
 
 
 @each
