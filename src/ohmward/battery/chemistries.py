@@ -154,6 +154,7 @@ class Chemistry:
         coulombic_efficiency: share of the charging current that is stored.
         prior: of what a test may not show.
         gases: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell.
+        bends: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room.
     """
 
     title: str
@@ -167,6 +168,7 @@ class Chemistry:
     coulombic_efficiency: float = 1.0
     prior: ChemistryPrior = _LITHIUM
     gases: bool = False
+    bends: bool = False
 
     def gassing_V(self, ocv: OcvCurve) -> float | None:
         """Terminal voltage above which part of a charge makes gas [V]; None where none does."""
@@ -229,6 +231,7 @@ CHEMISTRIES: dict[str, Chemistry] = {
         _LEAD_ACID_EFFICIENCY,
         _LEAD_ACID,
         gases=True,
+        bends=True,
     ),
 }
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import thevenin
+from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
@@ -131,8 +132,9 @@ def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float)
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
     if isinstance(model, RcModel):
         return ocv_V, np.full(soc.shape, rc_resistance(model))
-    u = thevenin.CircuitInput(-1.0, temperature_degC)
-    parts = [thevenin.ohmic_resistance(soc, u, model), *thevenin.pair_resistances(soc, u, model)]
+    usual_A = USUAL_C * model.capacity_Ah
+    u = thevenin.CircuitInput(-usual_A, temperature_degC)
+    parts = [-thevenin.ohmic_drop(soc, u, model) / usual_A, *thevenin.pair_resistances(soc, u, model)]
     return ocv_V, sum(parts) + np.zeros(soc.shape)
 
 

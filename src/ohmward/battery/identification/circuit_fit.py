@@ -104,7 +104,7 @@ def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
     gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
     usual = problem.prior.untested
     ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
-    transfer_V = TRANSFER_V * problem.volts if problem.fit_activation else None
+    transfer_V = TRANSFER_V * problem.volts if problem.seeks_transfer else problem.transfer_V
     further = (ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
     return [Rates(tau, gamma, *further) for tau in _STARTS[pairs] for gamma in gammas]
 
@@ -156,9 +156,10 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
     usual = problem.prior.untested
     ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
-    transfer_V = None
+    transfer_V = problem.transfer_V
     if problem.fit_activation:
         ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
+    if problem.seeks_transfer:
         transfer_V = problem.volts * float(np.exp(rest[3]))
     return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
 

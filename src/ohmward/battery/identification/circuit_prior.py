@@ -37,6 +37,7 @@ class CircuitPrior(NamedTuple):
     rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
     model_V, model_soc_length: error of the model at any SoC, however well it fits, and its correlation length there.
     pulses_V: the same error, at least, where short pulses are all there is: they show only the start of a slow process.
+    seeks_transfer: True where tests at two temperatures show how charge transfer bends the ohmic drop.
     untested: activations and temperature of the curve, where the data do not show them.
     """
 
@@ -60,6 +61,7 @@ class CircuitPrior(NamedTuple):
     rest_V: float = 0.002
     start_V: float = 0.03
     model_V: float = 0.003
+    seeks_transfer: bool = True
     untested: ChemistryPrior = chemistry_prior("")
     model_soc_length: float = 0.1
     pulses_V: float = 0.008
@@ -112,6 +114,7 @@ def prior_for(chemistry: str, ocv_from_low_rate: bool) -> CircuitPrior:
             charging_factor=6.0,
             gassing_factor=100.0,
             model_V=0.005,
+            seeks_transfer=False,
             model_soc_length=0.5,
             pulses_V=0.005,
         )

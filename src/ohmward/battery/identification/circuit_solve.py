@@ -63,6 +63,7 @@ class CircuitProblem(NamedTuple):
     reference_degC: temperature at which the resistances hold.
     fit_activation: True where currents flowed at temperatures that differ enough.
     longest_tau_s: slowest time constant that the records can show; one that is usual for the chemistry is taken too.
+    transfer_V: that of the ohmic drop where it is not sought; None for one in proportion to the current.
     """
 
     samples: tuple[FitSamples, ...]
@@ -73,6 +74,12 @@ class CircuitProblem(NamedTuple):
     reference_degC: float
     fit_activation: bool
     longest_tau_s: float = np.inf
+    transfer_V: float | None = None
+
+    @property
+    def seeks_transfer(self) -> bool:
+        """True where the records show how charge transfer bends the ohmic drop, and the chemistry does not tell."""
+        return self.fit_activation and self.prior.seeks_transfer
 
     @property
     def volts(self) -> float:
@@ -88,6 +95,7 @@ class CircuitSolution:
     residual_V: for each record (N,), nan without a voltage.
     weighted: (M,) residuals and prior over their standard deviations, the sum of squares being the cost.
     robust: for each record (N,) weights of outlying samples, 1 for none.
+    misfit: sum of squares of the residuals over their standard deviations, outlying samples counting in full.
     """
 
     layout: ParameterLayout
@@ -98,6 +106,7 @@ class CircuitSolution:
     residual_V: tuple[np.ndarray, ...]
     weighted: np.ndarray
     robust: tuple[np.ndarray, ...]
+    misfit: float
 
     @property
     def cost(self) -> float:
@@ -183,9 +192,10 @@ def solve(
     measured = [np.isfinite(s.voltage_V) for s in problem.samples]
     residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=True))
     deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
+    misfit = sum(float(np.square(w * r).sum()) for w, r in zip(plain.weights, residuals, strict=True))
     of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates, layout.hysteresis)]
     weighted = np.concatenate([*deviations, *of_prior])
-    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found))
+    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found), misfit)
 
 
 def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rates) -> LinearSystem:
@@ -307,6 +317,6 @@ def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> 
         deviations += [
             (A - p.mean) / p.std for A, p in zip(rates.activations_K, prior.untested.activations_K, strict=True)
         ]
-    if rates.transfer_V is not None:
+    if problem.seeks_transfer and rates.transfer_V is not None:
         deviations.append(np.log(rates.transfer_V / (problem.volts * TRANSFER_V)) / _TRANSFER_LOG_STD)
     return np.array(deviations)

@@ -23,6 +23,7 @@ from ohmward.battery.chemistries import (
     start_model,
     start_noise,
 )
+from ohmward.battery.identification.charge_transfer import try_bent
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem
@@ -215,7 +216,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     parts = [thin(r, a.soc) for r, a in zip(prepared.fast, prepared.axes, strict=True)]
     samples = tuple(part for parts_of_record in parts for part in parts_of_record)
     problem = _problem(prepared, samples, settings)
-    fit, choice = _fit(problem, settings.model, progress)
+    fit, choice = _fit(problem, settings, progress)
     model = circuit_of(fit.solution, problem, min(axis.efficiency for axis in prepared.axes))
     if settings.chemistry:
         model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
@@ -248,12 +249,20 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     return Identified(battery, prepared.branches, ocv, details, fit, found)
 
 
-def _fit(problem: CircuitProblem, model: str, progress: Callable[[float], None]) -> tuple[CircuitFit, tuple[Note, ...]]:
-    """The circuit with the number of RC pairs that the model names, or with that of most evidence and a note on it."""
-    if model == DEFAULT_MODEL:
-        choice = choose_pairs(problem, progress)
-        return choice.fit, (choice.note,)
-    return fit_circuit(problem, int(model[len("thevenin-")]), progress), ()
+def _fit(
+    problem: CircuitProblem, settings: IdentificationSettings, progress: Callable[[float], None]
+) -> tuple[CircuitFit, tuple[Note, ...]]:
+    """The circuit with the number of RC pairs that the model names, or with that of most evidence, and notes on it."""
+    notes: list[Note] = []
+    if settings.model == DEFAULT_MODEL:
+        fit, note = choose_pairs(problem, progress)
+        notes.append(note)
+    else:
+        fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
+    if settings.chemistry and CHEMISTRIES[settings.chemistry].bends:
+        fit, note = try_bent(problem, fit, settings.n_series)
+        notes.append(note)
+    return fit, tuple(notes)
 
 
 def _problem(
