@@ -5,6 +5,8 @@ import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
 from ohmward.battery.chemistries import chemistry
+from ohmward.battery.identification.circuit_prior import LFP_WALK_FROM_RESTS
+from ohmward.battery.identification.first_ocv import FirstOcv
 from ohmward.battery.identification.ocv_from_low_rate import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
@@ -119,3 +121,11 @@ def test_a_drive_without_rests_knows_its_lasting_overpotential_less():
     rested = play(cell(), *steps([(60, 0, 2), *load[:8], (1200.0, 0.0, 5.0), *load[8:]]), soc=0.95, std_V=0.0005)
     plain_V, rested_V = (np.array(identify(log, **known).noise.model_std_V)[12:18].mean() for log in (plain, rested))
     assert plain_V > rested_V + 0.003
+
+
+def test_between_rests_the_curve_of_iron_phosphate_bends_rather_than_its_resistance():
+    def walk_share(source, chemistry):
+        return FirstOcv(LFP, source, ()).prior(chemistry).walk_share
+
+    assert walk_share("rests", "lfp") == LFP_WALK_FROM_RESTS < walk_share("given", "lfp")
+    assert walk_share("rests", "nmc") == walk_share("given", "nmc")

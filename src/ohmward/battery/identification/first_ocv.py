@@ -12,7 +12,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry
-from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V, CircuitPrior, prior_for
+from ohmward.battery.identification.circuit_prior import (
+    LFP_WALK_FROM_RESTS,
+    LFP_WITHOUT_LOW_RATE_V,
+    CircuitPrior,
+    prior_for,
+)
 from ohmward.battery.identification.ocv_from_low_rate import (
     OcvBranch,
     branch_axis_std,
@@ -70,6 +75,8 @@ class FirstOcv(NamedTuple):
             return prior._replace(ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH)
         if chemistry == "lfp" and not self.branches:
             prior = prior._replace(model_V=LFP_WITHOUT_LOW_RATE_V)
+        if chemistry == "lfp" and self.source == "rests":
+            prior = prior._replace(walk_share=LFP_WALK_FROM_RESTS)
         return prior._replace(ocv_axis_std=self.axis_std)
 
 
