@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, STRAIGHT
+from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.sensor import CurrentSensor, usual_sensor
 from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.initial_soc import first_voltage_std, hypotheses, initial_soc
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 
 REST = CircuitInput(0.0, 25.0)
@@ -110,7 +113,7 @@ def test_the_parts_of_the_density_are_the_whole(soc, count, voltage_V):
     assert len(parts) == count
     weights = np.array([part.weight for part in parts])
     assert weights.sum() == pytest.approx(whole.weight, rel=1e-9)
-    means, stds = np.array([part.start for part in parts]).T
+    means, stds = np.array([part.start[:2] for part in parts]).T
     mean = weights @ means / weights.sum()
     variance = weights @ (stds**2 + (means - mean) ** 2) / weights.sum()
     assert mean == pytest.approx(whole.start.soc, abs=1e-3)
@@ -132,3 +135,27 @@ def test_told_right_comes_first_and_loses_where_the_voltage_says_so():
     assert denied[0].weight < 1e-6 * denied[1].weight
     assert denied[0].start.soc == pytest.approx(0.3, abs=0.01)
     assert [part.start.soc for part in denied[1:]] == pytest.approx([0.9, 0.9], abs=0.03)
+
+
+def test_the_error_of_the_model_goes_with_the_state_of_charge_of_an_unknown_start():
+    """On a straight curve v = a + b s + e: given v, s is (v - a - e) / b, and e keeps its prior."""
+    noise = BatteryNoise(model_std_V=(0.05, 0.05), voltage_std_V=1e-6, soc_axis_std=0.0)
+    start = initial_soc(3.5, REST, STRAIGHT, noise, CurrentSensor(offset_std_A=0.0))
+    assert start.soc == pytest.approx(0.5, abs=1e-6)
+    assert start.std == pytest.approx(0.05, rel=1e-3)
+    assert (start.model_error, start.model_error_std) == pytest.approx((0.0, 1.0), abs=1e-3)
+    assert start.covariance == pytest.approx(-0.05, rel=1e-3)
+    told = initial_soc(3.5, REST, STRAIGHT, noise, CurrentSensor(offset_std_A=0.0), soc=0.5)
+    assert told[2:] == (0.0, 1.0, 0.0)
+
+
+def test_the_same_voltage_once_more_is_no_news():
+    """An hour of rest from an unknown start leaves the band as the first voltage has made it, but for hysteresis."""
+    model, noise = start_model("nmc", 2.0), start_noise("nmc")
+    voltage_V = float(model.ocv.mean_V(0.5, 25.0))
+    first = initial_soc(voltage_V, REST, model, noise, usual_sensor(2.0))
+    estimator = SocEstimator(TheveninFilter(model, noise, usual_sensor(2.0), idle_current_A=0.0))
+    for time_s in range(3600):
+        estimate = estimator.update(float(time_s), 0.0, voltage_V)
+    assert estimate.soc == pytest.approx(first.soc, abs=0.02)
+    assert 0.9 * first.std < estimate.soc_std < 1.1 * first.std

@@ -82,7 +82,7 @@ class GaussianSumFilter:
         filter_ = self.member
         u = first_input(first, filter_.limits.current_A)
         parts = hypotheses(first.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, soc, soc_std, self.count)
-        members = tuple(filter_.start(first, *part.start) for part in parts)
+        members = tuple(filter_.start_from(first, part.start) for part in parts)
         return GaussianSumState(members, relative([np.log(max(part.weight, _TINY)) for part in parts]))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> GaussianSumState:

@@ -38,10 +38,32 @@ LEAST_STD = 1e-3
 
 
 class InitialSoc(NamedTuple):
-    """State of charge and its standard deviation, before the first step."""
+    """State of charge and its standard deviation, before the first step.
+
+    model_error, model_error_std: of the model's voltage where it stays with SoC, in its own standard deviations.
+    covariance: of SoC with it. The first voltage tells their sum: a curve that is too low comes with a SoC that is too
+        high, and the same voltage once more is no news.
+    """
 
     soc: float
     std: float
+    model_error: float = 0.0
+    model_error_std: float = 1.0
+    covariance: float = 0.0
+
+
+class FirstVoltage(NamedTuple):
+    """The first voltage on the grid of SoC, (G,) each.
+
+    likelihood: up to a factor.
+    lasting_std_V: standard deviation of the model's error that stays with SoC.
+    error_V, error_std_V: of that error, given the voltage and SoC.
+    """
+
+    likelihood: np.ndarray
+    lasting_std_V: np.ndarray
+    error_V: np.ndarray
+    error_std_V: np.ndarray
 
 
 class Hypothesis(NamedTuple):
@@ -89,22 +111,33 @@ def hypotheses(
         require_between("initial_soc", soc, 0.0, 1.0)
         require_positive("initial_soc_std", soc_std)
     grid = _grid_through(0.5 if soc is None else soc)
-    likelihood = _likelihood(grid, voltage_V, u, p, noise, sensor)
+    first = _first_voltage(grid, voltage_V, u, p, noise, sensor)
     *told, anywhere = _priors(grid, soc, soc_std)
     if count == 1:
-        return (_moments(grid, sum(told) + anywhere, likelihood),)
-    cells = _cells_of_equal_mass(anywhere * likelihood, count - len(told))
-    return tuple(_moments(grid, prior, likelihood) for prior in (*told, *(anywhere * cell for cell in cells)))
+        priors = [sum(told) + anywhere]
+    else:
+        cells = _cells_of_equal_mass(anywhere * first.likelihood, count - len(told))
+        priors = [*told, *(anywhere * cell for cell in cells)]
+    # beside a value that is told the voltage counts once more as it goes on: that is what finds a wrong one
+    return tuple(_moments(grid, prior, first, joint=soc is None) for prior in priors)
 
 
-def _moments(grid: np.ndarray, prior: np.ndarray, likelihood: np.ndarray) -> Hypothesis:
-    """Mass, mean and standard deviation of a part; where the voltage rules it out, those of its prior."""
-    density = prior * likelihood
+def _moments(grid: np.ndarray, prior: np.ndarray, first: FirstVoltage, joint: bool) -> Hypothesis:
+    """Mass, mean and standard deviation of a part, `joint` with the error of the model; if ruled out, of its prior."""
+    density = prior * first.likelihood
     mass = float(density.sum())
     density = density / mass if mass > 0.0 else prior / prior.sum()
     mean = float(density @ grid)
     std = float(np.sqrt(density @ (grid - mean) ** 2))
-    return Hypothesis(mass, InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD)))
+    start = InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD))
+    unit_V = float(np.interp(mean, grid, first.lasting_std_V))
+    if not joint or unit_V == 0.0:
+        return Hypothesis(mass, start)
+    error, error_std = first.error_V / unit_V, first.error_std_V / unit_V
+    model_error = float(density @ error)
+    variance = float(density @ (error_std**2 + (error - model_error) ** 2))
+    covariance = float(density @ ((grid - mean) * (error - model_error)))
+    return Hypothesis(mass, InitialSoc(start.soc, start.std, model_error, float(np.sqrt(variance)), covariance))
 
 
 def _cells_of_equal_mass(density: np.ndarray, count: int) -> np.ndarray:
@@ -131,44 +164,51 @@ def _priors(grid: np.ndarray, soc: float | None, soc_std: float) -> tuple[np.nda
     return (1 - WRONG_SHARE) * peak / peak.sum(), WRONG_SHARE * possible
 
 
-def _likelihood(
+def _first_voltage(
     grid: np.ndarray, voltage_V: float, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
-) -> np.ndarray:
-    """Likelihood of the voltage at each SoC, up to a factor; flat without a credible voltage.
+) -> FirstVoltage:
+    """Likelihood of the voltage at each SoC and the model's error that goes with it; flat without a credible voltage.
 
     A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
     """
+    lasting = lasting_std_V(grid, u, p, noise)
+    unknown = FirstVoltage(np.ones_like(grid), lasting, np.zeros_like(grid), lasting)
     if not np.isfinite(voltage_V):
-        return np.ones_like(grid)
+        return unknown
     u = CircuitInput(finite_or(u.current_A, 0.0), u.temperature_degC)
     expected = p.ocv.mean_V(grid, u.temperature_degC) + ohmic_drop(grid, u, p)
     lowest_V, highest_V = np.interp((0.0, 1.0), grid, expected)
     if not (1 - BEYOND) * lowest_V < voltage_V < (1 + BEYOND) * highest_V:
-        return np.ones_like(grid)
-    voltage_V = np.clip(voltage_V, lowest_V, highest_V)
+        return unknown
+    excess_V = np.clip(voltage_V, lowest_V, highest_V) - expected
     std = first_voltage_std(grid, u, p, noise, sensor)
+    share = (lasting / std) ** 2
     with np.errstate(under="ignore"):
-        scaled = 0.5 * ((voltage_V - expected) / std) ** 2 + np.log(std)
-        return np.exp(-(scaled - scaled.min()))
+        scaled = 0.5 * (excess_V / std) ** 2 + np.log(std)
+        likelihood = np.exp(-(scaled - scaled.min()))
+    return FirstVoltage(likelihood, lasting, share * excess_V, lasting * np.sqrt(1 - share))
+
+
+def lasting_std_V(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
+    """Standard deviation [V] of the model at rest where it stays with SoC: of the curve, its axis, its temperature."""
+    slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
+    model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
+    thermal = noise.ocv_std_V_per_K * (u.temperature_degC - p.ocv.reference_degC)
+    return np.sqrt(model**2 + (noise.soc_axis_std * slope) ** 2 + thermal**2)
 
 
 def first_voltage_std(
     soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
 ) -> np.ndarray:
     """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past."""
-    slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
-    model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     resistance_std = np.sqrt(noise.resistance_variance(coldness_per_K(u.temperature_degC, p.reference_degC)))
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.ocv.hysteresis_at(soc)
-    thermal = noise.ocv_std_V_per_K * (u.temperature_degC - p.ocv.reference_degC)
     terms = (
         noise.voltage_std_V,
-        model,
-        noise.soc_axis_std * slope,
+        lasting_std_V(soc, u, p, noise),
         hysteresis,
-        thermal,
         drop,
         PAST_SHARE * np.exp(resistance_std**2) * past,
     )

@@ -87,7 +87,8 @@ class TextbookFilter:
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
         """State before the first sample; a SoC that is None comes from its voltage."""
         u = first_input(first)
-        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std))
+        start = initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
+        return self.start(first, start.soc, start.std)
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> TextbookState:
         """State before the first sample, with a SoC that is taken as it is; traceable."""

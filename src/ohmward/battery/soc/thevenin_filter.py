@@ -23,7 +23,7 @@ from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
-from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
 from ohmward.filters import adaptive, extended, unscented
@@ -158,7 +158,18 @@ class TheveninFilter:
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
         u = first_input(first, self.limits.current_A)
-        return self.start(first, *initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std))
+        return self.start_from(
+            first, initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
+        )
+
+    def start_from(self, first: SocSample, start: InitialSoc) -> FilterState:
+        """State before the first sample, with the error of the model that goes with SoC in its voltage."""
+        state = self.start(first, start.soc, start.std)
+        belief = unpack(state.belief)
+        mean, cov, k = belief.mean.copy(), belief.cov.copy(), self.state_names.index("model_error")
+        mean[k], cov[k, k] = start.model_error, start.model_error_std**2
+        cov[k, SOC] = cov[SOC, k] = start.covariance
+        return state._replace(belief=pack(Belief(mean, cov)))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
         """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers."""
