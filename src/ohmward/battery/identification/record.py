@@ -14,8 +14,10 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note, counted
 
-#: Relative difference of voltages that are the same rest.
+#: Relative difference of voltages that are the same rest, and length of a rest whose voltage has settled [s]: a minute
+#: after a pulse of 6 C it still rises by as much as a discharge of 5 % would lower it.
 _SAME_VOLTAGE = 0.003
+_SETTLED_S = 600.0
 
 
 class Record(NamedTuple):
@@ -50,7 +52,8 @@ class Record(NamedTuple):
 def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tuple[Record, ...]:
     """Charge, phases and kind of test of a log: one record, or several where gaps of unknown charge divide it.
 
-    A gap before and after which the battery rests at the same voltage (within 0.3 %) divides nothing.
+    A gap divides nothing where the battery has rested for 10 minutes before it, and rests at the same voltage (within
+    0.3 %) after it.
 
     Raises:
         InputError: no current in the log, or too short for a pulse.
@@ -70,20 +73,34 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
         "warning",
     )
     records = [_record(part, capacity_Ah, idle_current_A) for part in useful]
+    if record.test == "pulses":  # a part of such a test is one, however few its pulses
+        records = [part._replace(test="pulses") for part in records]
     records = [records[0], *(_after_gap(a, b) for a, b in pairwise(records))]
     first = records[0]
     return (first._replace(charge=first.charge._replace(notes=(note,))), *records[1:])
 
 
 def _after_gap(before: Record, record: Record) -> Record:
-    """The record with the direction of the charge in the gap before it, told by the voltages at rest on both sides."""
+    """The record with the direction of the charge in the gap before it, told by the voltages at rest on both sides.
+
+    A voltage that had not settled before the gap tells it only where it went on against its relaxation.
+    """
     if not (before.phases[-1].kind == record.phases[0].kind == "rest"):
         return record
     ends_V = before.log.voltage_V[np.isfinite(before.log.voltage_V)]
     starts_V = record.log.voltage_V[np.isfinite(record.log.voltage_V)]
     if not ends_V.size or not starts_V.size or abs(starts_V[0] - ends_V[-1]) <= _SAME_VOLTAGE * ends_V[-1]:
         return record
-    return record._replace(came_from=int(np.sign(starts_V[0] - ends_V[-1])))
+    direction = int(np.sign(starts_V[0] - ends_V[-1]))
+    relaxing = 0 if is_rest(before.phases[-1], _SETTLED_S) else _relaxing(before)
+    return record._replace(came_from=0 if direction == relaxing else direction)
+
+
+def _relaxing(record: Record) -> int:
+    """Direction in which the voltage relaxes at the end of the record, against the last current; 0 without one."""
+    moved_Ah = record.charge.moved_Ah[: record.phases[-1].first + 1]
+    flowed = moved_Ah[moved_Ah != 0.0]
+    return -int(np.sign(flowed[-1])) if flowed.size else 0
 
 
 def _record(log: Log, capacity_Ah: float, idle_current_A: float) -> Record:
@@ -93,10 +110,14 @@ def _record(log: Log, capacity_Ah: float, idle_current_A: float) -> Record:
 
 
 def _rests_through(record: Record, k: int) -> bool:
-    """True where sample k, after a gap, and the one before lie in rest at the same voltage."""
-    at_rest = all(any(is_rest(p, 0.0) and p.first <= i <= p.last for p in record.phases) for i in (k - 1, k))
+    """True where a rest that had settled before the gap at sample k goes on after it at the same voltage."""
+    time_s = record.log.time_s
+    settled = any(
+        p.kind == "rest" and p.first < k <= p.last and time_s[k - 1] - time_s[p.first] >= _SETTLED_S
+        for p in record.phases
+    )
     before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]
-    return at_rest and bool(abs(after_V - before_V) <= _SAME_VOLTAGE * abs(before_V))
+    return settled and bool(abs(after_V - before_V) <= _SAME_VOLTAGE * abs(before_V))
 
 
 def reference_degC(records: Sequence[Record]) -> float:
