@@ -122,7 +122,7 @@ def within_full(profile: Profile, cell: LifeCell) -> Profile:
     current_A, charge_As = np.interp(time_s, profile.time_s, profile.current_A), 0.0
     for k, step_s in enumerate(np.diff(time_s), start=1):
         if charge_As + 0.5 * (current_A[k - 1] + current_A[k]) * step_s > 0.0:
-            current_A[k] = 0.0
+            current_A[k] = min(current_A[k], 0.0)
         charge_As += 0.5 * (current_A[k - 1] + current_A[k]) * step_s
     return Profile(time_s, current_A, np.interp(time_s, profile.time_s, profile.ambient_degC))
 
