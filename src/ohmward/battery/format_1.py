@@ -42,7 +42,7 @@ def from_format_1(table: dict[str, Any]) -> dict[str, Any]:
         *_take_activation(table, prior, kind),
         *_take_ocv_temperature(table, prior, kind),
         *_take_hysteresis(table, prior, kind),
-        *_doubt_age(table),
+        *_doubt_age(table, prior),
         *_doubt_label(table, chemistry),
     ]
     if not isinstance(table.get("thevenin"), dict):
@@ -122,13 +122,16 @@ def _take_hysteresis(table: dict[str, Any], prior: ChemistryPrior, kind: str) ->
     ]
 
 
-def _doubt_age(table: dict[str, Any]) -> list[str]:
-    """Doubt capacity and resistance of a battery that has aged since its test."""
-    noise = table.get("noise")
+def _doubt_age(table: dict[str, Any], prior: ChemistryPrior) -> list[str]:
+    """Doubt capacity, resistance and curve of a battery that has aged since its test."""
+    noise, model = table.get("noise"), table.get("thevenin")
     least = {"capacity_std": AGED_CAPACITY_STD, "resistance_std": AGED_RESISTANCE_STD}
     if not isinstance(noise, dict) or not _are_numbers([noise.get(key, 0.0) for key in least]):
         return []
     table["noise"] = noise | {key: max(noise.get(key, 0.0), std) for key, std in least.items()}
+    table["noise"]["ocv_slip_std"] = prior.ocv_slip.std
+    if isinstance(model, dict):
+        table["thevenin"] = {"ocv_slip": prior.ocv_slip.mean} | model
     return [
         f"age: a file of format 1 took the battery as it was tested; its capacity is now doubted by "
         f"{AGED_CAPACITY_STD:.0%}, its resistance by {AGED_RESISTANCE_STD:.0%} (1 sigma)"

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.examples import LFP, NMC, drive, samples, simulate
+from battery.examples import GRID, LFP, NMC, drive, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, voltage
 from ohmward.battery.soc.initial_soc import initial_soc
@@ -147,3 +149,37 @@ def test_five_cycles_show_capacity_and_resistance_of_an_aged_battery():
     error = estimates.soc - truth.soc
     assert np.sqrt(np.mean(error[-cycle.size :] ** 2)) < 0.01
     assert np.mean(np.abs(error) < 1.96 * estimates.soc_std) > 0.9
+
+
+def test_capacity_is_found_where_the_electrodes_have_slipped():
+    """80 % of the capacity, and a curve that has slipped by as much as the file's `ocv_slip` says."""
+    file = replace(NMC, ocv_slip=0.45)
+    grid = np.linspace(0.0, 1.0, 201)
+    slipped_V = NMC.ocv.mean_V(grid + 0.45 * 0.25 * np.asarray(slip_shape(grid, 0.45)), 25.0)
+    aged = replace(NMC, capacity_Ah=1.6, ocv=OcvCurve(tuple(slipped_V.tolist())))
+    cycle = np.concatenate([np.full(6400, -0.8), np.zeros(600), np.full(6400, 0.8), np.zeros(600)])
+    truth = simulate(aged, np.tile(cycle, 5), 0.95)
+    noise = BatteryNoise(capacity_std=0.12, ocv_slip_std=0.35)
+    found = {}
+    for model in (file, NMC):
+        settings = TheveninFilter(model, noise)
+        state = settings.init(SocSample(0.0, 0.0, np.nan, 25.0), 0.95)
+        kernel = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0))
+        found[model.ocv_slip] = kernel.scan(state, samples(truth, 0.0, noise))[1]
+    last = slice(-cycle.size, None)
+    assert found[0.45].soh_capacity[-1] == pytest.approx(0.8, rel=0.03)
+    errors = {slip: found[slip].soc[last] - truth.soc[last] for slip in found}
+    assert np.sqrt(np.mean(errors[0.45] ** 2)) < 0.01 < np.sqrt(np.mean(errors[0.0] ** 2))
+    assert np.mean(np.abs(errors[0.45]) < 1.96 * found[0.45].soc_std[last]) > 0.9
+
+
+def test_an_unknown_state_is_found_where_the_curve_bends():
+    """Full at rest, SoC declared unknown 14 points below: the bend of the curve does not shut the voltage out."""
+    slope_V = np.interp(GRID, [0.0, 0.84, 0.88, 0.92, 0.96, 1.0], [0.7, 0.7, 0.05, 0.05, 0.9, 0.9])
+    bent = OcvCurve(tuple((3.6 + np.cumsum(slope_V) / GRID.size).tolist()))
+    model = replace(NMC, ocv=bent)
+    truth = simulate(model, np.zeros(3600), 1.0)
+    settings = TheveninFilter(model, BatteryNoise())
+    state = settings.start(SocSample(0.0, 0.0, np.nan, 25.0), 0.86, 0.5)
+    kernel = kernel_of(settings, state, SocSample(0.0, 0.0, 3.7, 25.0))
+    assert kernel.scan(state, samples(truth))[1].soc[-1] > 0.97

@@ -39,6 +39,7 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         tau_activation_K=solution.rates.tau_activation_K,
         transfer_V=solution.rates.transfer_V,
         empty_activation_K=solution.rates.empty_activation_K,
+        ocv_slip=problem.prior.untested.ocv_slip.mean,
     )
 
 

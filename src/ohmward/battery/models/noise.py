@@ -68,6 +68,7 @@ class BatteryNoise:
         empty_activation_std_K: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`.
         hysteresis_std: relative error of the hysteresis of the OCV curve.
         ocv_std_V_per_K: error of the OCV curve for every degree from its reference temperature.
+        ocv_slip_std: error of the share of a loss of capacity by which the electrodes slip, `ocv_slip` of the model.
     """
 
     voltage_std_V: float = 0.005
@@ -84,6 +85,7 @@ class BatteryNoise:
     empty_activation_std_K: float = 0.0
     hysteresis_std: float = 0.0
     ocv_std_V_per_K: float = 0.0
+    ocv_slip_std: float = 0.5
 
     def __post_init__(self) -> None:
         for f in fields(self):

@@ -70,6 +70,7 @@ class Thevenin:
             surface charge is gone, tells nothing about SoC; None for a battery that makes none.
         transfer_V: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in
             proportion to the current.
+        ocv_slip: share of a loss of capacity by which the electrodes slip, see `slip`; 0 keeps the curve as it is.
     """
 
     capacity_Ah: float
@@ -87,6 +88,7 @@ class Thevenin:
     empty_activation_K: float = 0.0
     gassing_V: float | None = None
     transfer_V: float | None = None
+    ocv_slip: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -105,7 +107,7 @@ class Thevenin:
             raise InputError(f"thevenin.tau_s must increase from pair to pair, got {list(self.tau_s)}")
         require_between("thevenin.hysteresis_rate", self.hysteresis_rate, 0.0, np.inf)
         require_between("thevenin.coulombic_efficiency", self.coulombic_efficiency, 0.5, 1.0)
-        for name in ("activation_K", "pair_activation_K", "tau_activation_K", "empty_activation_K"):
+        for name in ("activation_K", "pair_activation_K", "tau_activation_K", "empty_activation_K", "ocv_slip"):
             if (value := getattr(self, name)) is not None:
                 require_finite(f"thevenin.{name}", value)
         if self.gassing_V is not None:

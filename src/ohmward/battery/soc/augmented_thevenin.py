@@ -36,6 +36,7 @@ from ohmward.battery.models.noise import (
     BatteryNoise,
 )
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import (
     CircuitInput,
@@ -62,17 +63,16 @@ LEAST_PAIR_STD_V = 1e-5
 #: The curvature is taken at least this far inside the ends of the curve, which goes on there as a straight line.
 END_MARGIN = 0.01
 
+#: The curve bends alike over this SoC at most: a wider belief sees no more of its bend, and an unknown SoC would let no
+#: voltage in.
+BEND_STD = 0.1
+
 #: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
 RESISTANCE_CORRELATION = 0.7
 
 #: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
 #: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
 UNEVEN_ACTIVATION = 0.5
-
-#: Error of the SoC axis at half charge per loss of capacity: an aged cell has not its first curve over less capacity,
-#: its electrodes have slipped against each other; full and empty stay full and empty. Measured on simulated NCA and NMC
-#: that have lost a fifth.
-AXIS_ERROR_PER_LOSS = 0.5
 
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
@@ -211,8 +211,8 @@ class AugmentedThevenin:
         """Terminal voltage [V] expected in state x, (1,)."""
         state = self.split(x)
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
-        *rest, h = state.circuit
-        circuit = np.array([*rest, h * exp(state.hysteresis_log_ratio)])
+        _, *v, h = state.circuit
+        circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
         return voltage(circuit, u, self.model, state.ohmic(self.coldness(u))) + error.model_std_V * state.model_error
 
     def resistance_ratio(self, state: AugmentedState) -> Scalar:
@@ -265,9 +265,9 @@ class AugmentedThevenin:
         noise, state = self.noise, self.split(prior.mean)
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
         soc = state.circuit[SOC]
-        inside = np.array([clip(soc, END_MARGIN, 1 - END_MARGIN)])
+        inside = np.array([clip(self.curve_soc(state), END_MARGIN, 1 - END_MARGIN)])
         slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
-        curvature_V = curvature[0, 0] * prior.cov[SOC, SOC]
+        curvature_V = curvature[0, 0] * minimum(prior.cov[SOC, SOC], BEND_STD**2)
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
@@ -294,11 +294,18 @@ class AugmentedThevenin:
         empty = self.noise.empty_activation_std_K * maximum(cold, 0.0) * emptiness(soc)
         return np.sqrt(base**2 + uneven * uneven + empty * empty)
 
+    def curve_soc(self, state: AugmentedState) -> Scalar:
+        """SoC at which the curve of the file has the voltage of the aged battery."""
+        return state.circuit[SOC] + self.model.ocv_slip * self.slip_at(state)
+
     def axis_variance(self, state: AugmentedState) -> Scalar:
         """Variance of the SoC axis of the curve: that of the file, and what a loss of capacity adds."""
-        soc = clip(state.circuit[SOC], 0.0, 1.0)
-        slipped = AXIS_ERROR_PER_LOSS * (4 * soc * (1 - soc)) * (state.charge_gain - 1.0)
+        slipped = self.noise.ocv_slip_std * self.slip_at(state)
         return self.noise.soc_axis_std**2 + slipped * slipped
+
+    def slip_at(self, state: AugmentedState) -> Scalar:
+        """Slip of the electrodes in this state, for each unit of `ocv_slip`; the loss is over the capacity left."""
+        return slip_shape(state.circuit[SOC], self.model.ocv_slip) * (state.charge_gain - 1.0)
 
     def total_ohm(self, state: AugmentedState, u: CircuitInput) -> Scalar:
         """Resistance to a steady current [ohm] in this state."""
