@@ -56,12 +56,12 @@ class FirstVoltage(NamedTuple):
     """The first voltage on the grid of SoC, (G,) each.
 
     likelihood: up to a factor.
-    lasting_std_V: standard deviation of the model's error that stays with SoC.
+    model_error_std_V: standard deviation of the model's error that stays with SoC.
     error_V, error_std_V: of that error, given the voltage and SoC.
     """
 
     likelihood: np.ndarray
-    lasting_std_V: np.ndarray
+    model_error_std_V: np.ndarray
     error_V: np.ndarray
     error_std_V: np.ndarray
 
@@ -130,7 +130,7 @@ def _moments(grid: np.ndarray, prior: np.ndarray, first: FirstVoltage, joint: bo
     mean = float(density @ grid)
     std = float(np.sqrt(density @ (grid - mean) ** 2))
     start = InitialSoc(min(max(mean, 0.0), 1.0), max(std, LEAST_STD))
-    unit_V = float(np.interp(mean, grid, first.lasting_std_V))
+    unit_V = float(np.interp(mean, grid, first.model_error_std_V))
     if not joint or unit_V == 0.0:
         return Hypothesis(mass, start)
     error, error_std = first.error_V / unit_V, first.error_std_V / unit_V
@@ -171,8 +171,8 @@ def _first_voltage(
 
     A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
     """
-    lasting = lasting_std_V(grid, u, p, noise)
-    unknown = FirstVoltage(np.ones_like(grid), lasting, np.zeros_like(grid), lasting)
+    model_std = model_error_std_V(grid, u, p, noise)
+    unknown = FirstVoltage(np.ones_like(grid), model_std, np.zeros_like(grid), model_std)
     if not np.isfinite(voltage_V):
         return unknown
     u = CircuitInput(finite_or(u.current_A, 0.0), u.temperature_degC)
@@ -182,14 +182,14 @@ def _first_voltage(
         return unknown
     excess_V = np.clip(voltage_V, lowest_V, highest_V) - expected
     std = first_voltage_std(grid, u, p, noise, sensor)
-    share = (lasting / std) ** 2
+    share = (model_std / std) ** 2
     with np.errstate(under="ignore"):
         scaled = 0.5 * (excess_V / std) ** 2 + np.log(std)
         likelihood = np.exp(-(scaled - scaled.min()))
-    return FirstVoltage(likelihood, lasting, share * excess_V, lasting * np.sqrt(1 - share))
+    return FirstVoltage(likelihood, model_std, share * excess_V, model_std * np.sqrt(1 - share))
 
 
-def lasting_std_V(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
+def model_error_std_V(soc: np.ndarray, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> np.ndarray:
     """Standard deviation [V] of the model at rest where it stays with SoC: of the curve, its axis, its temperature."""
     slope = np.gradient(p.ocv.mean_V(soc, u.temperature_degC), soc)
     model = np.interp(soc, np.linspace(0.0, 1.0, len(noise.model_std_V)), noise.model_std_V)
@@ -207,7 +207,7 @@ def first_voltage_std(
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.ocv.hysteresis_at(soc)
     terms = (
         noise.voltage_std_V,
-        lasting_std_V(soc, u, p, noise),
+        model_error_std_V(soc, u, p, noise),
         hysteresis,
         drop,
         PAST_SHARE * np.exp(resistance_std**2) * past,
