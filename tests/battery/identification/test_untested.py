@@ -45,6 +45,8 @@ def test_only_temperatures_at_which_current_flows_count():
     warm_in_use = s._replace(temperature_degC=np.where(flows & (s.soc < 0.8), 45.0, 20.0))
     assert load_temperature((warm_in_use,)).shows_activation
     assert str(load_temperature((warm_in_use,))) == "20 to 45 degC"
+    warm_day = s._replace(temperature_degC=np.where(flows & (s.soc < 0.8), 26.0, 20.0))
+    assert not load_temperature((warm_day,)).shows_activation
 
 
 def test_a_sweep_inside_one_record_shows_three_activations():
