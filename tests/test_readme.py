@@ -94,7 +94,7 @@ def test_its_day_tells_the_truth():
     of_counting = score(counted.soc, log.extra["soc_true"])
     assert of_filter and of_counting
     assert of_filter.coverage_95 > 0.95
-    assert 3 * of_filter.rmse < of_counting.rmse
+    assert 2.5 * of_filter.rmse < of_counting.rmse
 
 
 @pytest.mark.slow
