@@ -221,3 +221,16 @@ def test_the_rc_model_of_a_log_that_begins_with_a_charge():
     drive = log.select(log.time_s > 7400)
     simulated = simulate_voltage(equivalent_thevenin(battery.rc), drive, 1.0)
     assert np.sqrt(np.mean((simulated.voltage_V - drive.voltage_V) ** 2)) < 0.01
+
+
+def test_low_rate_branches_tell_the_hysteresis_of_iron_phosphate():
+    """A drive that discharges cannot: there a slow overpotential looks alike."""
+    p = cell(LFP_OCV, hysteresis_rate=18.0)
+    phases = [(600.0, 0.0, 10.0), *[(30.0, -2.4, 1.0), (20.0, 2.0, 1.0)] * 220, (900.0, 0.0, 10.0)]
+    drive = play(p, *steps(phases), soc=1.0, name="drive")
+    battery = identify(
+        [*low_rate_logs(p), drive], capacity_Ah=p.capacity_Ah, chemistry="lfp", initial_soc={"drive": 1.0}
+    )
+    middle = slice(40, 160)
+    assert battery.thevenin.ocv.hysteresis_V[middle] == pytest.approx(p.ocv.hysteresis_V[middle], rel=0.1)
+    assert battery.noise.hysteresis_std == pytest.approx(0.15)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, steps
-from ohmward.battery.identification.fit_samples import thin
+from ohmward.battery.identification.fit_samples import thin, thin_branch
+from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.open_loop import scan, simulate
 from ohmward.battery.identification.record import make_records
 
@@ -62,3 +63,14 @@ def test_start_values_are_those_of_the_states():
     (part,) = thin(record, np.full(len(record.log), 0.5))
     started = simulate(part, p, (0.01, -0.02), hysteresis=1.0)
     assert started[0] == pytest.approx(simulate(part, p)[0] + 0.01 - 0.02 + 0.015)
+
+
+def test_a_branch_is_a_record_at_every_hundredth():
+    soc = np.linspace(1.0, 0.0, 400)
+    branch = OcvBranch("down", "discharge", soc, 3.0 + soc, -0.1, 2.0, 25.0, True)
+    part = thin_branch(branch, 2.0)
+    assert part.soc == pytest.approx(np.linspace(0.98, 0.02, 97))
+    assert part.voltage_V == pytest.approx(3.0 + part.soc)
+    assert part.dt_s[1:] == pytest.approx(720.0)
+    up = thin_branch(branch._replace(direction="charge", soc=soc[::-1], voltage_V=3.0 + soc[::-1]), 2.0)
+    assert up.soc == pytest.approx(part.soc[::-1])

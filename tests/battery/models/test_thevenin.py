@@ -97,6 +97,31 @@ def test_hysteresis_stays_between_its_branches_and_goes_toward_one(h, current_A,
     assert (after - h) * np.sign(current_A) >= 0.0
 
 
+def test_hysteresis_on_the_net_charge_saturates_on_both_branches():
+    p = replace(HYSTERETIC, net_charge_hysteresis=True)
+    turn_s = p.capacity_As / p.hysteresis_rate / 2.0
+    assert next_hysteresis(0.0, -2.0, 0.5 * turn_s, p) == pytest.approx(-0.5, rel=1e-12)
+    assert next_hysteresis(-0.5, -2.0, turn_s, p) == -1.0
+    assert next_hysteresis(-1.0, 2.0, 1.5 * turn_s, p) == pytest.approx(0.5, rel=1e-12)
+    assert next_hysteresis(0.5, 2.0, turn_s, p) == 1.0
+
+
+def test_hysteresis_on_the_net_charge_stays_on_its_branch_in_a_drive_with_regeneration():
+    """Charged by 0.8 of every discharge, a cell keeps its discharge branch but for the last stroke."""
+    p, h = replace(HYSTERETIC, net_charge_hysteresis=True), 0.0
+    for _ in range(200):
+        h = next_hysteresis(next_hysteresis(h, -2.0, 10.0, p), 2.0, 8.0, p)
+    assert h == pytest.approx(-1.0 + 16.0 * p.hysteresis_rate / p.capacity_As, rel=1e-12)
+
+
+def test_hysteresis_grows_in_the_cold():
+    p = replace(HYSTERETIC, hysteresis_activation_K=1700.0)
+    x, cold = np.array([0.5, 0.0, 0.0, -1.0]), CircuitInput(0.0, 5.0)
+    factor = np.exp(1700.0 * (1 / 278.15 - 1 / 298.15))
+    assert open_circuit(x, cold, p) == pytest.approx(3.5 - factor * 0.05, rel=1e-12)
+    assert open_circuit(x, cold, HYSTERETIC) == pytest.approx(3.5 - 0.05, rel=1e-12)
+
+
 @given(st.floats(-1.0, 1.0), st.floats(0.1, 10.0), st.floats(1.0, 1000.0), st.floats(0.1, 10.0))
 def test_hysteresis_follows_charge_not_time(h, current_A, dt_s, faster):
     slow = next_hysteresis(h, current_A, dt_s, HYSTERETIC)

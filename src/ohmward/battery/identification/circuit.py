@@ -39,6 +39,8 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         tau_activation_K=solution.rates.tau_activation_K,
         transfer_V=solution.rates.transfer_V,
         empty_activation_K=solution.rates.empty_activation_K,
+        net_charge_hysteresis=solution.rates.net_charge_hysteresis,
+        hysteresis_activation_K=solution.rates.hysteresis_activation_K,
         ocv_slip=problem.prior.untested.ocv_slip.mean,
     )
 

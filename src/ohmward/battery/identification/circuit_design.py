@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.open_loop import hysteresis_decay, scan
+from ohmward.battery.identification.open_loop import hysteresis_decay, net_charge_hysteresis, scan
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.battery.models.thevenin import emptying_factor
@@ -37,6 +37,8 @@ class Rates(NamedTuple):
     activation_K, pair_activation_K, tau_activation_K: of r0, of r_1 ... r_n and of the time constants.
     transfer_V: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current.
     empty_activation_K: of r_1 ... r_n at empty beyond that, the chemistry's.
+    net_charge_hysteresis: True where the hysteresis follows the net charge.
+    hysteresis_activation_K: of the hysteresis voltage, the chemistry's.
     """
 
     tau_s: tuple[float, ...]
@@ -46,6 +48,8 @@ class Rates(NamedTuple):
     tau_activation_K: float = 0.0
     transfer_V: float | None = None
     empty_activation_K: float = 0.0
+    net_charge_hysteresis: bool = False
+    hysteresis_activation_K: float = 0.0
 
     @property
     def activations_K(self) -> tuple[float, float, float]:
@@ -135,12 +139,26 @@ def design(
         warmer_K = samples.temperature_degC - ocv.reference_degC
         A[:, layout.entropic] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
     if layout.hysteresis:
-        gap_V = ocv.hysteresis_at(samples.soc)
-        decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
-        h = scan(decay, (1 - decay) * np.sign(samples.mean_current_A))
+        wider = arrhenius_factor(samples.temperature_degC, rates.hysteresis_activation_K, reference_degC)
+        gap_V = wider * ocv.hysteresis_at(samples.soc)
+        h, of_start = _hysteresis(samples, rates, capacity_Ah)
         A[:, layout.scale] = (gap_V * h)[:, None]
-        A[:, initial + layout.pairs] = gap_V * np.cumprod(decay)
+        A[:, initial + layout.pairs] = gap_V * of_start
     return A
+
+
+def _hysteresis(samples: FitSamples, rates: Rates, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) hysteresis state from the middle at the start, and what is left of a state at the start.
+
+    A state that saturates is not linear in its start; the mean slope between the branches takes its place.
+    """
+    if rates.net_charge_hysteresis:
+        low, middle, high = (
+            net_charge_hysteresis(samples, capacity_Ah, rates.hysteresis_rate, start) for start in (-1.0, 0.0, 1.0)
+        )
+        return middle, 0.5 * (high - low)
+    decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
+    return scan(decay, (1 - decay) * np.sign(samples.mean_current_A)), np.cumprod(decay)
 
 
 def arrhenius_factors(temperature_degC: np.ndarray, rates: Rates, reference_degC: float) -> tuple[Any, Any, Any]:

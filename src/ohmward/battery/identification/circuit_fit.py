@@ -105,7 +105,7 @@ def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
     usual = problem.prior.untested
     ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
     transfer_V = TRANSFER_V * problem.volts if problem.seeks_transfer else problem.transfer_V
-    further = (ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
+    further = (ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean, *_hysteresis_law(problem))
     return [Rates(tau, gamma, *further) for tau in _STARTS[pairs] for gamma in gammas]
 
 
@@ -161,7 +161,18 @@ def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
         ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
     if problem.seeks_transfer:
         transfer_V = problem.volts * float(np.exp(rest[3]))
-    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean)
+    empty_K = usual.empty_activation_K.mean
+    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V, empty_K, *_hysteresis_law(problem))
+
+
+def _hysteresis_law(problem: CircuitProblem) -> tuple[bool, float]:
+    """True for one that follows the net charge, and the activation of its voltage.
+
+    Tests at two temperatures fit what grows in the cold as activations of the resistances.
+    """
+    if not problem.branches:
+        return False, 0.0
+    return True, 0.0 if problem.fit_activation else problem.prior.untested.hysteresis_activation_K
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:

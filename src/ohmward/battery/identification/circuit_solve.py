@@ -64,6 +64,7 @@ class CircuitProblem(NamedTuple):
     fit_activation: True where currents flowed at temperatures that differ enough.
     longest_tau_s: slowest time constant that the records can show; one that is usual for the chemistry is taken too.
     transfer_V: that of the ohmic drop where it is not sought; None for one in proportion to the current.
+    branches: low-rate branches, fitted like the records.
     """
 
     samples: tuple[FitSamples, ...]
@@ -75,11 +76,17 @@ class CircuitProblem(NamedTuple):
     fit_activation: bool
     longest_tau_s: float = np.inf
     transfer_V: float | None = None
+    branches: tuple[FitSamples, ...] = ()
 
     @property
     def seeks_transfer(self) -> bool:
         """True where the records show how charge transfer bends the ohmic drop, and the chemistry does not tell."""
         return self.fit_activation and self.prior.seeks_transfer
+
+    @property
+    def records(self) -> tuple[FitSamples, ...]:
+        """All that the circuit is fitted to: the records, then the low-rate branches."""
+        return (*self.samples, *self.branches)
 
     @property
     def volts(self) -> float:
@@ -177,7 +184,7 @@ def solve(
         linear; None finds both in rounds (pseudo-Huber, Gauss-Newton).
     """
     hysteresis = any(problem.ocv.hysteresis_V)
-    layout = ParameterLayout(len(rates.tau_s), len(problem.samples), hysteresis, problem.fit_activation)
+    layout = ParameterLayout(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
     plain = system = _linear_system(problem, layout, rates)
     if near is not None:
         system = _tangent(plain, layout, rates, near.x).weighed_by(near.robust)
@@ -189,8 +196,8 @@ def solve(
         residuals = tangent.residuals(x)
         found = near.robust if near else [_pseudo_huber(r, VOLTAGE_STD_V * problem.volts) for r in residuals]
         system = tangent.weighed_by(found)
-    measured = [np.isfinite(s.voltage_V) for s in problem.samples]
-    residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=True))
+    measured = [np.isfinite(s.voltage_V) for s in problem.samples]  # the branches come after them
+    residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=False))
     deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
     misfit = sum(float(np.square(w * r).sum()) for w, r in zip(plain.weights, residuals, strict=True))
     of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates, layout.hysteresis)]
@@ -202,10 +209,10 @@ def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rate
     """The system of all records, weights from the standard deviations alone."""
     columns = [
         design(s, k, layout, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
-        for k, s in enumerate(problem.samples)
+        for k, s in enumerate(problem.records)
     ]
-    targets = [_target(problem, s) for s in problem.samples]
-    return LinearSystem(columns, targets, [_weights(problem, s) for s in problem.samples])
+    targets = [_target(problem, s) for s in problem.records]
+    return LinearSystem(columns, targets, [_weights(problem, s) for s in problem.records])
 
 
 def _tangent(plain: LinearSystem, layout: ParameterLayout, rates: Rates, x: np.ndarray) -> LinearSystem:
@@ -262,7 +269,7 @@ def _prior(problem: CircuitProblem, layout: ParameterLayout, system: LinearSyste
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
         shapes[-1] = problem.slow_shape
-    at_rest = [s.starts_at_rest for s in problem.samples]
+    at_rest = [s.starts_at_rest for s in problem.records]
     nuisance = nuisance_prior(problem.prior, layout, problem.ocv, at_rest, problem.volts)
     levels = _levels(layout, shapes, *system.normal_equations(nuisance))
     return nuisance.times(resistance_prior(problem.prior, layout, levels, shapes))

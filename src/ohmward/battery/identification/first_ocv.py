@@ -17,6 +17,7 @@ from ohmward.battery.identification.circuit_prior import (
     LFP_WITHOUT_LOW_RATE_V,
     CircuitPrior,
     prior_for,
+    with_branches,
 )
 from ohmward.battery.identification.ocv_from_low_rate import (
     OcvBranch,
@@ -73,6 +74,8 @@ class FirstOcv(NamedTuple):
         prior = prior_for(chemistry, self.source == "given" or self.both_directions)
         if self.source == "chemistry":
             return prior._replace(ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH)
+        if chemistry == "lfp" and self.both_directions:
+            prior = with_branches(prior)
         if chemistry == "lfp" and not self.branches:
             prior = prior._replace(model_V=LFP_WITHOUT_LOW_RATE_V)
         if chemistry == "lfp" and self.source == "rests":

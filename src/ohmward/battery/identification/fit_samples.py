@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.charge import find_gaps
+from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.record import Record
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import SECONDS_PER_HOUR
@@ -19,6 +20,8 @@ _GROWTH = 0.1
 LONG_REST_S = 60.0
 #: Most samples of varying current.
 _MOST_VARYING = 6000
+#: SoC at which a low-rate branch is fitted; its ends are steep and hold the polarisation of a full or empty cell.
+_BRANCH_SOC = np.linspace(0.02, 0.98, 97)
 
 
 class FitSamples(NamedTuple):
@@ -55,6 +58,32 @@ def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> 
     gaps = np.flatnonzero(find_gaps(record.log.time_s))
     parts = np.split(used, np.searchsorted(used, gaps))
     return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
+
+
+def thin_branch(branch: OcvBranch, capacity_Ah: float, otherwise_degC: float = ROOM_DEGC) -> FitSamples:
+    """The samples of a low-rate branch at every 1 % of SoC, without its ends, as a record of its own."""
+    order = np.argsort(branch.soc, kind="stable")
+    inside = (branch.soc[order[0]] <= _BRANCH_SOC) & (branch.soc[order[-1]] >= _BRANCH_SOC)
+    soc = _BRANCH_SOC[inside]
+    voltage_V = np.interp(soc, branch.soc[order], branch.voltage_V[order])
+    if branch.direction == "discharge":
+        soc, voltage_V = soc[::-1], voltage_V[::-1]
+    time_s = np.abs(soc - soc[0]) * SECONDS_PER_HOUR * capacity_Ah / abs(branch.current_A)
+    degC = otherwise_degC if branch.temperature_degC is None else branch.temperature_degC
+    current_A = np.full(soc.size, branch.current_A)
+    return FitSamples(
+        name=branch.log_name,
+        time_s=time_s,
+        dt_s=np.diff(time_s, prepend=time_s[0]),
+        current_A=current_A,
+        mean_current_A=current_A,
+        soc=soc,
+        soc_before=np.concatenate([soc[:1], soc[:-1]]),
+        temperature_degC=np.full(soc.size, degC),
+        voltage_V=voltage_V,
+        starts_at_rest=False,
+        sample=np.arange(soc.size),
+    )
 
 
 def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: float) -> FitSamples:

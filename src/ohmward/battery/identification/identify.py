@@ -30,7 +30,7 @@ from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import edge_notes
 from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, known_without_curve, usual_efficiency
-from ohmward.battery.identification.fit_samples import FitSamples, thin
+from ohmward.battery.identification.fit_samples import FitSamples, thin, thin_branch
 from ohmward.battery.identification.label_check import label_notes
 from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.log_details import LogDetails, details_of, log_fit
@@ -277,7 +277,16 @@ def _problem(
         reference_degC(prepared.fast),
         fit_activation=load_temperature(samples).shows_activation,
         longest_tau_s=longest_tau_s(prepared.fast),
+        branches=_fitted_branches(prepared, settings),
     )
+
+
+def _fitted_branches(prepared: Preparation, settings: IdentificationSettings) -> tuple[FitSamples, ...]:
+    """The low-rate branches as records of the fit, where the chemistry wants them and both directions were measured."""
+    if not (prepared.first.prior(settings.chemistry).fits_branches and prepared.first.both_directions):
+        return ()
+    degC = reference_degC(prepared.fast)
+    return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.branches)
 
 
 def _with_rc(

@@ -89,7 +89,7 @@ def noise_from_fit(
         activation_std_K=activation_std_K(fit, problem),
         empty_activation_std_K=problem.prior.untested.empty_activation_K.std,
         ocv_std_V_per_K=ocv_std_V_per_K(fit, problem),
-        hysteresis_std=hysteresis_std(problem),
+        hysteresis_std=hysteresis_std(fit, problem),
         ocv_slip_std=problem.prior.untested.ocv_slip.std,
     )
 

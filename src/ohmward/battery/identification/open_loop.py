@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -28,6 +29,12 @@ def hysteresis_decay(samples: FitSamples, capacity_Ah: float, rate: float) -> np
     return np.exp(-rate * moved_Ah / capacity_Ah)
 
 
+def net_charge_hysteresis(samples: FitSamples, capacity_Ah: float, rate: float, start: float) -> np.ndarray:
+    """(N,) hysteresis state where it follows the net charge, `start` at the first sample."""
+    steps = (rate * samples.mean_current_A * samples.dt_s / (SECONDS_PER_HOUR * capacity_Ah))[1:]
+    return np.array(list(accumulate(steps.tolist(), lambda h, step: min(max(h + step, -1.0), 1.0), initial=start)))
+
+
 def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
     """(N,) terminal voltage [V] along the samples; the SoC is that of the samples, not counted again.
 
@@ -35,9 +42,15 @@ def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hy
     """
     at = CircuitInput(samples.current_A, samples.temperature_degC)
     before = CircuitInput(samples.mean_current_A, samples.temperature_degC)
-    decay_h = hysteresis_decay(samples, p.capacity_Ah, p.hysteresis_rate)
-    h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
-    voltage = p.ocv.mean_V(samples.soc, samples.temperature_degC) + p.ocv.hysteresis_at(samples.soc) * h
+    if p.net_charge_hysteresis:
+        h = net_charge_hysteresis(samples, p.capacity_Ah, p.hysteresis_rate, hysteresis)
+    else:
+        decay_h = hysteresis_decay(samples, p.capacity_Ah, p.hysteresis_rate)
+        h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
+    voltage = (
+        p.ocv.mean_V(samples.soc, samples.temperature_degC)
+        + p.hysteresis_V_at(samples.soc, samples.temperature_degC) * h
+    )
     resistances = pair_resistances(samples.soc_before, before, p)
     decays = pair_decays(before, p, samples.dt_s)
     for decay, resistance, v0 in zip(decays, resistances, start_V or (0.0,) * p.pairs, strict=True):

@@ -14,6 +14,11 @@ from ohmward.battery.identification.load_temperature import load_temperature
 _ACTIVATION_FLOOR_K = 700.0
 #: Relative error of a hysteresis that low-rate branches show: 0.35 to 0.7 of their gap on measured LFP cells.
 _HYSTERESIS_STD = 0.5
+#: The same where the circuit was fitted to the branches as well: the share of their gap that is no overpotential was
+#: 0.71 to 0.87 of a cell at -15 to 45 degC.
+_MEASURED_HYSTERESIS_STD = 0.15
+#: No hysteresis is a smaller share of the gap, where a relative error needs one.
+_SMALLEST_SCALE = 0.1
 #: Least error of the curve's temperature slope over that of the chemistry: rests at two temperatures are not equally
 #: complete, and low-rate branches hold overpotential, which changes with temperature as well.
 _LEAST_SLOPE = 0.5
@@ -38,9 +43,15 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     return min(max(found, _LEAST_SLOPE * usual), usual)
 
 
-def hysteresis_std(problem: CircuitProblem) -> float:
-    """Relative standard deviation of the hysteresis, which a fit hardly tells from a slow overpotential."""
-    return _HYSTERESIS_STD if any(problem.ocv.hysteresis_V) else 0.0
+def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
+    """Relative standard deviation of the hysteresis: that of the fit where it has low-rate branches."""
+    if not any(problem.ocv.hysteresis_V):
+        return 0.0
+    if not problem.branches:
+        return _HYSTERESIS_STD
+    scale, solution = fit.solution.layout.scale, fit.solution
+    found = float(np.sqrt(solution.cov[scale, scale][0, 0]) / max(solution.x[scale][0], _SMALLEST_SCALE))
+    return min(max(found, _MEASURED_HYSTERESIS_STD), _HYSTERESIS_STD)
 
 
 def unknown_hysteresis_V(problem: CircuitProblem) -> float:

@@ -1,9 +1,9 @@
-"""Thevenin model: equivalent circuit with n RC pairs ([P] (11)-(14)) and Plett's one-state hysteresis.
+"""Thevenin model: equivalent circuit with n RC pairs ([P] (11)-(14)) and one state of hysteresis.
 
 d soc/dt = eta i / Q            eta = 1 in discharge
 d v_j/dt = -v_j / tau_j + R_j i / tau_j
-h+       = e^(-a) h + (1 - e^(-a)) sign(i),  a = |gamma i dt / Q|
-V        = OCV(soc, T) + M(soc) h + sum v_j + v_0
+h+       = e^(-a) h + (1 - e^(-a)) sign(i),  a = |gamma i dt / Q|  (Plett), or h + gamma i dt / Q within -1 and 1
+V        = OCV(soc, T) + M(soc, T) h + sum v_j + v_0
 v_0      = R_0 i, or V_t asinh(R_0 i / V_t) where charge transfer bends it (Butler-Volmer)
 
 R_0, R_j and tau_j grow in the cold by Arrhenius factors of their own: conduction, and transfer and diffusion. Those of
@@ -71,6 +71,8 @@ class Thevenin:
         transfer_V: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in
             proportion to the current.
         ocv_slip: share of a loss of capacity by which the electrodes slip, see `slip`; 0 keeps the curve as it is.
+        net_charge_hysteresis: True where the hysteresis follows the net charge, False where it follows the throughput.
+        hysteresis_activation_K: the hysteresis voltage grows with the same factor; 0 for none.
     """
 
     capacity_Ah: float
@@ -89,6 +91,8 @@ class Thevenin:
     gassing_V: float | None = None
     transfer_V: float | None = None
     ocv_slip: float = 0.0
+    net_charge_hysteresis: bool = False
+    hysteresis_activation_K: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)
@@ -107,7 +111,8 @@ class Thevenin:
             raise InputError(f"thevenin.tau_s must increase from pair to pair, got {list(self.tau_s)}")
         require_between("thevenin.hysteresis_rate", self.hysteresis_rate, 0.0, np.inf)
         require_between("thevenin.coulombic_efficiency", self.coulombic_efficiency, 0.5, 1.0)
-        for name in ("activation_K", "pair_activation_K", "tau_activation_K", "empty_activation_K", "ocv_slip"):
+        activations = ("activation_K", "pair_activation_K", "tau_activation_K", "empty_activation_K")
+        for name in (*activations, "hysteresis_activation_K", "ocv_slip"):
             if (value := getattr(self, name)) is not None:
                 require_finite(f"thevenin.{name}", value)
         if self.gassing_V is not None:
@@ -146,6 +151,13 @@ class Thevenin:
     def rate_arrhenius_factor(self, temperature_degC: Any) -> Any:
         """Factor of the rates 1 / tau_j at a temperature, 1 at the reference."""
         return arrhenius_factor(temperature_degC, -self.tau_activation_K, self.reference_degC)
+
+    def hysteresis_V_at(self, soc: Any, temperature_degC: Any) -> Any:
+        """Half the distance of the two branches [V] at this SoC and temperature."""
+        if not self.hysteresis_activation_K:
+            return self.ocv.hysteresis_at(soc)
+        factor = arrhenius_factor(temperature_degC, self.hysteresis_activation_K, self.reference_degC)
+        return factor * self.ocv.hysteresis_at(soc)
 
     def in_series(self, cells: int) -> Thevenin:
         """The pack of `cells` equal cells in series: the same capacity, `cells` times each voltage and resistance."""
@@ -192,7 +204,7 @@ def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth =
 def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc) h [V]."""
     soc, *_, h = x
-    return p.ocv.mean_V(soc, u.temperature_degC) + p.ocv.hysteresis_at(soc) * h
+    return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
 
 
 def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> list[Any]:
@@ -227,7 +239,14 @@ def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
 
 
 def next_hysteresis(h: Scalar, current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
-    """Hysteresis state after `dt_s` of current: it moves with the charge that flows, not with time."""
+    """Hysteresis state after `dt_s` of current: it moves with the charge that flows, not with time.
+
+    With the net charge it saturates on the branches, as an elastic-plastic element does: a short charge in a drive
+    moves it a little off the discharge branch, and the next discharge brings it back. With the throughput (Plett's
+    one-state model) it goes to the middle there.
+    """
+    if p.net_charge_hysteresis:
+        return clip(h + current_A * (dt_s * p.hysteresis_rate / p.capacity_As), -1.0, 1.0)
     decay = exp(-abs(current_A) * (dt_s * p.hysteresis_rate / p.capacity_As))
     return decay * h + (1 - decay) * sign(current_A)
 

@@ -77,6 +77,10 @@ UNEVEN_ACTIVATION = 0.5
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
 
+#: The same where it follows the net charge, as the variance of its state per unit that it would move if it did not
+#: saturate: turned from one branch to the other it is off by 0.14. On a branch that leaves it a variance.
+HYSTERESIS_TURN_VARIANCE = 0.01
+
 #: Far below the resistance of any battery [ohm].
 _LEAST_OHM = 1e-9
 
@@ -256,9 +260,13 @@ class AugmentedThevenin:
         """
         p, i = self.model, clean.mean.current_A
         moved = abs(i) * clean.dt_s / p.capacity_As
-        ahead = HYSTERESIS_RATE_STD * (sign(i) - h)
         unknown = growth_while_unknown(lambda t_s: minimum(p.hysteresis_rate * USUAL_C * t_s / 3600.0, 1.0) ** 2, clean)
-        return HYSTERESIS_VARIANCE_PER_SOC * moved + (1 - exp(-p.hysteresis_rate * moved)) * ahead * ahead + unknown
+        if p.net_charge_hysteresis:
+            turned = HYSTERESIS_TURN_VARIANCE * p.hysteresis_rate * moved
+        else:
+            ahead = HYSTERESIS_RATE_STD * (sign(i) - h)
+            turned = (1 - exp(-p.hysteresis_rate * moved)) * ahead * ahead
+        return HYSTERESIS_VARIANCE_PER_SOC * moved + turned + unknown
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
         """Errors of the voltage that the model gives in the state that is believed."""

@@ -179,7 +179,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
     slopes_V = axis_errors(settings, x, slope_V)
     error_V = slopes_V | voltage_errors(settings, x, u, now_V)
-    hysteresis_V = std["hysteresis"] * float(settings.model.ocv.hysteresis_at(x.circuit[SOC]))
+    hysteresis_V = std["hysteresis"] * float(settings.model.hysteresis_V_at(x.circuit[SOC], u.temperature_degC))
     return Conditions(
         settings,
         history,

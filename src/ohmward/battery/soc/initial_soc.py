@@ -204,7 +204,7 @@ def first_voltage_std(
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     resistance_std = np.sqrt(noise.resistance_variance(coldness_per_K(u.temperature_degC, p.reference_degC)))
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
-    hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.ocv.hysteresis_at(soc)
+    hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.hysteresis_V_at(soc, u.temperature_degC)
     terms = (
         noise.voltage_std_V,
         model_error_std_V(soc, u, p, noise),

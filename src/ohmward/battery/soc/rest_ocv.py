@@ -97,7 +97,7 @@ class RestOcv:
         soc = np.array([state.soc])
         ocv_V, slope = linearize(lambda s: np.array([p.ocv.mean_V(s[0], state.temperature_degC)]), soc)
         H = slope[0, 0]
-        hysteresis_V = p.ocv.hysteresis_at(state.soc)
+        hysteresis_V = p.hysteresis_V_at(state.soc, state.temperature_degC)
         pairs = pair_resistances(state.soc, CircuitInput(0.0, state.temperature_degC), p)
         past_V = sum(pairs) * REST_CURRENT_C * p.capacity_Ah
         R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2 + (noise.soc_axis_std * H) ** 2
