@@ -67,6 +67,19 @@ class Truth(NamedTuple):
     voltage_V: np.ndarray
 
 
+#: Only white voltage noise, current noise and what the circuit itself has: the filter is then a plain textbook one.
+PLAIN = BatteryNoise(
+    model_std_V=(0.0, 0.0),
+    overpotential_share=0.0,
+    soc_axis_std=0.0,
+    correlation_s=0.0,
+    capacity_std=0.0,
+    capacity_walk=0.0,
+    resistance_std=0.0,
+    resistance_walk=0.0,
+)
+
+
 def drive(rng: np.random.Generator, steps: int, mean_A: float = -0.5, rest_every: int = 6) -> np.ndarray:
     """Current (steps,) that is new every 40 samples and at least 0.3 A, with a rest of 200 samples now and then."""
     blocks = mean_A + 1.5 * rng.standard_normal(steps // 40 + 1)

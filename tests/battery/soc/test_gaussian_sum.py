@@ -8,7 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from battery.examples import LFP, NMC, STRAIGHT, drive, row, samples, simulate
+from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
@@ -28,17 +28,7 @@ from ohmward.logs.log import Log
 
 NOISE = BatteryNoise(hysteresis_std=0.3, activation_std_K=500.0)
 #: Samples that are independent, and no error but that of the voltage.
-WHITE = BatteryNoise(
-    voltage_std_V=0.05,
-    model_std_V=(0.0, 0.0),
-    overpotential_share=0.0,
-    soc_axis_std=0.0,
-    correlation_s=0.0,
-    capacity_std=0.0,
-    capacity_walk=0.0,
-    resistance_std=0.0,
-    resistance_walk=0.0,
-)
+WHITE = replace(PLAIN, voltage_std_V=0.05)
 EXACT = CurrentSensor(noise_std_A=0.0, offset_std_A=0.0, offset_walk_A=0.0, gain_std=0.0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from battery.examples import LFP, NMC, STRAIGHT, drive, row, samples, simulate
+from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
@@ -21,17 +21,6 @@ from ohmward.trace import linearize
 
 METHODS = ["ekf", "ukf"]
 NOISE = BatteryNoise()
-#: Only white voltage noise, current noise and what the circuit itself has: the filter is then a plain textbook one.
-PLAIN = BatteryNoise(
-    model_std_V=(0.0, 0.0),
-    overpotential_share=0.0,
-    soc_axis_std=0.0,
-    correlation_s=0.0,
-    capacity_std=0.0,
-    capacity_walk=0.0,
-    resistance_std=0.0,
-    resistance_walk=0.0,
-)
 STEADY = CurrentSensor(offset_std_A=0.0, offset_walk_A=0.0, gain_std=0.0)
 
 
