@@ -12,7 +12,7 @@ import pytest
 from fleet import examples
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import make_estimator
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError
 from ohmward.fleet.spark import ESTIMATED, soc_stream
 
@@ -78,7 +78,7 @@ def _number(value: float | None) -> float:
 
 
 def never_stopped(samples: np.ndarray) -> np.ndarray:
-    estimator = SocEstimator(make_estimator("ekf", BATTERY_FILE.parse(BATTERY)))
+    estimator = SocEstimator(make_estimator(DEFAULT, BATTERY_FILE.parse(BATTERY)))
     found = [(row[0], estimator.update(*map(float, row))) for row in samples]
     return np.array([[time_s, *(getattr(e, name) for name in ESTIMATED), int(e.flags)] for time_s, e in found])
 
