@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.logs import bdf
+from ohmward.logs.charger_flag import full_charges
 from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
 from ohmward.logs.columns import find_columns
 from ohmward.logs.frame import to_frame
@@ -86,6 +87,10 @@ class Log(TimeSeries):
         current = np.interp(self.time_s, self.time_s[known], self.current_A[known])
         mean = 0.5 * (current[1:] + current[:-1])
         return np.concatenate([[0.0], np.cumsum(mean * self.dt_s)]) / SECONDS_PER_HOUR
+
+    def full_charges(self) -> tuple[tuple[str, int], ...]:
+        """Column and sample of each charge that a charger's column among `extra` begins to call complete."""
+        return full_charges(self.extra)
 
     def describe(self) -> str:
         """A few lines for people: the content of the log, then its notes."""

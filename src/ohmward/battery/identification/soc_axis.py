@@ -53,7 +53,7 @@ _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
 
 
-class Anchor(NamedTuple):
+class AxisAnchor(NamedTuple):
     """A sample at which the state of charge is known, how well, and why."""
 
     sample: int
@@ -70,7 +70,7 @@ class SocAxis(NamedTuple):
     """
 
     soc: np.ndarray
-    anchors: tuple[Anchor, ...]
+    anchors: tuple[AxisAnchor, ...]
     efficiency: float
     notes: tuple[Note, ...]
 
@@ -114,10 +114,10 @@ def find_anchors(
     initial_soc: float | None,
     ocv_axis_std: float = 0.0,
     empty_V: float = 0.0,
-) -> tuple[Anchor, ...]:
+) -> tuple[AxisAnchor, ...]:
     """The anchors that the axis is tied to: one, or all ends of full charges."""
     if initial_soc is not None:
-        return (Anchor(0, initial_soc, 0.0, "given"),)
+        return (AxisAnchor(0, initial_soc, 0.0, "given"),)
     if full := full_charges(record, capacity_Ah):
         return full
     rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
@@ -133,7 +133,7 @@ def find_anchors(
     return (min(known, key=lambda a: a.std),)
 
 
-def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
+def full_charges(record: Record, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
     """Ends of charges with constant voltage: at the highest voltage of the log the current fell below C/20.
 
     A log that starts at rest at the voltage of the rest after such a charge started full as well.
@@ -142,10 +142,10 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[Anchor, ...]:
     ends = [end for end in tapers if end]
     if ends and _starts_like(record, ends):
         ends = [0, *ends]
-    return tuple(Anchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
+    return tuple(AxisAnchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
 
 
-def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Anchor, ...]:
+def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
     """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage.
 
     After a discharge the voltage rests below the mean of both branches, after a charge above it.
@@ -160,7 +160,7 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Anc
     )
 
 
-def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[Anchor, ...]:
+def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[AxisAnchor, ...]:
     """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
 
     What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation. Where the
@@ -173,7 +173,7 @@ def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tu
     emptied = voltage_V[lowest] < empty_V and total_Ah[lowest] - total_Ah.min() < _AT_THE_END * capacity_Ah
     at_top = 0.0 if emptied else 0.5 * (1 - np.ptp(total_Ah) / capacity_Ah)
     std = float(np.clip(at_top, *_SWEEP_STD))
-    return (Anchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
+    return (AxisAnchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
 
 
 def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
@@ -244,7 +244,7 @@ def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndar
     return h, np.ones(moved.size) if record.came_from else 1 - np.cumprod(decay)
 
 
-def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> Anchor:
+def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> AxisAnchor:
     """SoC at a rest voltage, on the side of the mean curve that the hysteresis state `h` tells.
 
     The voltage is unknown by 1.5 mV per volt and by the error of the hysteresis: all of it where nothing is known of h.
@@ -255,10 +255,10 @@ def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: floa
     hysteresis_std = known * _HYSTERESIS_SHARE_STD + (1 - known)
     error_V = hysteresis_std * float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
     low, high = (ocv.soc_at(voltage_V + s * error_V, degC, branch) for s in (-1, 1))
-    return Anchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
+    return AxisAnchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
-def _efficiency(record: Record, anchors: Sequence[Anchor], otherwise: float) -> float:
+def _efficiency(record: Record, anchors: Sequence[AxisAnchor], otherwise: float) -> float:
     """Charge that came out over charge that went in between the first and the last full charge; 1 above 0.99."""
     if len(anchors) < 2:
         return otherwise
@@ -269,7 +269,7 @@ def _efficiency(record: Record, anchors: Sequence[Anchor], otherwise: float) -> 
     return float(efficiency) if 0.5 <= efficiency < 1 - _SMALLEST_LOSS else 1.0
 
 
-def _tied(record: Record, capacity_Ah: float, anchors: Sequence[Anchor], efficiency: float) -> np.ndarray:
+def _tied(record: Record, capacity_Ah: float, anchors: Sequence[AxisAnchor], efficiency: float) -> np.ndarray:
     """Counted SoC, corrected so that it passes the anchors; between them in proportion to the charge that flowed."""
     counted = count_soc(record, capacity_Ah, efficiency)
     at = [a.sample for a in anchors]

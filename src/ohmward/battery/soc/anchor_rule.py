@@ -1,0 +1,281 @@
+"""Rule for the events that anchor the state of charge: a full charge, a cut-off under load, a long rest.
+
+    full    the voltage has stood still at that of a full battery while the charging current fell to a small share
+    empty   a load ended at a voltage that, but for its overpotential, is that of an empty battery
+    rest    no current for so long that the RC pairs are gone
+
+    soc_full  = 1 - d/2 +- hypot(width, d/2)     d = 1 - OCV^-1(V - R i): full by the charger, or by the curve
+    soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, u, what a doubt of R and of the curve adds)
+                u = |i| tau / Q, the charge that diffusion keeps from a strong load
+    soc_rest  = OCV^-1(V) +- half of OCV^-1 between V + std and V - std
+
+R is that of a steady current at this temperature, so that a cold battery, which a charger leaves further from full,
+has the wider anchor. Full and empty tell more than the voltage: charger and protection define them. That of a rest is
+its voltage once more. Each is seen once; traceable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
+from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
+from ohmward.battery.soc.clean_sample import CleanSocSample
+from ohmward.trace import clip, maximum, minimum, sqrt, table, where
+from ohmward.trace.expression import Scalar
+
+#: A voltage at the limit of a charger stays within this share of itself; that of a sensor errs by as much.
+_FLAT_SHARE = 0.004
+#: A charger has reached its limit where the voltage is that of at least this state of charge at rest.
+_FULL_SOC = 0.985
+#: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
+#: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
+_TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
+_HELD_S, _GASSING_HELD_S = 300.0, 1800.0
+#: By then the current has fallen to this share of its largest: a charge at a small constant current has no such end.
+_TAPERED = 0.5
+#: A current is a load, or ends a charge, beyond this rate over the capacity [1/h].
+_LOAD_C = 0.02
+#: Standard deviations of the state of charge where a charger or a protection ends: lithium, and lead-acid, whose last
+#: percents take a day and whose depth depends on the current.
+_FULL_STD, _GASSING_FULL_STD = 0.01, 0.03
+_EMPTY_STD, _GASSING_EMPTY_STD = 0.02, 0.05
+#: Charge that a load leaves behind at its cut-off, over its current [s]: 2 C leave 2 to 8 % in worn cells of lithium.
+_LEFT_S, _GASSING_LEFT_S = 100.0, 600.0
+#: A cut-off is below this state of charge by the curve, and stays there for this time [s]: peaks of a load do not.
+_EMPTY_SOC, LOW_S = 0.03, 30.0
+#: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell of 1.88 V at rest.
+_DEPLETED_SHARE = 0.96
+#: A load has ended where this share of it is left.
+_LOAD_ENDED = 0.2
+#: A full battery is full once more after this share of its capacity has been taken out, an empty one likewise.
+AGAIN = 0.05
+#: A rest is long after so many of the largest time constant at its temperature, and this time [s].
+_RELAXED, _LONG_REST_S = 4.0, 3600.0
+#: Current of a rest over the capacity [1/h].
+_REST_C = 0.01
+#: A longer step [s] says nothing about the voltage between its ends.
+_LONGEST_STEP_S = 3600.0
+#: An event that says less about the state of charge is none.
+_MOST_STD = 0.1
+#: Points of the inverse of the curve.
+_POINTS = 257
+
+
+class AnchorMemory(NamedTuple):
+    """Memory between two samples, plain numbers.
+
+    limit_V: voltage at which it began to stand still; held_s: time since then.
+    peak_A: largest charging current of this charge.
+    discharged, charged: charge taken out since the last full charge, put in since the last cut-off, over the capacity.
+    load_A: current of the sample before where it was a load, else 0.
+    low_s: time for which its voltage has been that of a cut-off, less that for which it has not.
+    low_soc, low_std: state of charge of that cut-off.
+    rest_s: time without current; rested: 1 once its end has been seen.
+    """
+
+    limit_V: Any = 0.0
+    held_s: Any = 0.0
+    peak_A: Any = 0.0
+    discharged: Any = 1.0
+    charged: Any = 1.0
+    load_A: Any = 0.0
+    low_s: Any = 0.0
+    low_soc: Any = 0.0
+    low_std: Any = 1.0
+    rest_s: Any = 0.0
+    rested: Any = 0.0
+
+
+class AnchorEvent(NamedTuple):
+    """Conditions that a sample completes a full charge, a cut-off or a long rest, and the state of charge it tells."""
+
+    full: Any
+    empty: Any
+    rest: Any
+    soc: Any
+    std: Any
+
+
+class SocNormal(NamedTuple):
+    """State of charge with its standard deviation."""
+
+    soc: Any
+    std: Any
+
+
+@dataclass(frozen=True)
+class AnchorRule:
+    """Settings; `step` is a pure function of them.
+
+    Attributes:
+        model, noise, sensor: of the battery.
+    """
+
+    model: Thevenin
+    noise: BatteryNoise
+    sensor: CurrentSensor
+
+    def step(self, before: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
+        """The memory after a sample, and what it completes."""
+        usable = clean.voltage_measured & clean.current_measured
+        held = self.hold_limit(before, clean, usable)
+        full = self.is_full(held, clean, usable)
+        ended = usable & (clean.now.current_A > _LOAD_ENDED * before.load_A) & clean.current_known
+        empty = ended & (before.low_s > LOW_S) & (before.charged > AGAIN)
+        low = self.hold_low(held, clean, usable)
+        rested, rest = self.hold_rest(low, clean, usable)
+        told_full, cut_off = self.full(clean.voltage_V, clean.now), SocNormal(before.low_soc, before.low_std)
+        told = _choose(full, told_full, _choose(empty, cut_off, self.at_rest(clean.voltage_V, clean.now)))
+        after = rested._replace(
+            discharged=where(full, 0.0, rested.discharged), charged=where(empty, 0.0, rested.charged)
+        )
+        return after, AnchorEvent(full, empty, rest, told.soc, told.std)
+
+    def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
+        """The memory with the voltage that stands still, the charge that flowed and the largest charging current."""
+        current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
+        same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
+        same = same & (clean.dt_s < _LONGEST_STEP_S) & (current_A > -self.load_A)
+        return memory._replace(
+            limit_V=where(same, memory.limit_V, clean.voltage_V),
+            held_s=where(same, memory.held_s + clean.dt_s, 0.0),
+            peak_A=where(current_A < -self.load_A, 0.0, maximum(memory.peak_A, current_A)),
+            discharged=memory.discharged + maximum(-share, 0.0),
+            charged=memory.charged + maximum(share, 0.0),
+        )
+
+    def is_full(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> Any:
+        """True where the charge is complete: at the limit for long enough, and tapered."""
+        current_A = clean.now.current_A
+        tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
+        at_limit = (memory.held_s > self.held_s) & (clean.voltage_V > self.full_V)
+        return usable & at_limit & tapered & (current_A > -self.load_A) & (memory.discharged > AGAIN)
+
+    def full(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
+        """State of charge of a complete charge."""
+        rise_V = self.steady_ohm(1.0, u) * maximum(u.current_A, 0.0)
+        missing = 1.0 - self.soc_at(voltage_V - rise_V)
+        return SocNormal(1.0 - 0.5 * missing, _hypot(self.full_std, 0.5 * missing))
+
+    def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
+        """The memory with the load, and the time for which its end would be a cut-off."""
+        loaded = usable & (clean.now.current_A < -self.load_A)
+        soc, std = self.cut_off(clean.voltage_V, clean.now)
+        low = loaded & (self.but_for_drop_V(clean.voltage_V, clean.now) < self.empty_V) & (std < _MOST_STD)
+        return memory._replace(
+            load_A=where(loaded, clean.now.current_A, where(usable, 0.0, memory.load_A)),
+            low_s=where(low, memory.low_s + clean.dt_s, maximum(memory.low_s - clean.dt_s, 0.0)),
+            low_soc=where(low, soc, memory.low_soc),
+            low_std=where(low, std, memory.low_std),
+        )
+
+    def cut_off(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
+        """State of charge at which a load is cut off at this voltage."""
+        still_V = self.but_for_drop_V(voltage_V, u)
+        variance = self.noise.resistance_variance(coldness_per_K(u.temperature_degC, self.model.reference_degC))
+        doubt_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
+        soc = self.soc_at(still_V)
+        left_s = (_GASSING_LEFT_S if self.gases else _LEFT_S) / self.model.rate_arrhenius_factor(u.temperature_degC)
+        left = maximum(-u.current_A, 0.0) * left_s / self.model.capacity_As
+        return SocNormal(soc + left, _hypot(_hypot(self.empty_std, left), self.soc_at(still_V + doubt_V) - soc))
+
+    def but_for_drop_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
+        """The voltage of an empty battery without the overpotential of its load."""
+        return voltage_V - self.steady_ohm(0.0, u) * u.current_A
+
+    def hold_rest(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> tuple[AnchorMemory, Any]:
+        """The memory with the rest, and the condition that it has become a long one."""
+        resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_STEP_S)
+        rest_s = where(resting, memory.rest_s + clean.dt_s, 0.0)
+        needed_s = _RELAXED * self.model.tau_s[-1] / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
+        long = rest_s > maximum(needed_s, _LONG_REST_S)
+        due = long & (memory.rested < 1.0) & (self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD)
+        return memory._replace(rest_s=rest_s, rested=where(due, 1.0, where(resting, memory.rested, 0.0))), due
+
+    def at_rest(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
+        """State of charge of a battery at rest at this voltage, from the curve of the file and its doubts."""
+        soc, noise = self.soc_at(voltage_V), self.noise
+        hysteresis_V = HYSTERESIS_UNKNOWN_STD * self.model.hysteresis_V_at(soc, u.temperature_degC)
+        doubt_V = sqrt(noise.voltage_std_V**2 + noise.model_std_at(soc) ** 2 + hysteresis_V * hysteresis_V)
+        half = 0.5 * (self.soc_at(voltage_V + doubt_V) - self.soc_at(voltage_V - doubt_V))
+        return SocNormal(soc, _hypot(noise.soc_axis_std, half))
+
+    def steady_ohm(self, soc: float, u: CircuitInput) -> Scalar:
+        """Resistance to a steady current [ohm] at this temperature."""
+        return ohmic_resistance(soc, u, self.model) + sum(pair_resistances(soc, u, self.model))
+
+    def soc_at(self, voltage_V: Scalar) -> Scalar:
+        """State of charge at which the curve has this voltage, in [0, 1]."""
+        empty_V, full_V = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
+        return clip(table(self._inverse, empty_V, (full_V - empty_V) / (_POINTS - 1), voltage_V), 0.0, 1.0)
+
+    @cached_property
+    def _inverse(self) -> tuple[float, ...]:
+        """(M,) state of charge on a uniform grid of the voltage."""
+        ocv = self.model.ocv
+        soc = np.linspace(0.0, 1.0, 4 * _POINTS)
+        rising_V = np.maximum.accumulate(ocv.mean_V(soc, ocv.reference_degC)) + 1e-12 * np.arange(soc.size)
+        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _POINTS)
+        return tuple(np.interp(grid_V, rising_V, soc).tolist())
+
+    @property
+    def gases(self) -> bool:
+        """True for a battery that makes gas when it is nearly full."""
+        return self.model.gassing_V is not None
+
+    @property
+    def full_V(self) -> float:
+        """Least voltage of a charger that has reached its limit [V]."""
+        ocv = self.model.ocv
+        return self.model.gassing_V or float(ocv.mean_V(_FULL_SOC, ocv.reference_degC))
+
+    @property
+    def empty_V(self) -> float:
+        """Voltage [V] but for the overpotential below which a load is cut off."""
+        ocv = self.model.ocv
+        return _DEPLETED_SHARE * ocv.voltage_V[0] if self.gases else float(ocv.mean_V(_EMPTY_SOC, ocv.reference_degC))
+
+    @property
+    def taper_A(self) -> float:
+        """Largest last current of a full charge."""
+        return (_GASSING_TAPER_C if self.gases else _TAPER_C) * self.model.capacity_Ah
+
+    @property
+    def held_s(self) -> float:
+        """Shortest time at the limit of a charger."""
+        return _GASSING_HELD_S if self.gases else _HELD_S
+
+    @property
+    def full_std(self) -> float:
+        """Standard deviation of the state of charge where chargers stop."""
+        return _GASSING_FULL_STD if self.gases else _FULL_STD
+
+    @property
+    def empty_std(self) -> float:
+        """Standard deviation of the state of charge where protections cut off."""
+        return _GASSING_EMPTY_STD if self.gases else _EMPTY_STD
+
+    @property
+    def load_A(self) -> float:
+        """Least current that is a load."""
+        return _LOAD_C * self.model.capacity_Ah + 3.0 * self.sensor.noise_std_A
+
+    @property
+    def rest_A(self) -> float:
+        """Largest current of a rest."""
+        return self.sensor.rest_threshold_A(self.model.capacity_Ah, _REST_C)
+
+
+def _choose(condition: Any, a: SocNormal, b: SocNormal) -> SocNormal:
+    return SocNormal(where(condition, a.soc, b.soc), where(condition, a.std, b.std))
+
+
+def _hypot(a: Scalar, b: Scalar) -> Scalar:
+    return sqrt(a * a + b * b)

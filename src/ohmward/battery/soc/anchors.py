@@ -1,0 +1,186 @@
+"""Anchors in a log: full charges, cut-offs under load and long rests, each with the state of charge that it tells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.anchor_rule import AGAIN, LOW_S, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
+from ohmward.battery.soc.clean_sample import SampleLimits, first_input, sanitize
+from ohmward.battery.soc.estimator import samples_of
+from ohmward.battery.soc.registry import require_thevenin
+from ohmward.battery.soc.sample import SocSample
+from ohmward.logs.log import Log
+from ohmward.trace import Kernel, where
+from ohmward.trace.expression import Scalar
+
+AnchorKind = Literal["full charge", "empty", "rest"]
+
+#: Origin of an anchor that no column tells.
+VOLTAGE = "voltage"
+
+#: As in the estimators: multiples of the capacity per hour beyond which a current is a fault of its sensor.
+_CURRENT_LIMIT_C = 20.0
+
+
+class Anchor(NamedTuple):
+    """Event that tells the state of charge.
+
+    kind: a full charge, the cut-off of a load at empty, or a long rest. The first two are what charger and protection
+        define, beyond what the voltage says; a rest says through the curve what its voltage says, and no more.
+    time_s: in the log [s]; sample: the index there.
+    soc, soc_std: state of charge and its standard deviation.
+    voltage_V, current_A, temperature_degC: of that sample; nan where there is none.
+    told_by: `VOLTAGE`, or the name of the column that says so.
+    """
+
+    kind: AnchorKind
+    time_s: float
+    sample: int
+    soc: float
+    soc_std: float
+    voltage_V: float
+    current_A: float
+    temperature_degC: float
+    told_by: str = VOLTAGE
+
+
+class _Event(NamedTuple):
+    """Kind, sample, state of charge and origin of an anchor."""
+
+    kind: AnchorKind
+    sample: int
+    told: SocNormal
+    told_by: str = VOLTAGE
+
+
+class FinderState(NamedTuple):
+    """Last credible current and temperature, and the memory of the rule."""
+
+    current_A: Scalar
+    temperature_degC: Scalar
+    memory: AnchorMemory
+
+
+class FinderOutput(NamedTuple):
+    """Memory of the rule and event after a sample, and its current and temperature, sanitised."""
+
+    memory: AnchorMemory
+    event: AnchorEvent
+    now: CircuitInput
+
+
+@dataclass(frozen=True)
+class AnchorFinder:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        rule: of the battery.
+        gap_s: a longer step between two samples says nothing about the current in between.
+    """
+
+    rule: AnchorRule
+    gap_s: float = 600.0
+
+    @property
+    def limits(self) -> SampleLimits:
+        """Limits of what is believed of a sample."""
+        model = self.rule.model
+        return SampleLimits(self.gap_s, _CURRENT_LIMIT_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+
+    def no_sample(self) -> SocSample:
+        """A sample in which nothing was measured."""
+        return SocSample(0.0, math.nan, math.nan, math.nan)
+
+    def init(self, first: SocSample) -> FinderState:
+        """State before the first sample."""
+        u = first_input(first, self.limits.current_A)
+        return FinderState(u.current_A, u.temperature_degC, AnchorMemory())
+
+    def step(self, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
+        """State and output after a sample."""
+        clean = sanitize(sample, CircuitInput(state.current_A, state.temperature_degC), self.limits)
+        memory, event = self.rule.step(state.memory, clean)
+        full, empty, rest = (where(condition, 1.0, 0.0) for condition in (event.full, event.empty, event.rest))
+        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory)
+        return after, FinderOutput(memory, event._replace(full=full, empty=empty, rest=rest), clean.now)
+
+
+def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
+    """The anchors in a log, in order, each event once.
+
+    The rule is that of the live estimator (`AnchorRule`), but a log shows how it goes on: a full charge and a rest
+    stand at their end, where they tell most, and a load that ends low with the log or before a gap has been cut off.
+
+    Raises:
+        InputError: the battery file has no Thevenin model.
+    """
+    rule = AnchorRule(require_thevenin(battery), battery.noise, battery.sensor)
+    finder = AnchorFinder(rule)
+    samples = samples_of(log)
+    start = finder.init(SocSample(*(float(column[0]) for column in samples)))
+    _, output = Kernel(finder.step, start, finder.no_sample()).scan(start, samples)
+    events = sorted([*_shown(log, finder, output), *_flagged(log, rule)], key=lambda event: event.sample)
+    moved_As = output.now.current_A * np.diff(log.time_s, prepend=log.time_s[0])
+    once = _without_repeats(events, moved_As, AGAIN * rule.model.capacity_As)
+    return tuple(_anchor(event, log) for event in once)
+
+
+def _shown(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:
+    """The events that current and voltage show."""
+    rule, (memory, event, now) = finder.rule, output
+
+    def at(k: int) -> tuple[float, CircuitInput]:
+        return float(log.voltage_V[k]), CircuitInput(float(now.current_A[k]), float(now.temperature_degC[k]))
+
+    for k in np.flatnonzero(event.full):
+        last = _end_of_run(memory.held_s, int(k))
+        yield _Event("full charge", last, rule.full(*at(last)))
+    for k in np.flatnonzero(event.empty):
+        yield _Event("empty", int(k), SocNormal(float(event.soc[k]), float(event.std[k])))
+    ends = np.append(np.diff(log.time_s) > finder.gap_s, True)
+    for k in np.flatnonzero((memory.low_s > LOW_S) & ends):
+        yield _Event("empty", int(k), SocNormal(float(memory.low_soc[k]), float(memory.low_std[k])))
+    for k in np.flatnonzero(event.rest):
+        last = _end_of_run(memory.rest_s, int(k))
+        yield _Event("rest", last, rule.at_rest(*at(last)))
+
+
+def _flagged(log: Log, rule: AnchorRule) -> Iterator[_Event]:
+    """The events that a column says."""
+    for name, k in log.full_charges():
+        yield _Event("full charge", k, SocNormal(1.0, rule.full_std), name)
+
+
+def _end_of_run(held_s: np.ndarray, k: int) -> int:
+    """Last sample of the run of rising times that sample k belongs to."""
+    falls = np.flatnonzero(np.diff(held_s[k:]) < 0.0)
+    return k + int(falls[0]) if falls.size else len(held_s) - 1
+
+
+def _without_repeats(events: Sequence[_Event], moved_As: np.ndarray, apart_As: float) -> Iterator[_Event]:
+    """The events, those of one charge or one cut-off once: between two of them charge flows the other way.
+
+    moved_As: (T,) charge of each interval, > 0 charges; apart_As: least of it the other way.
+    """
+    flowed = {"full charge": np.cumsum(np.maximum(-moved_As, 0.0)), "empty": np.cumsum(np.maximum(moved_As, 0.0))}
+    last: dict[str, int] = {}
+    for event in events:
+        kind, k = event.kind, event.sample
+        if kind in flowed and kind in last and flowed[kind][k] - flowed[kind][last[kind]] < apart_As:
+            continue
+        last[kind] = k
+        yield event
+
+
+def _anchor(event: _Event, log: Log) -> Anchor:
+    k = event.sample
+    degC = math.nan if log.temperature_degC is None else float(log.temperature_degC[k])
+    measured = float(log.voltage_V[k]), float(log.current_A[k]), degC
+    return Anchor(event.kind, float(log.time_s[k]), k, event.told.soc, event.told.std, *measured, event.told_by)

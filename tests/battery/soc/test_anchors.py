@@ -1,0 +1,147 @@
+"""Anchors in logs: simulated charges, cut-offs and rests, whose state of charge is known, and what is none of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.soc.anchors import find_anchors
+from ohmward.logs.log import Log
+from ohmward.simulate import BATTERIES, resting_state, simulate
+from ohmward.simulate.profile import steps
+
+CHEMISTRIES = pytest.mark.parametrize("chemistry", ("lfp", "nca"))
+HOUR = 3600.0
+
+
+def day(chemistry, soc, phases, degC=25.0, interval_s=10.0, offset_C=0.0):
+    """Log and truth of phases (hours, multiples of the capacity per hour)."""
+    cell = BATTERIES[chemistry]
+    capacity_Ah = cell.circuit.capacity_Ah
+    profile = steps([(hours * HOUR, rate * capacity_Ah) for hours, rate in phases], degC)
+    time_s = np.arange(0.0, profile.time_s[-1], interval_s)
+    truth = simulate(cell, profile, time_s, resting_state(cell, soc, degC)).truth
+    current_A = truth.current_A + offset_C * capacity_Ah
+    return Log("day", time_s, current_A, truth.voltage_V, truth.temperature_degC), truth.soc
+
+
+def label(chemistry):
+    cell = BATTERIES[chemistry]
+    return generic_battery(chemistry, cell.circuit.capacity_Ah, cell.n_series)
+
+
+def columns_of(log):
+    return log.time_s, log.current_A, log.voltage_V, log.temperature_degC
+
+
+def kinds(anchors):
+    return [anchor.kind for anchor in anchors]
+
+
+@CHEMISTRIES
+@pytest.mark.parametrize("offset_C", (-0.01, 0.0, 0.01))
+@pytest.mark.parametrize("degC", (0.0, 25.0, 40.0))
+def test_a_full_charge_is_found_once_and_holds_the_truth(chemistry, offset_C, degC):
+    log, truth = day(chemistry, 0.3, [(0.2, 0.0), (7.0, 0.3), (0.5, 0.0), (0.5, -0.5)], degC, offset_C=offset_C)
+    (full,) = (anchor for anchor in find_anchors(log, label(chemistry)) if anchor.kind != "rest")
+    assert full.kind == "full charge"
+    assert abs(truth[full.sample] - full.soc) < 2.5 * full.soc_std
+    assert full.soc_std < 0.03
+
+
+@CHEMISTRIES
+@pytest.mark.parametrize("hours", (0.5, 1.0, 1.5, 2.0))
+def test_a_charge_that_is_broken_off_is_no_full_one(chemistry, hours):
+    log, truth = day(chemistry, 0.2, [(0.2, 0.0), (hours, 0.36), (3.0, 0.0), (0.3, -0.5)])
+    assert truth.max() < 0.97
+    assert "full charge" not in kinds(find_anchors(log, label(chemistry)))
+
+
+def test_a_battery_of_lead_acid_is_full_after_its_absorption_and_not_at_rest_after_a_short_one():
+    log, truth = day("lead-acid", 0.4, [(0.2, 0.0), (14.0, 0.15), (1.0, 0.0), (1.0, -0.2)])
+    (full,) = (anchor for anchor in find_anchors(log, label("lead-acid")) if anchor.kind == "full charge")
+    assert abs(truth[full.sample] - full.soc) < 2 * full.soc_std
+    short, truth = day("lead-acid", 0.4, [(0.2, 0.0), (3.0, 0.15), (6.0, 0.0)])
+    assert truth.max() < 0.9
+    assert "full charge" not in kinds(find_anchors(short, label("lead-acid")))
+
+
+@CHEMISTRIES
+def test_each_full_charge_counts_once_however_long_the_charger_stays(chemistry):
+    charge, drive = (8.0, 0.3), (1.0, -0.4)
+    log, _ = day(chemistry, 0.5, [charge, (3.0, 0.0), drive, charge, drive, charge])
+    assert kinds(find_anchors(log, label(chemistry))).count("full charge") == 3
+
+
+def drained(chemistry, rate, rest_hours=1.0, degC=25.0):
+    """Log and truth of a load from 40 % until the protection cuts it off, and of the rest after it."""
+    at_limit, _ = day(chemistry, 0.4, [(0.2, 0.0), (0.6 / rate, -rate)], degC, interval_s=2.0)
+    reduced = at_limit.current_A > -0.999 * rate * label(chemistry).capacity_Ah
+    cut_s = at_limit.time_s[np.argmax(reduced & (at_limit.time_s > 0.21 * HOUR))]
+    return day(chemistry, 0.4, [(0.2, 0.0), (cut_s / HOUR - 0.2, -rate), (rest_hours, 0.0)], degC, interval_s=2.0)
+
+
+@CHEMISTRIES
+@pytest.mark.parametrize("rate", (0.2, 0.5))
+def test_a_cut_off_under_load_is_empty(chemistry, rate):
+    log, truth = drained(chemistry, rate)
+    (empty,) = find_anchors(log, label(chemistry))
+    assert empty.kind == "empty"
+    assert abs(truth[empty.sample] - empty.soc) < 2 * empty.soc_std
+
+
+@CHEMISTRIES
+def test_a_strong_load_on_a_half_full_battery_in_the_cold_is_no_cut_off(chemistry):
+    log, truth = day(chemistry, 0.5, [(0.2, 0.0), (0.1, -1.5), (0.2, 0.0), (0.1, -1.5), (0.3, 0.0)], degC=-15.0)
+    assert truth.min() > 0.15
+    assert kinds(find_anchors(log, label(chemistry))) == []
+
+
+def test_a_long_rest_tells_what_the_curve_tells():
+    log, truth = day("nca", 0.6, [(0.2, 0.0), (0.5, -0.5), (4.0, 0.0), (0.3, -0.5), (0.5, 0.0)])
+    battery = label("nca")
+    (rest,) = find_anchors(log, battery)
+    assert rest.kind == "rest" and rest.time_s == pytest.approx(4.7 * HOUR, abs=20.0)
+    by_curve = battery.thevenin.ocv.soc_at(log.voltage_V[rest.sample])
+    assert rest.soc == pytest.approx(by_curve, abs=2e-3)
+    assert abs(truth[rest.sample] - rest.soc) < 2 * rest.soc_std
+
+
+def test_a_rest_on_a_plateau_tells_nothing():
+    log, _ = day("lfp", 0.6, [(0.2, 0.0), (0.2, -0.5), (8.0, 0.0), (0.2, -0.5)])
+    assert find_anchors(log, label("lfp")) == ()
+
+
+def test_a_log_that_ends_low_was_cut_off_and_so_was_one_before_a_gap():
+    log, truth = drained("nca", 0.2)
+    lowest = int(np.argmin(log.voltage_V))
+    ended = log.select(slice(0, lowest + 1))
+    (empty,) = (anchor for anchor in find_anchors(ended, label("nca")) if anchor.kind == "empty")
+    assert empty.sample == lowest
+    assert abs(truth[lowest] - empty.soc) < 2 * empty.soc_std
+    later = Log("later", ended.time_s + 2 * ended.time_s[-1], ended.current_A, ended.voltage_V, ended.temperature_degC)
+    time_s, current_A, voltage_V, degC = map(np.concatenate, zip(columns_of(ended), columns_of(later), strict=True))
+    day_and_day = Log("two days", time_s, current_A, voltage_V, degC)
+    assert [anchor.sample for anchor in find_anchors(day_and_day, label("nca"))] == [lowest]
+
+
+@pytest.mark.parametrize(
+    ("name", "full"), [("charger_full", 1.0), ("is_fully_charged", 1.0), ("power_supply_status", 4.0)]
+)
+def test_a_charger_says_that_the_battery_is_full(name, full):
+    log, _ = day("lfp", 0.6, [(0.2, -0.3), (0.5, 0.3), (0.2, -0.3)])
+    says = np.where(np.abs(log.time_s - 0.65 * HOUR) < 120.0, full, 0.0)
+    (anchor,) = find_anchors(replace(log, extra={name: says}), label("lfp"))
+    assert (anchor.kind, anchor.told_by, anchor.soc) == ("full charge", name, 1.0)
+    assert anchor.time_s == pytest.approx(0.65 * HOUR - 120.0, abs=10.0)
+
+
+def test_samples_without_numbers_change_nothing_and_hide_what_they_hide():
+    log, _ = day("nca", 0.3, [(0.2, 0.0), (7.0, 0.3), (0.5, 0.0)])
+    rng = np.random.default_rng(3)
+    voltage_V = np.where(rng.random(len(log)) < 0.1, np.nan, log.voltage_V)
+    found = find_anchors(replace(log, voltage_V=voltage_V), label("nca"))
+    assert kinds(found) in (["full charge"], ["full charge", "rest"], [])
+    nothing = replace(log, voltage_V=np.full(len(log), np.nan))
+    assert find_anchors(nothing, label("nca")) == ()
