@@ -27,7 +27,7 @@ BELOW: dict[str, set[str]] = {
     "filters": {"trace"} | GROUND,
     "logs": GROUND,
     "report": GROUND,
-    "battery": {"trace", "filters", "logs.log", "logs.ocv_table"} | GROUND,
+    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign"} | GROUND,
     "traction": {"trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
     "published": {"battery", "traction", "trace", "filters"} | GROUND,
     "energy": {"battery", "traction", "published", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,

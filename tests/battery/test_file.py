@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provenance
-from ohmward.battery.file import BATTERY_FILE, load_battery, save_battery
+from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
@@ -198,3 +198,13 @@ def test_a_file_of_format_1_loads_with_its_sensor():
     assert BATTERY_FILE.parse(old).sensor == new.sensor
     in_both = old.replace("[noise]", "[rc_noise]", 1).replace("[rc_noise]\nv", "[noise]\nv", 1)
     assert BATTERY_FILE.parse(in_both).sensor == new.sensor
+
+
+def test_a_file_that_is_replaced_stays_beside_the_new_one(tmp_path):
+    path = tmp_path / "battery.toml"
+    first, second = replace(FULL, name="first"), replace(FULL, name="second")
+    assert replace_battery(first, path) is None
+    assert replace_battery(second, path) == tmp_path / "battery.toml.bak"
+    assert load_battery(path).name == "second"
+    assert load_battery(tmp_path / "battery.toml.bak").name == "first"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["battery.toml", "battery.toml.bak"]

@@ -80,6 +80,7 @@ class Battery:
         thevenin, rc: the models that were identified; at least one.
         noise, rc_noise: to be assumed by an estimator with the Thevenin and with the RC model.
         sensor: current sensor of the robot.
+        serial_number: of this very battery, "" where unknown.
         identification: provenance of the numbers, None for those of a data sheet.
         not_identified: parameters that could not be identified, and why.
     """
@@ -98,6 +99,7 @@ class Battery:
     sensor: CurrentSensor = field(default_factory=CurrentSensor)
     identification: Provenance | None = None
     not_identified: tuple[str, ...] = ()
+    serial_number: str = ""
 
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from os import PathLike
+from pathlib import Path
 
+from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
 from ohmward.battery.format_1 import from_format_1
 from ohmward.toml_file import TomlFile
@@ -13,6 +15,8 @@ _HEADER = """\
 # Currents > 0 charge. SoC runs from 0 (empty) to 1 (full). Voltages and resistances are those of the whole pack.
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
+#: What the file before is called: battery.toml.bak.
+BACKUP_SUFFIX = ".bak"
 #: Its `dump` and `parse` give and take the text.
 BATTERY_FILE = TomlFile(Battery, "ohmward-battery/2", _HEADER, older={"ohmward-battery/1": from_format_1})
 
@@ -24,6 +28,22 @@ def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
         OhmwardError: the file cannot be written.
     """
     BATTERY_FILE.save(battery, path)
+
+
+def replace_battery(battery: Battery, path: str | PathLike[str]) -> Path | None:
+    """Write the battery file as `save_battery` does, and keep the one before beside it; its path, None for none.
+
+    Raises:
+        OhmwardError: a file cannot be written; the one before is then where it was.
+    """
+    before, backup = Path(path), None
+    if before.exists():
+        backup = before.with_name(before.name + BACKUP_SUFFIX)
+        text = before.read_bytes()
+        with replacing(backup) as temporary:
+            temporary.write_bytes(text)
+    save_battery(battery, path)
+    return backup
 
 
 def load_battery(path: str | PathLike[str]) -> Battery:

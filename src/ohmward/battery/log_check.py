@@ -36,7 +36,7 @@ def check_log(log: Log, battery: Battery) -> Log:
             f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
             "(--unit voltage=mV)?"
         )
-    log = _check_cells(_check_temperature(log, battery), battery, usual_V)
+    log = _check_cells(_check_temperature(log, battery), battery)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
     if not outside.any():
         return log
@@ -44,17 +44,23 @@ def check_log(log: Log, battery: Battery) -> Log:
     return log.with_notes(Note(text, "warning"))
 
 
-def _check_cells(log: Log, battery: Battery, usual_V: float) -> Log:
+def _check_cells(log: Log, battery: Battery) -> Log:
     """The log, with a warning where its usual voltage is not between those of the empty and of the full battery."""
+    contradiction = other_cells(log, battery)
+    return log.with_notes(Note(contradiction, "warning")) if contradiction else log
+
+
+def other_cells(log: Log, battery: Battery) -> str:
+    """Contradiction of the log's usual voltage with the number of cells in the battery file; "" for none."""
     model = battery.thevenin or battery.rc
     curve_V = model.ocv.voltage_V if model else (-np.inf, np.inf)
+    usual_V = float(np.nanmedian(log.voltage_V))
     if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
-        return log
-    text = (
+        return ""
+    return (
         f"its usual voltage, {usual_V:.4g} V, contradicts the battery file, {curve_V[0]:.4g} V (empty) to "
         f"{curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
     )
-    return log.with_notes(Note(text, "warning"))
 
 
 def _check_temperature(log: Log, battery: Battery) -> Log:

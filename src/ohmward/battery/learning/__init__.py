@@ -1,0 +1,1 @@
+"""Learning of a battery from its logs: one Gaussian over what the file does not know, narrowed log by log."""

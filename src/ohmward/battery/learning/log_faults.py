@@ -1,0 +1,150 @@
+"""Faults by which a log would teach wrong things: what is repaired, and what sets the log aside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.log_check import check_log, other_cells
+from ohmward.battery.soc.clean_sample import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.logs.sign import resolution, sign_evidence
+from ohmward.runs import runs
+
+#: Samples with current and voltage, and time: less tells nothing about a battery.
+_FEWEST_SAMPLES = 10
+_SHORTEST_S = 120.0
+#: A value that stays the same to the last digit for so long and so many samples may be that of a dead sensor,
+_STUCK_S, _STUCK_SAMPLES = 120.0, 10
+#: if meanwhile the voltage must have moved by so many of its smallest steps, or has moved by so many standard
+#: deviations of its noise from sample to sample.
+_MISSED_STEPS, _MOVED_STD = 5.0, 4.0
+#: A log whose sensor was stuck for this share of the time is set aside.
+_MOSTLY = 0.5
+#: Resistances may be lower than those of the file by so many standard deviations.
+_LEAST_RESISTANCE_STD = 2.0
+
+
+def usable_log(log: Log, battery: Battery) -> Log:
+    """The log without the stretches in which a sensor was stuck, each with a note.
+
+    Raises:
+        InputError: the log cannot teach anything about this battery; says why.
+    """
+    _require_samples(log)
+    log = check_log(log, battery)
+    if contradiction := other_cells(log, battery):
+        raise InputError(f"{contradiction} Is it a log of another battery?")
+    _require_sign(log)
+    return _without_impossible_temperatures(_without_stuck_current(_without_stuck_voltage(log, battery), battery))
+
+
+def _require_samples(log: Log) -> None:
+    """Raise InputError for a log that is too short, or lacks one of its quantities."""
+    known = np.isfinite(log.current_A) & np.isfinite(log.voltage_V)
+    if known.sum() < _FEWEST_SAMPLES or log.duration_s < _SHORTEST_S:
+        raise InputError(
+            f"only {known.sum()} samples with current and voltage in {log.duration_s:.3g} s; at least "
+            f"{_FEWEST_SAMPLES} in {_SHORTEST_S:g} s are needed"
+        )
+
+
+def _require_sign(log: Log) -> None:
+    """Raise InputError where the voltage answers the current with the wrong sign."""
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
+    if evidence.verdict == "discharge":
+        raise InputError(
+            f"the voltage answers the current with the wrong sign ({evidence}); current > 0 must charge: read it with "
+            "the other --current-sign"
+        )
+
+
+def _without_stuck_voltage(log: Log, battery: Battery) -> Log:
+    """The log without the voltages that stay the same to the last digit while the current out of the battery changes.
+
+    A charger holds the voltage too, while its current falls.
+    """
+    known = log.voltage_V[np.isfinite(log.voltage_V)]
+    least_V = _MISSED_STEPS * max(resolution(known), battery.noise.voltage_std_V / _MOVED_STD)
+    moved_A = least_V / _least_resistance(battery)
+    out_A = np.minimum(log.current_A, 0.0)
+    stuck = [run for run in _constant(log, log.voltage_V) if _range(out_A[slice(*run)]) > moved_A]
+    return _without(log, "voltage", stuck)
+
+
+def _without_stuck_current(log: Log, battery: Battery) -> Log:
+    """The log without the currents that stay the same to the last digit while the voltage jumps as under a load."""
+    known = log.voltage_V[np.isfinite(log.voltage_V)]
+    jump_V = _MOVED_STD * np.sqrt(2.0) * max(battery.noise.voltage_std_V, resolution(known))
+    stuck = [run for run in _constant(log, log.current_A) if _rms_step(log.voltage_V[slice(*run)]) > jump_V]
+    return _without(log, "current", stuck)
+
+
+def _without_impossible_temperatures(log: Log) -> Log:
+    """The log without temperatures that no battery has; sensors without their wire say -127 or 850 degC."""
+    if log.temperature_degC is None:
+        return log
+    with np.errstate(invalid="ignore"):
+        wrong = (log.temperature_degC < COLDEST_DEGC) | (log.temperature_degC > HOTTEST_DEGC)
+    if not wrong.any():
+        return log
+    note = Note(f"{wrong.sum()} temperatures that no battery has: left out", "warning")
+    rest = None if wrong.all() else np.where(wrong, np.nan, log.temperature_degC)
+    return replace(log, temperature_degC=rest).with_notes(note)
+
+
+def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:
+    """First and end index of the long stretches in which a value stays the same to the last digit."""
+    stretches = [(first, stop + 1) for first, stop in runs(np.diff(values) == 0.0)]
+    return [
+        (first, stop)
+        for first, stop in stretches
+        if stop - first >= _STUCK_SAMPLES and log.time_s[stop - 1] - log.time_s[first] >= _STUCK_S
+    ]
+
+
+def _without(log: Log, quantity: str, stuck: list[tuple[int, int]]) -> Log:
+    """The log with NaN in the stretches, and a note.
+
+    Raises:
+        InputError: they are most of the log.
+    """
+    if not stuck:
+        return log
+    stuck_s = sum(float(log.time_s[stop - 1] - log.time_s[first]) for first, stop in stuck)
+    hours = f"{stuck_s / SECONDS_PER_HOUR:.2g} of {log.duration_s / SECONDS_PER_HOUR:.2g} h"
+    if stuck_s > _MOSTLY * log.duration_s:
+        raise InputError(f"the sensor of the {quantity} was stuck for {hours}; check it and its column")
+    name = {"voltage": "voltage_V", "current": "current_A"}[quantity]
+    values = getattr(log, name).copy()
+    for first, stop in stuck:
+        values[first:stop] = np.nan
+    note = Note(f"the sensor of the {quantity} was stuck for {hours}: left out", "warning")
+    return replace(log, **{name: values}).with_notes(note)
+
+
+def _least_resistance(battery: Battery) -> float:
+    """Lowest ohmic resistance [ohm] that the file does not rule out."""
+    model = battery.thevenin
+    if model is None:
+        return np.inf
+    usual = float(np.median(model.r0_discharge_ohm)) or float(np.sum([np.median(r) for r in model.r_ohm]))
+    return max(usual, 1e-9) * float(np.exp(-_LEAST_RESISTANCE_STD * battery.noise.resistance_std))
+
+
+def _range(values: np.ndarray) -> float:
+    """Range of the values without the outermost hundredth on either side, which a fault of one sample may be."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(np.quantile(known, [0.01, 0.99]))) if known.size else 0.0
+
+
+def _rms_step(values: np.ndarray) -> float:
+    """Root mean square of the change from sample to sample, the largest hundredth left out."""
+    steps = np.abs(np.diff(values))
+    steps = steps[np.isfinite(steps)]
+    if not steps.size:
+        return 0.0
+    return float(np.sqrt(np.mean(steps[steps <= np.quantile(steps, 0.99)] ** 2)))

@@ -1,0 +1,101 @@
+"""Logs that would teach wrong things are refused with the reason, or repaired with a note."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cli.examples import MODEL, drive
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.learning.log_faults import usable_log
+from ohmward.errors import InputError
+from ohmward.logs import Log
+
+BATTERY = generic_battery("nmc", 12.0, 3)
+
+
+def warnings(log: Log) -> list[str]:
+    return [note.text for note in log.notes if note.level == "warning"]
+
+
+def test_a_good_log_stays_as_it_is():
+    log = drive()
+    found = usable_log(log, BATTERY)
+    np.testing.assert_array_equal(found.voltage_V, log.voltage_V)
+    np.testing.assert_array_equal(found.current_A, log.current_A)
+    assert found.notes == log.notes
+
+
+def test_the_wrong_sign_sets_a_log_aside():
+    log = drive()
+    with pytest.raises(InputError, match=r"answers the current with the wrong sign .* the other --current-sign"):
+        usable_log(replace(log, current_A=-log.current_A), BATTERY)
+
+
+@pytest.mark.parametrize(
+    "cells, message", [(1, "seen between"), (2, "another number of cells"), (4, "another number of cells")]
+)
+def test_another_number_of_cells_sets_a_log_aside(cells, message):
+    log = drive()
+    with pytest.raises(InputError, match=message):
+        usable_log(replace(log, voltage_V=log.voltage_V * cells / 3), BATTERY)
+
+
+def test_a_voltage_that_stays_while_the_load_changes_is_left_out():
+    log = drive()
+    voltage_V = log.voltage_V.copy()
+    voltage_V[1000:1600] = voltage_V[1000]
+    found = usable_log(replace(log, voltage_V=voltage_V), BATTERY)
+    assert np.isnan(found.voltage_V[1000:1600]).all()
+    assert np.isfinite(found.voltage_V[:1000]).all() and np.isfinite(found.voltage_V[1601:]).all()
+    assert warnings(found) == ["the sensor of the voltage was stuck for 0.33 of 2 h: left out"]
+
+
+def test_a_dead_voltage_sensor_sets_a_log_aside():
+    log = drive()
+    voltage_V = log.voltage_V.copy()
+    voltage_V[500:3000] = voltage_V[500]
+    with pytest.raises(InputError, match=r"sensor of the voltage was stuck for 1.4 of 2 h; check it"):
+        usable_log(replace(log, voltage_V=voltage_V), BATTERY)
+
+
+def test_a_current_that_stays_while_the_voltage_jumps_is_left_out():
+    """Square loads of 15 A: 60 mV on the voltage."""
+    time_s = 2.0 * np.arange(3600)
+    current_A = np.where(time_s % 20 < 10, -15.0, -1.0) + 0.05 * np.random.default_rng(1).standard_normal(3600)
+    voltage_V = 11.4 + 5 * MODEL.r0_discharge_ohm[0] * current_A
+    stuck_A = current_A.copy()
+    stuck_A[2000:2500] = stuck_A[2000]
+    found = usable_log(Log("square", time_s, stuck_A, voltage_V), BATTERY)
+    assert np.isnan(found.current_A[2000:2500]).all()
+    assert "the sensor of the current was stuck" in warnings(found)[0]
+
+
+def test_a_charger_that_holds_the_voltage_is_no_stuck_sensor():
+    time_s = 10.0 * np.arange(720)
+    current_A = np.where(time_s < 3600, 4.0, 4.0 * np.exp(-(time_s - 3600) / 1500))
+    voltage_V = np.minimum(11.5 + 1.1 * time_s / 3600, 12.6)
+    log = Log("charge", time_s, current_A, voltage_V)
+    assert usable_log(log, BATTERY).notes == ()
+
+
+def test_a_rest_and_a_constant_load_are_no_stuck_sensors():
+    time_s = 10.0 * np.arange(1000)
+    current_A = np.where(time_s < 5000, 0.0, -2.0)
+    voltage_V = np.round(np.where(time_s < 5000, 11.6, 11.5 - (time_s - 5000) / 2e4), 1)
+    assert usable_log(Log("rest", time_s, current_A, voltage_V), BATTERY).notes == ()
+
+
+def test_temperatures_that_no_battery_has_are_left_out():
+    log = drive()
+    degC = np.where(log.time_s < 100, -127.0, 25.0)
+    found = usable_log(replace(log, temperature_degC=degC), BATTERY)
+    assert found.temperature_degC is not None
+    assert np.isnan(found.temperature_degC[:50]).all() and (found.temperature_degC[50:] == 25.0).all()
+    assert usable_log(replace(log, temperature_degC=np.full(3600, 850.0)), BATTERY).temperature_degC is None
+
+
+@pytest.mark.parametrize("log", [drive().select(slice(0, 5)), drive().select(slice(0, 20))])
+def test_a_log_that_is_too_short_sets_itself_aside(log):
+    with pytest.raises(InputError, match=r"only \d+ samples .* are needed"):
+        usable_log(log, BATTERY)
