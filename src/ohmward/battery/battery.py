@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ohmward.battery.knowledge import Knowledge
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.sensor import CurrentSensor
@@ -83,6 +84,7 @@ class Battery:
         serial_number: of this very battery, "" where unknown.
         identification: provenance of the numbers, None for those of a data sheet.
         not_identified: parameters that could not be identified, and why.
+        knowledge: what logs have taught, None for a battery that has not learnt.
     """
 
     name: str
@@ -100,6 +102,7 @@ class Battery:
     identification: Provenance | None = None
     not_identified: tuple[str, ...] = ()
     serial_number: str = ""
+    knowledge: Knowledge | None = None
 
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)

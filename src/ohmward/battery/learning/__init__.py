@@ -1,1 +1,5 @@
-"""Learning of a battery from its logs: one Gaussian over what the file does not know, narrowed log by log."""
+"""Learning a battery from everyday logs: parameters, samples of a log, voltage model, solution, fold into the file."""
+
+from ohmward.battery.learning.learn import Learnt, Lesson, learn
+
+__all__ = ["Learnt", "Lesson", "learn"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ohmward.battery.models.noise import HOUR_S, walk_variance
-from ohmward.checks import require_each_not_negative
+from ohmward.checks import require_each_not_negative, require_finite
 from ohmward.trace.expression import Scalar
 
 #: Offset, its random walk in an hour and least noise of a sensor without a data sheet, as shares of 1 C. Measured cells
@@ -17,22 +17,25 @@ NOISE_SHARE = 0.002
 
 @dataclass(frozen=True)
 class CurrentSensor:
-    """Standard deviations of a current sensor, from its data sheet where there is one.
+    """Standard deviations of a current sensor, from its data sheet where there is one, and its offset as logs show it.
 
     Attributes:
         noise_std_A: white noise, of samples 1 s apart.
-        offset_std_A: offset when nothing is known of it.
+        offset_std_A: error of `offset_A`.
         offset_walk_A: random walk of the offset in one hour.
         gain_std: relative error of the gain.
+        offset_A: reading at zero current; 0 where nothing is known of it.
     """
 
     noise_std_A: float = 0.05
     offset_std_A: float = 0.05
     offset_walk_A: float = 0.002
     gain_std: float = 0.01
+    offset_A: float = 0.0
 
     def __post_init__(self) -> None:
         require_each_not_negative("sensor.", self, "noise_std_A", "offset_std_A", "offset_walk_A", "gain_std")
+        require_finite("sensor.offset_A", self.offset_A)
 
     def offset_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance [A^2] of the offset in one step."""

@@ -183,7 +183,7 @@ class AugmentedThevenin:
             pair_activation_error_K=noise.activation_std_K,
             hysteresis_log_ratio=noise.hysteresis_std,
         )
-        mean = AugmentedState([soc, *(0.0 for _ in pairs), 0.0], 0.0, 1.0, 0.0, 0.0, 0.0)
+        mean = AugmentedState([soc, *(0.0 for _ in pairs), 0.0], self.sensor.offset_A, 1.0, 0.0, 0.0, 0.0)
         cov = np.diag(np.square(self.vector(std)))
         i, j = (self.state_names.index(name) for name in ("ohmic_log_ratio", "pair_log_ratio"))
         cov[i, j] = cov[j, i] = RESISTANCE_CORRELATION * noise.resistance_std**2

@@ -1,0 +1,79 @@
+"""Knowledge that a battery file has gained from logs: a Gaussian over the corrections of its own parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ohmward.checks import require_finite
+from ohmward.errors import InputError
+
+
+@dataclass(frozen=True)
+class SeenLog:
+    """A log that a battery has learnt from.
+
+    Attributes:
+        name: of the log.
+        fingerprint: of its measurements; the same log once more has the same one, "" where none was taken.
+        start_unix_s, end_unix_s: Unix time of its first and its last sample, None without a wall clock.
+        hours: its length.
+        taught: what it taught, in a line.
+    """
+
+    name: str
+    fingerprint: str = ""
+    start_unix_s: float | None = None
+    end_unix_s: float | None = None
+    hours: float = 0.0
+    taught: str = ""
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """Covariance of the errors that are left in the parameters of a battery file; their means are in the file itself.
+
+    Attributes:
+        names: (K,) of the parameters, as `learning.parameters` defines them.
+        covariance: (K (K + 1) / 2,) lower triangle, row by row.
+        logs: that the battery has learnt from, in their order.
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[float, ...]
+    logs: tuple[SeenLog, ...] = ()
+
+    def __post_init__(self) -> None:
+        size = len(self.names)
+        if len(self.covariance) != size * (size + 1) // 2:
+            raise InputError(
+                f"knowledge.covariance must be the lower triangle of {size} by {size} parameters, "
+                f"{size * (size + 1) // 2} numbers, got {len(self.covariance)}; remove [knowledge] to begin anew"
+            )
+        require_finite("knowledge.covariance", self.covariance)
+
+    @classmethod
+    def of(cls, names: Sequence[str], covariance: np.ndarray, logs: Sequence[SeenLog] = ()) -> Knowledge:
+        """The knowledge with this covariance (K, K)."""
+        lower = covariance[np.tril_indices(len(names))]
+        return cls(tuple(names), tuple(lower.tolist()), tuple(logs))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(K, K) covariance; what rounding took from its smallest variances is given back."""
+        size = len(self.names)
+        full = np.zeros((size, size))
+        full[np.tril_indices(size)] = self.covariance
+        full += np.tril(full, -1).T
+        std = np.sqrt(np.maximum(np.diag(full), _LEAST_VARIANCE))
+        values, vectors = np.linalg.eigh(full / np.outer(std, std))
+        return np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_SHARE)) @ vectors.T)
+
+
+#: Numbers in a file have six digits, so that no eigenvalue of a correlation matrix is known better.
+_LEAST_SHARE = 1e-6
+#: Least variance of a parameter, in its unit.
+_LEAST_VARIANCE = math.ulp(1.0)

@@ -1,0 +1,265 @@
+"""Fold what was learnt into a battery file: means into the model, widths into the noise, with floors.
+
+A log cannot make a file surer than the model is good: no width falls below a floor, however many logs agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import CELL_V, Normal
+from ohmward.battery.identification.circuit_design import hat
+from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
+from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
+from ohmward.battery.identification.ocv_from_low_rate import monotone
+from ohmward.battery.knowledge import Knowledge, SeenLog
+from ohmward.battery.learning.parameters import (
+    AXIS_KNOTS,
+    ENTROPY_KNOTS,
+    OCV_KNOTS,
+    RESISTANCE_KNOTS,
+    Parameters,
+    parameters_of,
+    thevenin_of,
+)
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.rc_elements import rc_of_thevenin
+from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.thevenin import Thevenin
+
+#: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
+MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
+#: Least relative errors: of the capacity, of all resistances, of the overpotential at one SoC, of the hysteresis.
+_CAPACITY_STD, _RESISTANCE_STD, _SHARE, _HYSTERESIS_STD = 0.01, 0.05, 0.1, 0.15
+#: Least error of the activation temperatures, as identification knows them best [K].
+_ACTIVATION_STD_K = 700.0
+#: Least errors of the change of the curve with temperature and of its slip, over those before any log.
+_ENTROPY_SHARE = 0.5
+#: Grid of the error along SoC in the noise, and of resistances that were constant before.
+_NOISE_GRID = np.linspace(0.0, 1.0, 21)
+#: Time constants stay apart by this factor at least.
+_TAU_RATIO = 1.5
+#: The resistance that is told is that to a pulse of so many seconds at this SoC.
+_PULSE_S, _HALF = 10.0, 0.5
+#: Correlations between knots of the curve that tell how long its error lasts.
+_NEIGHBOUR = 0.1
+
+
+def model_floor_V(battery: Battery) -> float:
+    """Least error of the model's voltage [V] that stays with SoC."""
+    cell_V = LFP_WITHOUT_LOW_RATE_V if battery.chemistry == "lfp" else MODEL_STD_V
+    return cell_V * float(np.mean(thevenin_of(battery).ocv.voltage_V)) / CELL_V
+
+
+def fold(battery: Battery, theta: np.ndarray, covariance: np.ndarray, logs: Sequence[SeenLog]) -> Battery:
+    """The battery with the corrections theta (K,) made, and with the covariance (K, K) of what is left of their errors.
+
+    logs: all that it has learnt from.
+    """
+    p = parameters_of(battery)
+    covariance = covariance_of_folded(battery, p, theta, covariance)
+    model = folded_model(thevenin_of(battery), p, theta)
+    gain = float(np.exp(theta[p.group("capacity")].sum()))
+    sensor = battery.sensor
+    offset = p.group("offset")
+    if theta[offset].size:
+        std_A = float(np.sqrt(covariance[offset, offset][0, 0]))
+        sensor = replace(sensor, offset_A=sensor.offset_A + float(theta[offset][0]), offset_std_A=std_A)
+    folded = replace(
+        battery,
+        capacity_Ah=battery.capacity_Ah * gain,
+        thevenin=model,
+        rc=None if battery.rc is None else rc_of_thevenin(model),
+        sensor=sensor,
+        knowledge=Knowledge.of(p.names, covariance, logs),
+    )
+    noise = folded_noise(folded, p, covariance)
+    return replace(folded, noise=noise, rc_noise=_like(noise, battery.rc_noise))
+
+
+def covariance_of_folded(battery: Battery, p: Parameters, theta: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(K, K) covariance of the corrections of the new file: what slipped is part of its curve, and may slip again."""
+    T = np.eye(p.size)
+    slip, ocv, axis = p.group("slip"), p.group("ocv"), p.group("axis")
+    lost = float(np.exp(-theta[p.group("capacity")].sum())) - 1.0
+    if theta[slip].size:
+        model = thevenin_of(battery)
+        T[axis, slip] = (slip_shape(AXIS_KNOTS, model.ocv_slip) * lost)[:, None]
+        slope_V = _slope_V(model.ocv, OCV_KNOTS)
+        beyond = slip_shape(OCV_KNOTS, model.ocv_slip) - hat(OCV_KNOTS, AXIS_KNOTS) @ slip_shape(
+            AXIS_KNOTS, model.ocv_slip
+        )
+        T[ocv, slip] = (slope_V * beyond * lost)[:, None]
+    return T @ covariance @ T.T
+
+
+def folded_model(model: Thevenin, p: Parameters, theta: np.ndarray) -> Thevenin:
+    """The circuit with the corrections made."""
+    capacity_Ah = model.capacity_Ah * float(np.exp(theta[p.group("capacity")].sum()))
+    activation, empty = theta[p.group("activation")], theta[p.group("empty_activation")]
+    pair_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
+    return replace(
+        model,
+        capacity_Ah=capacity_Ah,
+        ocv=folded_curve(model, p, theta),
+        ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
+        r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
+        r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
+        r_ohm=tuple(_times(row, theta[p.pair(j)]) for j, row in enumerate(model.r_ohm)),
+        tau_s=_apart(np.asarray(model.tau_s) * np.exp(theta[p.group("tau")])),
+        coulombic_efficiency=min(model.coulombic_efficiency * float(np.exp(theta[p.group("efficiency")].sum())), 1.0),
+        activation_K=model.activation_K + float(activation[0] if activation.size else 0.0),
+        pair_activation_K=pair_K + float(activation[-1] if activation.size else 0.0),
+        empty_activation_K=model.empty_activation_K + float(empty.sum()),
+    )
+
+
+def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray) -> OcvCurve:
+    """The open-circuit curve with the corrections made, as far as they leave it rising."""
+    ocv = model.ocv
+    soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
+    lost = float(np.exp(-theta[p.group("capacity")].sum())) - 1.0
+    slip = model.ocv_slip + float(theta[p.group("slip")].sum())
+    place = soc + hat(soc, AXIS_KNOTS) @ theta[p.group("axis")] + slip * slip_shape(soc, model.ocv_slip) * lost
+    voltage_V = np.asarray(ocv.mean_V(place, ocv.reference_degC)) + hat(soc, OCV_KNOTS) @ theta[p.group("ocv")]
+    larger = float(np.exp(theta[p.group("hysteresis")].sum()))
+    slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
+    if theta[p.group("entropy")].size:
+        slope = slope + hat(soc, ENTROPY_KNOTS) @ theta[p.group("entropy")]
+    return OcvCurve(
+        tuple(monotone(voltage_V).tolist()),
+        tuple((larger * np.asarray(ocv.hysteresis_at(soc))).tolist()),
+        tuple(slope.tolist()),
+        ocv.reference_degC,
+        ocv.interpolation,
+    )
+
+
+def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> BatteryNoise:
+    """The noise of the battery with these errors left in its parameters, none below its floor or above what it was."""
+    noise, gain_std = battery.noise, battery.sensor.gain_std
+    std = np.sqrt(np.diag(covariance))
+    curve_V, length = _curve_error(battery, p, covariance)
+    axis_std = min(noise.soc_axis_std, max(SOC_AXIS_STD, _axis_std(battery, curve_V)))
+    floor_V = model_floor_V(battery)
+    model_V = np.hypot(beyond_axis_V(curve_V, thevenin_of(battery).ocv, axis_std), floor_V)
+    capacity_std = float(np.sqrt(max(float(np.square(std[p.group("capacity")]).sum()) - gain_std**2, 0.0)))
+    activation_K = float(np.sqrt(np.mean(np.square(std[p.group("activation")]))) if p.sizes["activation"] else 0.0)
+    empty_K = float(std[p.group("empty_activation")].sum())
+    entropy = float(np.sqrt(np.mean(np.square(std[p.group("entropy")]))) if p.sizes["entropy"] else 0.0)
+    return replace(
+        noise,
+        model_std_V=tuple(model_V.tolist()),
+        model_soc_length=length,
+        soc_axis_std=axis_std,
+        overpotential_share=_share(noise, p, std),
+        capacity_std=_between(_CAPACITY_STD, capacity_std, noise.capacity_std),
+        resistance_std=_between(_RESISTANCE_STD, resistance_std(battery, covariance), noise.resistance_std),
+        activation_std_K=_between(_ACTIVATION_STD_K, activation_K, noise.activation_std_K),
+        empty_activation_std_K=_between(0.0, empty_K, noise.empty_activation_std_K),
+        ocv_std_V_per_K=_between(_ENTROPY_SHARE * noise.ocv_std_V_per_K, entropy, noise.ocv_std_V_per_K),
+        hysteresis_std=_between(_HYSTERESIS_STD, float(std[p.group("hysteresis")].sum()), noise.hysteresis_std),
+    )
+
+
+def capacity_normal(battery: Battery, covariance: np.ndarray) -> Normal:
+    """Capacity [Ah] and its standard deviation; the gain of the current sensor cannot be told from it."""
+    p = parameters_of(battery)
+    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
+    std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
+    return Normal(battery.capacity_Ah, battery.capacity_Ah * float(std))
+
+
+def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
+    """Resistance [ohm] to ten seconds of current at half charge and the temperature of the file."""
+    mean = ten_seconds_ohm(thevenin_of(battery))
+    return Normal(mean, mean * max(resistance_std(battery, covariance), _RESISTANCE_STD))
+
+
+def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
+    """Relative error of the resistance to a steady current, mean over SoC."""
+    p, model = parameters_of(battery), thevenin_of(battery)
+    weights = np.zeros(p.size)
+    grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
+    along = hat(_NOISE_GRID, RESISTANCE_KNOTS).mean(axis=0)
+    rows = [(p.group("ohmic"), model.r0_discharge_ohm), *((p.pair(j), r) for j, r in enumerate(model.r_ohm))]
+    for place, ohm in rows:
+        weights[place] = along * np.interp(RESISTANCE_KNOTS, grid, ohm)
+    total = weights.sum()
+    return float(np.sqrt(weights @ covariance @ weights) / total) if total > 0 else 0.0
+
+
+def ten_seconds_ohm(model: Thevenin) -> float:
+    """Resistance [ohm] to a current of ten seconds at half charge."""
+    grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
+    ohmic = float(np.interp(_HALF, grid, model.r0_discharge_ohm))
+    relaxed = [1 - np.exp(-_PULSE_S / tau) for tau in model.tau_s]
+    return ohmic + sum(float(np.interp(_HALF, grid, r)) * a for r, a in zip(model.r_ohm, relaxed, strict=True))
+
+
+def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tuple[np.ndarray, float]:
+    """(21,) standard deviation [V] of the curve, its axis included, and the correlation length of that error."""
+    rows = np.zeros((_NOISE_GRID.size, p.size))
+    rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
+    slope_V = _slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    rows[:, p.group("axis")] = slope_V[:, None] * hat(_NOISE_GRID, AXIS_KNOTS)
+    error = rows @ covariance @ rows.T
+    variance = np.diag(error)
+    floor_V2 = model_floor_V(battery) ** 2
+    apart = round(_NEIGHBOUR / float(_NOISE_GRID[1] - _NOISE_GRID[0]))
+    shared = np.diag(error, apart) + floor_V2 * np.exp(-_NEIGHBOUR / _MODEL_LENGTH)
+    correlation = shared / np.sqrt((variance[apart:] + floor_V2) * (variance[:-apart] + floor_V2))
+    length = -_NEIGHBOUR / np.log(np.clip(np.median(correlation), 0.2, 0.95))
+    return np.sqrt(variance), float(max(length, _MODEL_LENGTH))
+
+
+def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
+    """Error of the SoC axis by that of the curve where it is steep."""
+    slope_V = _slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    steep = slope_V >= np.quantile(slope_V, 0.75)
+    return float(np.median(curve_V[steep] / slope_V[steep]))
+
+
+def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple[float, ...]:
+    """Relative error of the overpotential: what shapes of resistances and time constants leave open, and the floor."""
+    shape = np.square(np.concatenate([std[p.group("ohmic")], std[p.group("pair")]])).mean()
+    before = np.asarray(noise.overpotential_share)
+    found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
+    return tuple(found.tolist()) if found.ndim else float(found)
+
+
+def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
+    """Resistances along SoC times a factor on the knots; on a grid that shows it."""
+    grid = np.linspace(0.0, 1.0, len(ohm))
+    fine = grid if grid.size >= _NOISE_GRID.size else _NOISE_GRID
+    return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
+
+
+def _apart(tau_s: np.ndarray) -> tuple[float, ...]:
+    """Time constants that increase from pair to pair."""
+    found = tau_s.tolist()
+    for j in range(1, len(found)):
+        found[j] = max(found[j], _TAU_RATIO * found[j - 1])
+    return tuple(found)
+
+
+def _slope_V(ocv: OcvCurve, soc: np.ndarray, half: float = 0.01) -> np.ndarray:
+    """Slope of the curve [V per unit of SoC]."""
+    T = ocv.reference_degC
+    low, high = np.clip(soc - half, 0.0, 1.0), np.clip(soc + half, 0.0, 1.0)
+    return (np.asarray(ocv.mean_V(high, T)) - np.asarray(ocv.mean_V(low, T))) / (high - low)
+
+
+def _between(floor: float, found: float, before: float) -> float:
+    """The value found, not below the floor and never above the one before."""
+    return min(max(found, floor), before)
+
+
+def _like(noise: BatteryNoise, before: BatteryNoise) -> BatteryNoise:
+    """The noise of the RC model: capacity and resistance as learnt, its own errors as they were."""
+    return replace(before, capacity_std=noise.capacity_std, resistance_std=noise.resistance_std)

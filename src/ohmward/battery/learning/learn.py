@@ -1,0 +1,278 @@
+"""Learn a battery from everyday logs: each log narrows what the file does not know about itself.
+
+    before each log   P <- P + walk of capacity and resistances since the log before
+    each part of it   x = most likely corrections and unknowns of the part, P = their posterior covariance
+    after it          the corrections go into the file, their covariance into its knowledge
+
+The posterior in the file is the prior of the next log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.knowledge import SeenLog
+from ohmward.battery.learning.fold import capacity_normal, fold, model_floor_V, resistance_normal
+from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
+from ohmward.battery.learning.samples import Samples, samples_of
+from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
+from ohmward.battery.learning.start import likely_starts
+from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.models.noise import SOC_UNKNOWN_STD
+from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
+
+#: Called with the name of a log and the share of all logs that is done.
+Progress = Callable[[str, float], None]
+
+#: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
+_TOLD_STD = 0.03
+#: Steps of the search with which hills of the posterior are compared.
+_FEW_STEPS = 3
+#: Every so many rows are enough to compare them.
+_COARSE = 10
+
+
+class Lesson(NamedTuple):
+    """Lesson of one log.
+
+    log: its name.
+    verdict: "learnt", "set aside" or "seen".
+    reason: why it was set aside, or what it taught, in a sentence.
+    hours: its length.
+    soc_min, soc_max: range of SoC in it.
+    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of current at
+        half charge and the temperature of the file.
+    information: by what factor the standard deviation of each group of parameters narrowed, by its name.
+    residual_rms_V: measured minus expected voltage.
+    soc_start, soc_end: SoC at the first and the last sample.
+    anchors: what told SoC beside the voltage.
+    """
+
+    log: str
+    verdict: str
+    reason: str
+    hours: float
+    soc_min: float
+    soc_max: float
+    capacity_Ah: Normal
+    resistance_ohm: Normal
+    offset_A: Normal
+    information: Mapping[str, float]
+    residual_rms_V: float
+    soc_start: Normal
+    soc_end: Normal
+    anchors: tuple[SocAnchor, ...] = ()
+
+
+class Learnt(NamedTuple):
+    """The battery after all logs, and what each of them taught."""
+
+    battery: Battery
+    lessons: tuple[Lesson, ...]
+
+
+class _Part(NamedTuple):
+    """Lesson of a part of a log: the battery after it, its solution and model."""
+
+    battery: Battery
+    solution: Solution
+    model: VoltageModel
+    anchors: tuple[SocAnchor, ...]
+
+
+def learn(
+    battery: Battery,
+    logs: Sequence[Log],
+    *,
+    initial_soc: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Learnt:
+    """The battery after the logs, one after the other, with everything in its file that they taught.
+
+    initial_soc: state of charge at the start of a log by its name, where it is known.
+    progress: called with the name of each log and the share of them that is done.
+
+    Raises:
+        InputError: the battery has no Thevenin model.
+    """
+    lessons = []
+    for k, log in enumerate(logs):
+        if progress:
+            progress(log.name, k / len(logs))
+        battery, lesson = learn_log(battery, log, (initial_soc or {}).get(log.name))
+        lessons.append(lesson)
+    return Learnt(battery, tuple(lessons))
+
+
+def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> tuple[Battery, Lesson]:
+    """The battery after one log, and what it taught; the battery as it was where the log is set aside."""
+    before = prior_covariance(battery)
+    aged = aged_by(battery, before, hours_since_last(battery, log))
+    try:
+        parts = _learn_parts(aged, log, initial_soc)
+    except InputError as refusal:
+        return battery, _set_aside(battery, log, str(refusal))
+    after = parts[-1].battery
+    assert after.knowledge is not None
+    lesson = _lesson(battery, after, log, parts)
+    seen = SeenLog(log.name, "", *_span(log), lesson.hours, lesson.reason)
+    known = () if battery.knowledge is None else battery.knowledge.logs
+    return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
+
+
+def aged_by(battery: Battery, covariance: np.ndarray, hours: float) -> Battery:
+    """The battery whose capacity and resistances have aged for so long: its knowledge has the walk of its noise."""
+    p, noise = parameters_of(battery), battery.noise
+    covariance = covariance.copy()
+    k = p.group("capacity")
+    covariance[k, k] += noise.capacity_walk_variance(SECONDS_PER_HOUR * hours)
+    grown = noise.resistance_walk_variance(SECONDS_PER_HOUR * hours)
+    together = np.r_[p.group("ohmic"), p.group("pair")]
+    covariance[np.ix_(together, together)] += grown
+    walk_A2 = battery.sensor.offset_walk_variance(SECONDS_PER_HOUR * hours)
+    covariance[p.group("offset"), p.group("offset")] += walk_A2
+    seen = () if battery.knowledge is None else battery.knowledge.logs
+    return fold(battery, np.zeros(p.size), covariance, seen) if battery.knowledge else battery
+
+
+def hours_since_last(battery: Battery, log: Log) -> float:
+    """Hours between the last log that the battery has seen and this one; 0 where no clock tells."""
+    start, _ = _span(log)
+    ends = [seen.end_unix_s for seen in battery.knowledge.logs if seen.end_unix_s] if battery.knowledge else []
+    return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
+
+
+def _learn_parts(battery: Battery, log: Log, initial_soc: float | None) -> list[_Part]:
+    """Lessons of the parts of a log; raises InputError where there is nothing to learn from."""
+    parts: list[_Part] = []
+    for samples in samples_of(log, battery):
+        told = initial_soc if not parts else None
+        now = parts[-1].battery if parts else battery
+        parts.append(_learn_part(now, samples, told))
+    return parts
+
+
+def _learn_part(battery: Battery, samples: Samples, initial_soc: float | None) -> _Part:
+    """Lesson of one part."""
+    anchors = () if initial_soc is None else (SocAnchor(0, initial_soc, _TOLD_STD),)
+    model = VoltageModel(battery, samples, samples.rows)
+    prior = _prior(model)
+    start = _best_start(model, prior, anchors)
+    found = solve(model, prior, anchors, start)
+    K = model.parameters.size
+    seen = () if battery.knowledge is None else battery.knowledge.logs
+    return _Part(fold(battery, found.x[:K], found.covariance[:K, :K], seen), found, model, anchors)
+
+
+def _prior(model: VoltageModel) -> Normals:
+    """Prior of the parameters and of the unknowns of the part; its SoC may be anything."""
+    K, nuisances = model.parameters.size, model.nuisances
+    covariance = np.zeros((K + nuisances.size, K + nuisances.size))
+    covariance[:K, :K] = prior_covariance(model.battery)
+    floor_V = model_floor_V(model.battery)
+    covariance[K:, K:] = nuisance_covariance(nuisances, model.samples, model.battery, SOC_UNKNOWN_STD, floor_V)
+    mean = np.zeros(K + nuisances.size)
+    mean[K + nuisances.soc] = 0.5
+    return Normals(mean, covariance)
+
+
+def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
+    """The start of the search that leads to the highest hill."""
+    place = model.parameters.size + model.nuisances.soc
+    candidates = []
+    for soc in likely_starts(model, prior.mean, anchors):
+        x = prior.mean.copy()
+        x[place] = soc
+        candidates.append(x)
+    if len(candidates) == 1:
+        return candidates[0]
+    coarse = VoltageModel(model.battery, model.samples, model.rows[::_COARSE])
+    tried = [solve(coarse, prior, anchors, x, _FEW_STEPS) for x in candidates]
+    return min(tried, key=lambda solution: solution.cost).x
+
+
+def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part]) -> Lesson:
+    """Lesson of the log, from the batteries before and after it."""
+    old, new = prior_covariance(before), prior_covariance(after)
+    p = parameters_of(after)
+    socs = [part.model.predict(part.solution.x).soc_anywhere for part in parts]
+    residual_V = np.concatenate([part.solution.residual_V for part in parts])
+    offset = p.group("offset")
+    information = narrowed(p, old, new)
+    return Lesson(
+        log=log.name,
+        verdict="learnt",
+        reason=_taught(information),
+        hours=float(log.time_s[-1] - log.time_s[0]) / SECONDS_PER_HOUR,
+        soc_min=float(min(soc.min() for soc in socs)),
+        soc_max=float(max(soc.max() for soc in socs)),
+        capacity_Ah=capacity_normal(after, new),
+        resistance_ohm=resistance_normal(after, new),
+        offset_A=Normal(after.sensor.offset_A, float(np.sqrt(new[offset, offset].sum()))),
+        information=information,
+        residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
+        soc_start=_soc_at(parts[0], 0),
+        soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
+        anchors=tuple(anchor for part in parts for anchor in part.anchors),
+    )
+
+
+def _soc_at(part: _Part, sample: int) -> Normal:
+    """State of charge at a sample of a part."""
+    columns = part.model.soc_columns(part.solution.x, np.array([sample]))[0]
+    soc = part.model.predict(part.solution.x).soc_anywhere[sample]
+    return Normal(float(soc), float(np.sqrt(columns @ part.solution.covariance @ columns)))
+
+
+def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
+    """Factor by which the standard deviation of each group became smaller, the mean of its parameters."""
+    factors = {}
+    for name, size in p.sizes.items():
+        if size:
+            k = p.group(name)
+            ratio = np.diag(before)[k] / np.maximum(np.diag(after)[k], 1e-300)
+            factors[name] = float(np.exp(0.5 * np.mean(np.log(ratio))))
+    return factors
+
+
+def _taught(information: Mapping[str, float]) -> str:
+    """The groups that narrowed most, in a line."""
+    most = sorted(information.items(), key=lambda item: -item[1])[:3]
+    said = [f"{TITLES[name]} {factor:.2g} times narrower" for name, factor in most if factor >= 1.05]
+    return ", ".join(said) if said else "nothing new"
+
+
+def _set_aside(battery: Battery, log: Log, reason: str) -> Lesson:
+    """The lesson of a log that taught nothing."""
+    covariance = prior_covariance(battery)
+    offset = parameters_of(battery).group("offset")
+    return Lesson(
+        log=log.name,
+        verdict="set aside",
+        reason=reason,
+        hours=float(log.time_s[-1] - log.time_s[0]) / SECONDS_PER_HOUR,
+        soc_min=np.nan,
+        soc_max=np.nan,
+        capacity_Ah=capacity_normal(battery, covariance),
+        resistance_ohm=resistance_normal(battery, covariance),
+        offset_A=Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
+        information={},
+        residual_rms_V=np.nan,
+        soc_start=Normal(np.nan, np.nan),
+        soc_end=Normal(np.nan, np.nan),
+    )
+
+
+def _span(log: Log) -> tuple[float | None, float | None]:
+    """Unix time of the first and the last sample."""
+    if log.start_unix_s is None:
+        return None, None
+    return log.start_unix_s + float(log.time_s[0]), log.start_unix_s + float(log.time_s[-1])

@@ -1,0 +1,219 @@
+"""Parameters that a battery learns, each the correction of a value in its file, and their prior covariance.
+
+All corrections are 0 for the file as it stands, so that the prior has mean 0. Logarithms cannot turn a resistance or a
+capacity negative, and make twice as large as likely as half as large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
+from ohmward.errors import InputError
+
+#: Resistances rise towards empty, so their knots are closer there.
+RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+#: Stages of graphite are 5 % of SoC wide and more; the ends are steep.
+OCV_KNOTS = np.concatenate([[0.0, 0.02], np.linspace(0.05, 0.95, 19), [0.98, 1.0]])
+#: The windows of both electrodes: the curve is shifted at empty, in the middle and at full.
+AXIS_KNOTS = np.array([0.0, 0.5, 1.0])
+ENTROPY_KNOTS = np.array([0.0, 0.5, 1.0])
+
+#: Correlation length [SoC] of a resistance about its level, of the axis and of the curve's change with temperature.
+_RESISTANCE_LENGTH, _AXIS_LENGTH, _ENTROPY_LENGTH = 0.3, 1.0, 0.2
+#: The relative error of the overpotential is a mean over resistances that err apart: one at one SoC errs by so many of
+#: it, and its time constant by so many.
+_SHAPE_SHARES, _TAU_SHARES = 2.0, 3.0
+#: Levels of two RC pairs differ from their common level by this share of its error: they share what relaxes.
+_PAIR_SHARE = 0.5
+#: Error of a coulombic efficiency as a share of what it loses: 1 - 0.97 comes from cells with 1 to 5 %.
+_LOSS_SHARE = 0.6
+
+#: Names of the groups for people.
+TITLES = {
+    "capacity": "capacity",
+    "efficiency": "coulombic efficiency",
+    "slip": "slip of the electrodes",
+    "ohmic": "ohmic resistance",
+    "pair": "resistance of the RC pairs",
+    "tau": "time constants",
+    "activation": "activation temperatures",
+    "empty_activation": "activation towards empty",
+    "ocv": "open-circuit voltage",
+    "axis": "SoC axis of the curve",
+    "entropy": "change of the curve with temperature",
+    "hysteresis": "hysteresis",
+    "offset": "offset of the current sensor",
+}
+
+
+class Group(NamedTuple):
+    """Parameters of one kind: their names, and the standard deviation of each before any log."""
+
+    names: tuple[str, ...]
+    covariance: np.ndarray
+
+
+class Parameters(NamedTuple):
+    """The parameters of a battery in their order.
+
+    sizes: number of each group, by its name; 0 for one that the file does not doubt.
+    names: (K,) of the parameters.
+    """
+
+    sizes: Mapping[str, int]
+    names: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Number K of parameters."""
+        return len(self.names)
+
+    def group(self, name: str) -> slice:
+        """The parameters of a group in the vector of all; empty for one that the file does not doubt."""
+        before = 0
+        for other, size in self.sizes.items():
+            if other == name:
+                return slice(before, before + size)
+            before += size
+        raise InputError(f"no group of parameters {name!r}; there are {', '.join(self.sizes)}")
+
+    def pair(self, j: int) -> slice:
+        """Resistances of the RC pair j along SoC, counted from 0."""
+        first = self.group("pair").start + j * RESISTANCE_KNOTS.size
+        return slice(first, first + RESISTANCE_KNOTS.size)
+
+
+def parameters_of(battery: Battery) -> Parameters:
+    """The parameters of a battery, those that its file does not doubt left out.
+
+    Raises:
+        InputError: the battery has no Thevenin model.
+    """
+    return _Prior(battery, thevenin_of(battery)).parameters
+
+
+def prior_covariance(battery: Battery) -> np.ndarray:
+    """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
+    prior = _Prior(battery, thevenin_of(battery))
+    learnt = battery.knowledge
+    return learnt.matrix if learnt and learnt.names == prior.parameters.names else prior.covariance
+
+
+def thevenin_of(battery: Battery) -> Thevenin:
+    """The Thevenin model of a battery; InputError where there is none."""
+    if battery.thevenin is None:
+        raise InputError(
+            f"battery {battery.name!r} has no Thevenin model, whose parameters are learnt; "
+            "make one with `ohmward generic` or `ohmward identify`"
+        )
+    return battery.thevenin
+
+
+class _Prior(NamedTuple):
+    """Covariance of the parameters before any log, from the noise in the file."""
+
+    battery: Battery
+    model: Thevenin
+
+    @property
+    def noise(self) -> BatteryNoise:
+        return self.battery.noise
+
+    @property
+    def parameters(self) -> Parameters:
+        groups = self.groups
+        return Parameters(
+            {name: len(group.names) for name, group in groups.items()},
+            tuple(name for group in groups.values() for name in group.names),
+        )
+
+    @property
+    def covariance(self) -> np.ndarray:
+        groups, parameters = self.groups, self.parameters
+        P = np.zeros((parameters.size, parameters.size))
+        for name, group in groups.items():
+            P[parameters.group(name), parameters.group(name)] = group.covariance
+        # the level of R_0 and that of the pairs err together
+        shared = RESISTANCE_CORRELATION * self.noise.resistance_std**2
+        ohmic, pairs = parameters.group("ohmic"), parameters.group("pair")
+        P[ohmic, pairs] = shared
+        P[pairs, ohmic] = shared
+        return P
+
+    @property
+    def groups(self) -> dict[str, Group]:
+        """All groups in their order, without members where the file does not doubt them."""
+        noise, model = self.noise, self.model
+        lost = 1.0 - model.coulombic_efficiency
+        hysteresis_std = noise.hysteresis_std * any(model.ocv.hysteresis_V)
+        resistances, pairs = _along(RESISTANCE_KNOTS), range(1, model.pairs + 1)
+        return {
+            "capacity": _each(["ln capacity"], [np.hypot(noise.capacity_std, self.battery.sensor.gain_std)]),
+            "efficiency": _each(["ln efficiency"], [_LOSS_SHARE * lost]),
+            "slip": _each(["ocv_slip"], [noise.ocv_slip_std]),
+            "ohmic": Group(tuple(f"ln r0 at {at}" for at in resistances), self.ohmic),
+            "pair": Group(tuple(f"ln r{j} at {at}" for j in pairs for at in resistances), self.pairs),
+            "tau": _each([f"ln tau{j}" for j in pairs], [_TAU_SHARES * self.share] * model.pairs),
+            "activation": _each(["activation_K", "pair_activation_K"], [noise.activation_std_K] * 2),
+            "empty_activation": _each(["empty_activation_K"], [noise.empty_activation_std_K]),
+            "ocv": Group(tuple(f"ocv_V at {at}" for at in _along(OCV_KNOTS)), self.ocv),
+            "axis": Group(
+                tuple(f"ocv axis at {at}" for at in _along(AXIS_KNOTS)),
+                noise.soc_axis_std**2 * _correlation(AXIS_KNOTS, _AXIS_LENGTH),
+            ),
+            "entropy": self.entropy,
+            "hysteresis": _each(["ln hysteresis"], [hysteresis_std]),
+            "offset": _each(["offset_A"], [self.battery.sensor.offset_std_A]),
+        }
+
+    @property
+    def share(self) -> float:
+        """Relative error of the overpotential, mean over SoC."""
+        return float(np.mean(self.noise.overpotential_share))
+
+    @property
+    def shape(self) -> np.ndarray:
+        """Covariance of the logarithm of a resistance along SoC about its level."""
+        return (_SHAPE_SHARES * self.share) ** 2 * _correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
+
+    @property
+    def ohmic(self) -> np.ndarray:
+        return self.noise.resistance_std**2 + self.shape
+
+    @property
+    def pairs(self) -> np.ndarray:
+        level, n = self.noise.resistance_std**2, self.model.pairs
+        each = _PAIR_SHARE**2 * level * np.eye(n)
+        return level + np.kron(each, np.ones_like(self.shape)) + np.kron(np.eye(n), self.shape)
+
+    @property
+    def ocv(self) -> np.ndarray:
+        std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
+        return np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
+
+    @property
+    def entropy(self) -> Group:
+        std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
+        return Group(names if std else (), std**2 * _correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
+
+
+def _each(names: list[str], stds: list[float]) -> Group:
+    """Independent parameters; those that are not doubted are left out."""
+    doubted = [(name, std) for name, std in zip(names, stds, strict=True) if std > 0.0]
+    return Group(tuple(name for name, _ in doubted), np.diag([std**2 for _, std in doubted]))
+
+
+def _along(knots: np.ndarray) -> list[str]:
+    return [f"soc {knot:g}" for knot in knots]
+
+
+def _correlation(knots: np.ndarray, length: float) -> np.ndarray:
+    """Correlation of a Gauss-Markov process along SoC, as that of the filter's model error."""
+    return np.exp(-np.abs(knots[:, None] - knots) / length)

@@ -1,0 +1,219 @@
+"""Samples of a log for learning: sanitised, cut into parts that are solved at once, and the rows whose voltage is used.
+
+Charge is summed over every sample, the voltages of the RC pairs over steps of some seconds with their mean current. The
+voltage is compared in few of them, since its errors hold on for minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.identification.charge import find_gaps
+from ohmward.battery.models.noise import PATH_SHARE, USUAL_C
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.clean_sample import is_current, is_temperature, is_voltage
+from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
+
+#: Charge and overpotentials are summed over steps of so long [s], a tenth of a usual fast pair of a cell, and one in
+#: so many of them is a row.
+STEP_S, ROW_STEPS = 2.0, 3
+#: Most steps and most gaps of a part: more are solved one after the other.
+_MOST_SAMPLES, _MOST_GAPS = 60_000, 30
+#: A larger current, in multiples of the capacity per hour, is a fault of its sensor, as for the filter.
+_CURRENT_LIMIT_C = 20.0
+#: Over a gap the straight line between its currents is taken for so long [s], as the filter does.
+_GAP_LINE_S = 600.0
+#: A log of fewer samples says nothing, nor does a part.
+_FEWEST = 2
+#: A cut at a gap costs nothing: the nearest one is taken within this share of the length of a part.
+_NEAR = 0.25
+#: A charge that nobody counted is at most all of it.
+_MOST_UNKNOWN = 0.5
+#: The charge that samples leave open between them is followed in so many steps.
+_PATH_STEPS = 20
+#: Less than this of SoC is not worth following.
+_LEAST_PATH = 1e-3
+
+
+class Jump(NamedTuple):
+    """A change of SoC that no current shows: the first sample after it, and its standard deviation."""
+
+    sample: int
+    std: float
+
+
+class Samples(NamedTuple):
+    """Samples of a part of a log, (T,) each; values of an interval are those of the one that ends at the sample.
+
+    dt_s: length of the interval, 0 for the first and after a gap.
+    moved_Ah: its charge by the sensor, > 0 charges; mean_current_A: its mean current.
+    current_A, temperature_degC: at the sample.
+    voltage_V: measured, nan where it was not, or where the battery gases.
+    gaps: indices of the first samples after a gap.
+    jumps: changes of SoC that the current does not show, gaps among them.
+    rows: (N,) indices of the samples whose voltage is compared.
+    row_s: time for which each of them stands [s].
+    """
+
+    name: str
+    time_s: np.ndarray
+    dt_s: np.ndarray
+    moved_Ah: np.ndarray
+    mean_current_A: np.ndarray
+    current_A: np.ndarray
+    temperature_degC: np.ndarray
+    voltage_V: np.ndarray
+    gaps: np.ndarray
+    jumps: tuple[Jump, ...]
+    rows: np.ndarray
+    row_s: float
+
+    @property
+    def hours(self) -> float:
+        """Length of the part."""
+        return float(self.time_s[-1] - self.time_s[0]) / SECONDS_PER_HOUR
+
+
+def samples_of(log: Log, battery: Battery) -> Iterator[Samples]:
+    """The parts of a log, one after the other.
+
+    Raises:
+        InputError: no current or no voltage that such a battery can have.
+    """
+    clean = _sanitized(log, battery)
+    for part in _parts(clean.dt_s, clean.gaps):
+        yield _part(clean, part, battery)
+
+
+class _Sanitized(NamedTuple):
+    """Samples with a credible current, (T,) each, thinned; `Samples` has the meaning of each."""
+
+    name: str
+    time_s: np.ndarray
+    dt_s: np.ndarray
+    moved_Ah: np.ndarray
+    current_A: np.ndarray
+    temperature_degC: np.ndarray
+    voltage_V: np.ndarray
+    path_variance: np.ndarray
+    gaps: np.ndarray
+
+
+def _sanitized(log: Log, battery: Battery) -> _Sanitized:
+    """The samples of a whole log; the charge between those that are left out is added up."""
+    model = battery.thevenin
+    assert model is not None
+    highest_V = model.ocv.voltage_V[-1]
+    current_A: Any = log.current_A
+    voltage_V: Any = log.voltage_V
+    known = np.asarray(is_current(current_A, _CURRENT_LIMIT_C * battery.capacity_Ah))
+    credible = np.asarray(is_voltage(voltage_V, highest_V))
+    if np.count_nonzero(known & credible) < _FEWEST:
+        raise InputError(
+            f"log {log.name!r}: fewer than {_FEWEST} samples have a current and a voltage that a battery of "
+            f"{battery.capacity_Ah:g} Ah and {highest_V:.3g} V can show; check columns and units"
+        )
+    if model.gassing_V is not None:
+        credible &= np.asarray(voltage_V < model.gassing_V)
+    time_s, current_A = log.time_s[known], log.current_A[known]
+    dt_s = np.diff(time_s, prepend=time_s[0])
+    gap = find_gaps(time_s)
+    mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
+    counted_s = np.where(gap, np.minimum(dt_s, _GAP_LINE_S), dt_s)
+    moved_Ah = np.cumsum(mean_A * counted_s) / SECONDS_PER_HOUR
+    path = np.cumsum(np.where(gap, 0.0, _path_variance(dt_s, current_A, battery)))
+    used = _thinned(time_s, gap)
+    return _Sanitized(
+        name=log.name,
+        time_s=time_s[used],
+        dt_s=np.diff(time_s[used], prepend=time_s[0]),
+        moved_Ah=np.diff(moved_Ah[used], prepend=0.0),
+        current_A=current_A[used],
+        temperature_degC=_temperature(log)[known][used],
+        voltage_V=np.where(credible, voltage_V, np.nan)[known][used],
+        path_variance=np.diff(path[used], prepend=0.0),
+        gaps=np.flatnonzero(gap[used]),
+    )
+
+
+def _thinned(time_s: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Indices of the samples that begin a step, and of those at both ends of a gap."""
+    number = np.floor((time_s - time_s[0]) / STEP_S)
+    new = np.concatenate([[True], number[1:] != number[:-1]]) | gap
+    new[:-1] |= gap[1:]
+    new[-1] = True
+    return np.flatnonzero(new)
+
+
+def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) -> np.ndarray:
+    """(T,) variance of SoC by what the current did between two samples, and by the noise of its sensor."""
+    change_A = np.diff(current_A, prepend=current_A[0])
+    noise_A2 = battery.sensor.noise_std_A**2 / np.maximum(dt_s, 1.0)
+    charge_Ah2 = ((PATH_SHARE * change_A) ** 2 + noise_A2) * (dt_s / SECONDS_PER_HOUR) ** 2
+    return np.asarray(charge_Ah2 / battery.capacity_Ah**2)
+
+
+def _temperature(log: Log) -> np.ndarray:
+    """(T,) temperature, bridged by straight lines; that of a room without one."""
+    measured_degC: Any = log.temperature_degC
+    known = np.zeros(len(log), dtype=bool) if measured_degC is None else np.asarray(is_temperature(measured_degC))
+    if not known.any():
+        return np.full(len(log), ROOM_DEGC)
+    return np.interp(log.time_s, log.time_s[known], measured_degC[known])
+
+
+def _parts(dt_s: np.ndarray, gaps: np.ndarray) -> Iterator[slice]:
+    """Parts of at most so many samples and gaps, as even as they come; cut at a gap where one is near."""
+    count = max(-(-dt_s.size // _MOST_SAMPLES), -(-gaps.size // _MOST_GAPS), 1)
+    edges = np.linspace(0, dt_s.size, count + 1).astype(int)
+    if gaps.size and count > 1:
+        nearest = gaps[np.abs(gaps - edges[1:-1, None]).argmin(axis=1)]
+        edges[1:-1] = np.where(np.abs(nearest - edges[1:-1]) < _NEAR * dt_s.size / count, nearest, edges[1:-1])
+    yield from (slice(first, last) for first, last in pairwise(np.unique(edges).tolist()) if last - first >= _FEWEST)
+
+
+def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
+    """One part of a log, its first interval without a length."""
+    dt_s, moved_Ah, path = (column[part].copy() for column in (clean.dt_s, clean.moved_Ah, clean.path_variance))
+    dt_s[0], moved_Ah[0], path[0] = 0.0, 0.0, 0.0
+    gaps = clean.gaps[(clean.gaps > part.start) & (clean.gaps < part.stop)] - part.start
+    mean_A = SECONDS_PER_HOUR * moved_Ah / np.where(dt_s > 0.0, dt_s, 1.0)
+    mean_A[gaps] = 0.0
+    voltage_V = clean.voltage_V[part]
+    usual_s = float(np.median(dt_s[1:]))
+    every = ROW_STEPS if usual_s < ROW_STEPS * STEP_S else 1
+    rows = np.flatnonzero(np.isfinite(voltage_V))[::every]
+    return Samples(
+        name=clean.name,
+        time_s=clean.time_s[part],
+        dt_s=dt_s,
+        moved_Ah=moved_Ah,
+        mean_current_A=mean_A,
+        current_A=clean.current_A[part],
+        temperature_degC=clean.temperature_degC[part],
+        voltage_V=voltage_V,
+        gaps=gaps,
+        jumps=(*_jumps_at_gaps(dt_s, gaps), *_path_jumps(path)),
+        rows=rows,
+        row_s=every * usual_s,
+    )
+
+
+def _jumps_at_gaps(dt_s: np.ndarray, gaps: np.ndarray) -> list[Jump]:
+    """Changes of SoC in the gaps, during which the battery was used as usual or not at all, or was charged."""
+    return [Jump(int(k), min(USUAL_C * dt_s[k] / SECONDS_PER_HOUR, _MOST_UNKNOWN)) for k in gaps]
+
+
+def _path_jumps(path: np.ndarray) -> list[Jump]:
+    """Changes of SoC that the samples leave open, in some steps of equal variance."""
+    variance = np.cumsum(path)
+    if variance[-1] < _LEAST_PATH**2:
+        return []
+    at = np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS) / _PATH_STEPS)
+    return [Jump(int(k), float(np.sqrt(variance[-1] / _PATH_STEPS))) for k in np.unique(at)]

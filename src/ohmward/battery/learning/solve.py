@@ -1,0 +1,171 @@
+"""Most likely corrections of a battery given a part of a log: Gauss-Newton on the posterior, with its covariance.
+
+    minimise  (x - m)' P^-1 (x - m) + sum w rho((y - V(x))^2 / R) + sum ((soc_a - s_a(x)) / std_a)^2
+
+An error of the model holds on for minutes: a sample counts w = row time / (2 correlation time), as in the filter's R.
+Samples that do not fit count less (pseudo-Huber), and all count less where they err by more than their R says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.learning.voltage_model import VoltageModel, VoltagePrediction
+from ohmward.battery.models.noise import BatteryNoise
+
+#: Errors beyond so many standard deviations count less.
+_ROBUST_AT = 2.5
+#: Most steps, halvings of one, and the step, in posterior standard deviations, at which the search has ended.
+_MOST_STEPS, _MOST_HALVINGS, _SMALL_STEP = 10, 4, 0.03
+#: The model errs by this share of the overpotential at least, however many parameters fit it; more than
+#: `_LARGEST_SHARE` is what the parameters themselves leave open before they are learnt.
+_LARGEST_SHARE = 0.1
+#: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.
+_SOC_STD = 0.003
+#: SoC cannot leave 0 to 1 but for the error of full and empty themselves.
+_BOUND_STD = 0.01
+
+
+class SocAnchor(NamedTuple):
+    """SoC that something else than the voltage tells: the sample, the SoC and its standard deviation."""
+
+    sample: int
+    soc: float
+    std: float
+
+
+class Normals(NamedTuple):
+    """Gaussian prior of all unknowns (n,): mean and covariance (n, n)."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+class Solution(NamedTuple):
+    """The most likely unknowns of a part.
+
+    x, covariance: (n,) and (n, n) of parameters and nuisances.
+    cost: sum of squares at the minimum.
+    residual_V: (N,) measured minus expected voltage in the rows; variance_V2: (N,) what was expected of its square.
+    weight: (N,) of each row.  misfit: by what factor the residuals exceed their variance, 1 where they do not.
+    """
+
+    x: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    residual_V: np.ndarray
+    variance_V2: np.ndarray
+    weight: np.ndarray
+    misfit: float
+
+
+class _Rows(NamedTuple):
+    """A linear least-squares problem about a point: weighted residuals (R,), derivatives (R, n) and their cost."""
+
+    residual: np.ndarray
+    columns: np.ndarray
+    cost: float
+
+
+def solve(
+    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], start: np.ndarray, most_steps: int = _MOST_STEPS
+) -> Solution:
+    """The solution from a start (n,), its rows counting less where they err by more than their variance."""
+    precision = np.linalg.inv(prior.covariance)
+    search = _Search(model, prior.mean, precision, anchors)
+    x, misfit = start, 1.0
+    for _ in range(2):
+        x, H = search.minimise(x, misfit, most_steps)
+        residual_V, variance_V2, weight = search.errors(model.predict(x))
+        found = misfit_of(residual_V, variance_V2)
+        if found <= 1.05 * misfit:
+            break
+        misfit = found
+    cost = search.problem(x, misfit).cost
+    return Solution(x, np.linalg.inv(H), cost, residual_V, variance_V2, weight / misfit, misfit)
+
+
+def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
+    """Factor by which the squares of the residuals exceed their variance on average, at least 1; outliers capped."""
+    if not residual_V.size:
+        return 1.0
+    square = np.minimum(residual_V**2 / variance_V2, _ROBUST_AT**4)
+    return max(float(square.mean()), 1.0)
+
+
+class _Search:
+    """The search for the minimum of one part."""
+
+    def __init__(self, model: VoltageModel, mean: np.ndarray, precision: np.ndarray, anchors: Sequence[SocAnchor]):
+        self.model, self.mean, self.precision, self.anchors = model, mean, precision, anchors
+        self.measured_V = model.samples.voltage_V[model.rows]
+        noise: BatteryNoise = model.battery.noise
+        self.white_V2 = noise.voltage_std_V**2
+        row_s = model.samples.row_s * model.samples.rows.size / max(model.rows.size, 1)
+        self.weight = np.full(model.rows.size, row_s / max(row_s, 2 * noise.correlation_s))
+
+    def minimise(self, x: np.ndarray, misfit: float, most_steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """The minimum and the Hessian (n, n) there."""
+        here = self.problem(x, misfit)
+        H = self.hessian(here)
+        for _ in range(most_steps):
+            step = np.linalg.solve(H, here.columns.T @ here.residual + self.precision @ (self.mean - x))
+            shorter = 1.0
+            for _ in range(_MOST_HALVINGS):
+                there = self.problem(x + shorter * step, misfit)
+                if there.cost <= here.cost:
+                    break
+                shorter *= 0.5
+            else:
+                break
+            small = shorter**2 * step @ H @ step < _SMALL_STEP**2 * step.size
+            x, here = x + shorter * step, there
+            H = self.hessian(here)
+            if small:
+                break
+        return x, H
+
+    def hessian(self, rows: _Rows) -> np.ndarray:
+        """Of half the cost, by Gauss and Newton."""
+        return rows.columns.T @ rows.columns + self.precision
+
+    def problem(self, x: np.ndarray, misfit: float) -> _Rows:
+        """Residuals about x over their standard deviations, and the cost."""
+        p = self.model.predict(x)
+        residual_V, variance_V2, weight = self.errors(p)
+        square = residual_V**2 / (variance_V2 * misfit)
+        robust = 1.0 / np.sqrt(1.0 + square / _ROBUST_AT**2)
+        scale = np.sqrt(weight * robust / (variance_V2 * misfit))
+        pseudo_huber = 2 * _ROBUST_AT**2 * (1.0 / robust - 1.0)
+        of_soc, soc_columns = self.soc_rows(x, p)
+        residual = np.concatenate([scale * residual_V, of_soc])
+        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns])
+        off = x - self.mean
+        # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
+        width = weight @ np.log(variance_V2)
+        cost = weight @ pseudo_huber + of_soc @ of_soc + off @ self.precision @ off + width
+        return _Rows(residual, columns, float(cost))
+
+    def errors(self, p: VoltagePrediction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(N,) residual [V], its variance as of a single sample [V^2], and the weight of the row."""
+        share = np.minimum(self.model.share_at(p.soc), _LARGEST_SHARE)
+        slope = p.voltage_columns[:, self.model.parameters.size + self.model.nuisances.soc]
+        variance = self.white_V2 + share**2 * p.over_V2 + (_SOC_STD * slope) ** 2
+        return self.measured_V - p.voltage_V, variance, self.weight
+
+    def soc_rows(self, x: np.ndarray, p: VoltagePrediction) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the anchors, and of SoC where it would leave 0 to 1 most."""
+        highest, lowest = int(np.argmax(p.soc_anywhere)), int(np.argmin(p.soc_anywhere))
+        rows = list(self.anchors)
+        if p.soc_anywhere[highest] > 1.0:
+            rows.append(SocAnchor(highest, 1.0, _BOUND_STD))
+        if p.soc_anywhere[lowest] < 0.0:
+            rows.append(SocAnchor(lowest, 0.0, _BOUND_STD))
+        if not rows:
+            return np.zeros(0), np.zeros((0, x.size))
+        at, std = np.array([row.sample for row in rows]), np.array([row.std for row in rows])
+        residual = np.array([row.soc for row in rows]) - p.soc_anywhere[at]
+        return residual / std, self.model.soc_columns(x, at) / std[:, None]
