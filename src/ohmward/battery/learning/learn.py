@@ -18,7 +18,9 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import SeenLog
+from ohmward.battery.learning.fingerprint import fingerprint, unseen
 from ohmward.battery.learning.fold import capacity_normal, fold, model_floor_V, resistance_normal
+from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
 from ohmward.battery.learning.samples import Samples, samples_of
@@ -26,6 +28,7 @@ from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
+from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -69,7 +72,7 @@ class Lesson(NamedTuple):
     residual_rms_V: float
     soc_start: Normal
     soc_end: Normal
-    anchors: tuple[SocAnchor, ...] = ()
+    anchors: tuple[Anchor, ...] = ()
 
 
 class Learnt(NamedTuple):
@@ -85,7 +88,6 @@ class _Part(NamedTuple):
     battery: Battery
     solution: Solution
     model: VoltageModel
-    anchors: tuple[SocAnchor, ...]
 
 
 def learn(
@@ -114,17 +116,21 @@ def learn(
 
 def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> tuple[Battery, Lesson]:
     """The battery after one log, and what it taught; the battery as it was where the log is set aside."""
-    before = prior_covariance(battery)
-    aged = aged_by(battery, before, hours_since_last(battery, log))
+    known = () if battery.knowledge is None else battery.knowledge.logs
     try:
-        parts = _learn_parts(aged, log, initial_soc)
+        usable = usable_log(log, battery)
+        new = unseen(usable, [seen.fingerprint for seen in known])
+        if not new:
+            return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
+        anchors = tuple(anchor for stretch in new for anchor in find_anchors(stretch, battery))
+        aged = aged_by(battery, prior_covariance(battery), hours_since_last(battery, log))
+        parts = _learn_parts(aged, new, anchors, initial_soc if new[0].time_s[0] == log.time_s[0] else None)
     except InputError as refusal:
-        return battery, _set_aside(battery, log, str(refusal))
+        return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
     assert after.knowledge is not None
-    lesson = _lesson(battery, after, log, parts)
-    seen = SeenLog(log.name, "", *_span(log), lesson.hours, lesson.reason)
-    known = () if battery.knowledge is None else battery.knowledge.logs
+    lesson = _lesson(battery, after, log, parts, anchors)
+    seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason)
     return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
 
 
@@ -150,26 +156,36 @@ def hours_since_last(battery: Battery, log: Log) -> float:
     return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
 
 
-def _learn_parts(battery: Battery, log: Log, initial_soc: float | None) -> list[_Part]:
-    """Lessons of the parts of a log; raises InputError where there is nothing to learn from."""
+def _learn_parts(
+    battery: Battery, logs: Sequence[Log], anchors: Sequence[Anchor], initial_soc: float | None
+) -> list[_Part]:
+    """Lessons of the parts of a log, one after the other; raises InputError where there is nothing to learn from."""
     parts: list[_Part] = []
-    for samples in samples_of(log, battery):
-        told = initial_soc if not parts else None
-        now = parts[-1].battery if parts else battery
-        parts.append(_learn_part(now, samples, told))
+    for log in logs:
+        for samples in samples_of(log, battery):
+            told = () if initial_soc is None or parts else (SocAnchor(0, initial_soc, _TOLD_STD),)
+            now = parts[-1].battery if parts else battery
+            parts.append(_learn_part(now, samples, (*told, *_soc_anchors(anchors, samples))))
+    if not parts:
+        raise InputError("no stretch of it has two samples with a credible current and voltage; check the columns")
     return parts
 
 
-def _learn_part(battery: Battery, samples: Samples, initial_soc: float | None) -> _Part:
+def _soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor, ...]:
+    """The anchors within a part; a rest tells no more than its voltage, which is used anyway."""
+    inside = [a for a in anchors if a.kind != "rest" and samples.time_s[0] <= a.time_s <= samples.time_s[-1]]
+    return tuple(SocAnchor(int(np.searchsorted(samples.time_s, a.time_s)), a.soc, a.soc_std) for a in inside)
+
+
+def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Lesson of one part."""
-    anchors = () if initial_soc is None else (SocAnchor(0, initial_soc, _TOLD_STD),)
     model = VoltageModel(battery, samples, samples.rows)
     prior = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
-    return _Part(fold(battery, found.x[:K], found.covariance[:K, :K], seen), found, model, anchors)
+    return _Part(fold(battery, found.x[:K], found.covariance[:K, :K], seen), found, model)
 
 
 def _prior(model: VoltageModel) -> Normals:
@@ -199,7 +215,7 @@ def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, .
     return min(tried, key=lambda solution: solution.cost).x
 
 
-def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part]) -> Lesson:
+def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], anchors: tuple[Anchor, ...]) -> Lesson:
     """Lesson of the log, from the batteries before and after it."""
     old, new = prior_covariance(before), prior_covariance(after)
     p = parameters_of(after)
@@ -221,7 +237,7 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part]) -> Le
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
-        anchors=tuple(anchor for part in parts for anchor in part.anchors),
+        anchors=anchors,
     )
 
 
@@ -250,13 +266,13 @@ def _taught(information: Mapping[str, float]) -> str:
     return ", ".join(said) if said else "nothing new"
 
 
-def _set_aside(battery: Battery, log: Log, reason: str) -> Lesson:
+def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson:
     """The lesson of a log that taught nothing."""
     covariance = prior_covariance(battery)
     offset = parameters_of(battery).group("offset")
     return Lesson(
         log=log.name,
-        verdict="set aside",
+        verdict=verdict,
         reason=reason,
         hours=float(log.time_s[-1] - log.time_s[0]) / SECONDS_PER_HOUR,
         soc_min=np.nan,
