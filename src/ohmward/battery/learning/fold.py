@@ -18,11 +18,11 @@ from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_a
 from ohmward.battery.identification.ocv_from_low_rate import monotone
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.parameters import (
-    AXIS_KNOTS,
     ENTROPY_KNOTS,
     OCV_KNOTS,
     RESISTANCE_KNOTS,
     Parameters,
+    mean_slope_V,
     parameters_of,
     thevenin_of,
 )
@@ -63,7 +63,7 @@ def fold(battery: Battery, theta: np.ndarray, covariance: np.ndarray, logs: Sequ
     """
     p = parameters_of(battery)
     covariance = covariance_of_folded(battery, p, theta, covariance)
-    model = folded_model(thevenin_of(battery), p, theta)
+    model = folded_model(battery, p, theta)
     gain = float(np.exp(theta[p.group("capacity")].sum()))
     sensor = battery.sensor
     offset = p.group("offset")
@@ -83,30 +83,53 @@ def fold(battery: Battery, theta: np.ndarray, covariance: np.ndarray, logs: Sequ
 
 
 def covariance_of_folded(battery: Battery, p: Parameters, theta: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(K, K) covariance of the corrections of the new file: what slipped is part of its curve, and may slip again."""
+    """(K, K) covariance of the corrections of the new file, whose curve is known over the charge below full.
+
+    The knots of the old file lie elsewhere along the new SoC. A curve that was known along SoC moved with the capacity
+    and slipped: both errors are now those of its knots.
+    """
+    ocv, slip, capacity = p.group("ocv"), p.group("slip"), p.group("capacity")
+    log_ratio = float(theta[capacity].sum())
+    old_soc = _old_soc(OCV_KNOTS, log_ratio)
     T = np.eye(p.size)
-    slip, ocv, axis = p.group("slip"), p.group("ocv"), p.group("axis")
-    lost = float(np.exp(-theta[p.group("capacity")].sum())) - 1.0
-    if theta[slip].size:
+    T[ocv, ocv] = hat(old_soc, OCV_KNOTS)
+    if battery.knowledge is None:
         model = thevenin_of(battery)
-        T[axis, slip] = (slip_shape(AXIS_KNOTS, model.ocv_slip) * lost)[:, None]
-        slope_V = _slope_V(model.ocv, OCV_KNOTS)
-        beyond = slip_shape(OCV_KNOTS, model.ocv_slip) - hat(OCV_KNOTS, AXIS_KNOTS) @ slip_shape(
-            AXIS_KNOTS, model.ocv_slip
-        )
-        T[ocv, slip] = (slope_V * beyond * lost)[:, None]
-    return T @ covariance @ T.T
+        shape, steep_V = slip_shape(OCV_KNOTS, model.ocv_slip), mean_slope_V(model.ocv, OCV_KNOTS)
+        slipped = (model.ocv_slip + theta[slip].sum()) * shape * np.exp(-log_ratio)
+        T[ocv, capacity] = (steep_V * (1.0 - OCV_KNOTS - slipped))[:, None]
+        T[ocv, slip] = (steep_V * shape * np.expm1(-log_ratio))[:, None]
+    moved = T @ covariance @ T.T
+    std_V = battery.noise.model_std_V[0]
+    beyond = np.maximum(-old_soc, 0.0)  # beyond the old empty nothing is known but how fast such curves change
+    moved[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
+    return moved
 
 
-def folded_model(model: Thevenin, p: Parameters, theta: np.ndarray) -> Thevenin:
+def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
+    """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
+    model, direction = thevenin_of(battery), np.zeros(p.size)
+    direction[p.group("capacity")] = 1.0
+    slipped = model.ocv_slip * slip_shape(OCV_KNOTS, model.ocv_slip)
+    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * (1.0 - OCV_KNOTS - slipped)
+    return direction
+
+
+def _old_soc(soc: np.ndarray, log_ratio: float) -> np.ndarray:
+    """SoC by the old capacity with the same charge below full, where the new one is larger by this logarithm."""
+    return 1.0 - (1.0 - soc) * np.exp(log_ratio)
+
+
+def folded_model(battery: Battery, p: Parameters, theta: np.ndarray) -> Thevenin:
     """The circuit with the corrections made."""
+    model = thevenin_of(battery)
     capacity_Ah = model.capacity_Ah * float(np.exp(theta[p.group("capacity")].sum()))
     activation, empty = theta[p.group("activation")], theta[p.group("empty_activation")]
     pair_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
     return replace(
         model,
         capacity_Ah=capacity_Ah,
-        ocv=folded_curve(model, p, theta),
+        ocv=folded_curve(model, p, theta, battery.knowledge is not None),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
         r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
         r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
@@ -119,14 +142,18 @@ def folded_model(model: Thevenin, p: Parameters, theta: np.ndarray) -> Thevenin:
     )
 
 
-def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray) -> OcvCurve:
-    """The open-circuit curve with the corrections made, as far as they leave it rising."""
+def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray, pinned: bool) -> OcvCurve:
+    """The open-circuit curve with the corrections made, as far as they leave it rising.
+
+    pinned: True for a curve that is known over the charge below full, False for one known along SoC.
+    """
     ocv = model.ocv
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
-    lost = float(np.exp(-theta[p.group("capacity")].sum())) - 1.0
+    log_ratio = float(theta[p.group("capacity")].sum())
     slip = model.ocv_slip + float(theta[p.group("slip")].sum())
-    place = soc + hat(soc, AXIS_KNOTS) @ theta[p.group("axis")] + slip * slip_shape(soc, model.ocv_slip) * lost
-    voltage_V = np.asarray(ocv.mean_V(place, ocv.reference_degC)) + hat(soc, OCV_KNOTS) @ theta[p.group("ocv")]
+    old_soc = _old_soc(soc, log_ratio)
+    place = old_soc if pinned else soc + slip * slip_shape(soc, model.ocv_slip) * np.expm1(-log_ratio)
+    voltage_V = np.asarray(ocv.mean_V(place, ocv.reference_degC)) + hat(old_soc, OCV_KNOTS) @ theta[p.group("ocv")]
     larger = float(np.exp(theta[p.group("hysteresis")].sum()))
     slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
     if theta[p.group("entropy")].size:
@@ -203,11 +230,12 @@ def ten_seconds_ohm(model: Thevenin) -> float:
 
 
 def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tuple[np.ndarray, float]:
-    """(21,) standard deviation [V] of the curve, its axis included, and the correlation length of that error."""
+    """(21,) standard deviation [V] of the curve along SoC, and the correlation length of that error."""
     rows = np.zeros((_NOISE_GRID.size, p.size))
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
-    slope_V = _slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
-    rows[:, p.group("axis")] = slope_V[:, None] * hat(_NOISE_GRID, AXIS_KNOTS)
+    # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
+    slope_V = mean_slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID))[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
     floor_V2 = model_floor_V(battery) ** 2
@@ -220,7 +248,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
 
 def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
     """Error of the SoC axis by that of the curve where it is steep."""
-    slope_V = _slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
     steep = slope_V >= np.quantile(slope_V, 0.75)
     return float(np.median(curve_V[steep] / slope_V[steep]))
 
@@ -246,13 +274,6 @@ def _apart(tau_s: np.ndarray) -> tuple[float, ...]:
     for j in range(1, len(found)):
         found[j] = max(found[j], _TAU_RATIO * found[j - 1])
     return tuple(found)
-
-
-def _slope_V(ocv: OcvCurve, soc: np.ndarray, half: float = 0.01) -> np.ndarray:
-    """Slope of the curve [V per unit of SoC]."""
-    T = ocv.reference_degC
-    low, high = np.clip(soc - half, 0.0, 1.0), np.clip(soc + half, 0.0, 1.0)
-    return (np.asarray(ocv.mean_V(high, T)) - np.asarray(ocv.mean_V(low, T))) / (high - low)
 
 
 def _between(floor: float, found: float, before: float) -> float:

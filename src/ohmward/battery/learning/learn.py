@@ -19,7 +19,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import SeenLog
 from ohmward.battery.learning.fingerprint import fingerprint, unseen
-from ohmward.battery.learning.fold import capacity_normal, fold, model_floor_V, resistance_normal
+from ohmward.battery.learning.fold import ageing_direction, capacity_normal, fold, model_floor_V, resistance_normal
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
@@ -137,9 +137,8 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
 def aged_by(battery: Battery, covariance: np.ndarray, hours: float) -> Battery:
     """The battery whose capacity and resistances have aged for so long: its knowledge has the walk of its noise."""
     p, noise = parameters_of(battery), battery.noise
-    covariance = covariance.copy()
-    k = p.group("capacity")
-    covariance[k, k] += noise.capacity_walk_variance(SECONDS_PER_HOUR * hours)
+    direction = ageing_direction(battery, p)
+    covariance = covariance + noise.capacity_walk_variance(SECONDS_PER_HOUR * hours) * np.outer(direction, direction)
     grown = noise.resistance_walk_variance(SECONDS_PER_HOUR * hours)
     together = np.r_[p.group("ohmic"), p.group("pair")]
     covariance[np.ix_(together, together)] += grown

@@ -13,16 +13,16 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
 from ohmward.errors import InputError
 
 #: Resistances rise towards empty, so their knots are closer there.
 RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
-#: Stages of graphite are 5 % of SoC wide and more; the ends are steep.
-OCV_KNOTS = np.concatenate([[0.0, 0.02], np.linspace(0.05, 0.95, 19), [0.98, 1.0]])
-#: The windows of both electrodes: the curve is shifted at empty, in the middle and at full.
-AXIS_KNOTS = np.array([0.0, 0.5, 1.0])
+#: Stages of graphite are 5 % of SoC wide and more; the ends are steep. The curves of the chemistries turn at knots, so
+#: that no SoC axis fits better than another because of where the turns of a curve that is not the cell's lie.
+OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])
 ENTROPY_KNOTS = np.array([0.0, 0.5, 1.0])
 
 #: Correlation length [SoC] of a resistance about its level, of the axis and of the curve's change with temperature.
@@ -35,6 +35,9 @@ _PAIR_SHARE = 0.5
 #: Error of a coulombic efficiency as a share of what it loses: 1 - 0.97 comes from cells with 1 to 5 %.
 _LOSS_SHARE = 0.6
 
+#: An error of the SoC axis moves a curve by its mean slope over so much to either side.
+_SLOPE_WIDTH = 0.02
+
 #: Names of the groups for people.
 TITLES = {
     "capacity": "capacity",
@@ -46,7 +49,6 @@ TITLES = {
     "activation": "activation temperatures",
     "empty_activation": "activation towards empty",
     "ocv": "open-circuit voltage",
-    "axis": "SoC axis of the curve",
     "entropy": "change of the curve with temperature",
     "hysteresis": "hysteresis",
     "offset": "offset of the current sensor",
@@ -164,10 +166,6 @@ class _Prior(NamedTuple):
             "activation": _each(["activation_K", "pair_activation_K"], [noise.activation_std_K] * 2),
             "empty_activation": _each(["empty_activation_K"], [noise.empty_activation_std_K]),
             "ocv": Group(tuple(f"ocv_V at {at}" for at in _along(OCV_KNOTS)), self.ocv),
-            "axis": Group(
-                tuple(f"ocv axis at {at}" for at in _along(AXIS_KNOTS)),
-                noise.soc_axis_std**2 * _correlation(AXIS_KNOTS, _AXIS_LENGTH),
-            ),
             "entropy": self.entropy,
             "hysteresis": _each(["ln hysteresis"], [hysteresis_std]),
             "offset": _each(["offset_A"], [self.battery.sensor.offset_std_A]),
@@ -196,12 +194,21 @@ class _Prior(NamedTuple):
     @property
     def ocv(self) -> np.ndarray:
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
-        return np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
+        curve = np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
+        axis_V = self.noise.soc_axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
+        return curve + np.outer(axis_V, axis_V) * _correlation(OCV_KNOTS, _AXIS_LENGTH)
 
     @property
     def entropy(self) -> Group:
         std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
         return Group(names if std else (), std**2 * _correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
+
+
+def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
+    """Slope of the curve [V per unit of SoC] over `_SLOPE_WIDTH` to either side, less at the ends."""
+    degC = ocv.reference_degC
+    low, high = np.clip(soc - _SLOPE_WIDTH, 0.0, 1.0), np.clip(soc + _SLOPE_WIDTH, 0.0, 1.0)
+    return (np.asarray(ocv.mean_V(high, degC)) - np.asarray(ocv.mean_V(low, degC))) / (high - low)
 
 
 def _each(names: list[str], stds: list[float]) -> Group:

@@ -1,8 +1,12 @@
 """Voltage of a battery along a part of a log, and its derivatives by all that is not known.
 
-    s(t)  = s_0 + jumps + (counted(t) - integral of the offset) / Q
-    V     = OCV(z, T) + c(s) + (T - T_0) e(s) + M(s, T) h + v_0 + sum v_j
-    z     = s + axis(s) + slip
+    c(t)  = c_0 + jumps + (counted(t) - integral of the offset) / Q_file         charge, by the capacity of the file
+    s(t)  = 1 - (1 - c(t)) Q_file / Q                                            state of charge
+    V     = OCV(z, T) + c_ocv(c) + (T - T_0) e(c) + M(c, T) h + v_0 + sum v_j
+
+A log shows the voltage over the charge below full, whatever the capacity is. So the corrections stand along c, and
+once a curve was learnt, z = c: another capacity moves only its end. A curve that was tested on another battery, or on
+this one when it was younger, is known along SoC: z = s + slip of the electrodes.
 
 The corrections theta of the battery act as `parameters` says; those of the log are its `nuisances`. SoC acts on the
 voltage through the slope of the curve; what it does to resistances is of second order and left to the iteration.
@@ -22,7 +26,6 @@ from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, hours_since, nuisances_of
 from ohmward.battery.learning.parameters import (
-    AXIS_KNOTS,
     ENTROPY_KNOTS,
     OCV_KNOTS,
     RESISTANCE_KNOTS,
@@ -42,8 +45,9 @@ from ohmward.battery.models.thevenin import (
     transfer_share,
 )
 
-#: Half step of SoC for the slope of the curve: finer than its knees, coarser than the kinks of its correction.
-_HALF_STEP = 0.005
+#: Half step of SoC for the slope of the curve: nearly a distance of its knots, so that the slope has no steps there.
+#: They would tell the capacity from where the knots lie.
+_HALF_STEP = 0.02
 #: Relative step of a time constant for the derivative.
 _TAU_STEP = 0.02
 #: Half step of the hysteresis at the start for its derivative, since a state that saturates is not linear in it.
@@ -53,15 +57,15 @@ _HYSTERESIS_STEP = 0.5
 class VoltagePrediction(NamedTuple):
     """Voltage and SoC in the rows of a part.
 
-    soc, voltage_V: (N,); over_V2: (N,) sum of the squares of the overpotentials [V^2].
-    soc_columns, voltage_columns: (N, K + M) derivatives by the parameters, then by the nuisances.
+    soc: (N,) charge c, SoC by the capacity of the file.
+    voltage_V: (N,); over_V2: (N,) sum of the squares of the overpotentials [V^2].
+    voltage_columns: (N, K + M) derivatives by the parameters, then by the nuisances.
     soc_anywhere: (T,) SoC at every sample.
     """
 
     soc: np.ndarray
     voltage_V: np.ndarray
     over_V2: np.ndarray
-    soc_columns: np.ndarray
     voltage_columns: np.ndarray
     soc_anywhere: np.ndarray
 
@@ -127,8 +131,7 @@ class VoltageModel:
         soc = charge.soc
         curve = _Curve(self, theta, soc[rows])
         columns = np.zeros((rows.size, x.size))
-        soc_columns = charge.columns(rows)
-        columns += curve.slope[:, None] * soc_columns
+        columns += curve.slope[:, None] * charge.columns(rows)
         voltage_V = curve.voltage_V.copy()
         curve.add_columns(columns)
         voltage_V += self._add_hysteresis(columns, theta, nu, soc[rows])
@@ -145,11 +148,11 @@ class VoltageModel:
         misfit = hat(soc[rows], MISFIT_KNOTS)
         columns[:, K:][:, self.nuisances.misfit] = misfit
         voltage_V += misfit @ nu[self.nuisances.misfit]
-        return VoltagePrediction(soc[rows], voltage_V, over_V2, soc_columns, columns, soc)
+        return VoltagePrediction(soc[rows], voltage_V, over_V2, columns, charge.true_soc)
 
     def soc_columns(self, x: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """(A, K + M) derivatives of the SoC in these samples by the unknowns x."""
-        return _ChargeAlong(self, x[: self.parameters.size], x[self.parameters.size :]).columns(samples)
+        return _ChargeAlong(self, x[: self.parameters.size], x[self.parameters.size :]).true_columns(samples)
 
     def _add_ohmic(self, columns: np.ndarray, theta: np.ndarray, soc: np.ndarray, current_A: np.ndarray) -> np.ndarray:
         """Ohmic drop [V] in the rows, its derivatives added to the columns."""
@@ -255,51 +258,60 @@ class VoltageModel:
 
 
 class _ChargeAlong:
-    """State of charge along a part, and its derivatives."""
+    """Charge c along a part in every sample, state of charge, and their derivatives."""
 
     def __init__(self, of: VoltageModel, theta: np.ndarray, nu: np.ndarray):
         self.of, group = of, of.parameters.group
-        samples, places = of.samples, of.nuisances
-        capacity_Ah = of.model.capacity_Ah * float(np.exp(theta[group("capacity")].sum()))
+        samples, places, capacity_Ah = of.samples, of.nuisances, of.model.capacity_Ah
         stored = of.model.coulombic_efficiency * float(np.exp(theta[group("efficiency")].sum()))
         self.stored = np.cumsum(np.where(samples.moved_Ah > 0.0, stored * samples.moved_Ah, 0.0)) / capacity_Ah
         drawn = np.cumsum(np.where(samples.moved_Ah > 0.0, 0.0, samples.moved_Ah)) / capacity_Ah
         changes_A = np.concatenate([[of.battery.sensor.offset_A + theta[group("offset")].sum()], nu[places.offsets]])
         self.per_A = -of.offset_hours / capacity_Ah
-        self.counted = self.stored + drawn + self.per_A @ changes_A
-        self.soc = nu[places.soc] + self.counted + of.jump_steps @ nu[places.jumps]
+        counted = self.stored + drawn + self.per_A @ changes_A
+        self.soc = nu[places.soc] + counted + of.jump_steps @ nu[places.jumps]
         self.offset_A = changes_A[0] + (of.offset_hours[:, 1:] > 0.0) @ changes_A[1:]
+        self.gain = float(np.exp(-theta[group("capacity")].sum()))
+        self.true_soc = 1.0 - (1.0 - self.soc) * self.gain
 
-    def columns(self, rows: np.ndarray) -> np.ndarray:
-        """(N, K + M) derivatives of the SoC in these samples."""
+    def columns(self, at: np.ndarray) -> np.ndarray:
+        """(N, K + M) derivatives of the charge c in these samples."""
         p, places = self.of.parameters, self.of.nuisances
-        columns = np.zeros((rows.size, p.size + places.size))
-        columns[:, p.group("capacity")] = -self.counted[rows, None]
-        columns[:, p.group("efficiency")] = self.stored[rows, None]
-        columns[:, p.group("offset")] = self.per_A[rows, :1]
+        columns = np.zeros((at.size, p.size + places.size))
+        columns[:, p.group("efficiency")] = self.stored[at, None]
+        columns[:, p.group("offset")] = self.per_A[at, :1]
         of_log = columns[:, p.size :]
         of_log[:, places.soc] = 1.0
-        of_log[:, places.jumps] = self.of.jump_steps[rows]
-        of_log[:, places.offsets] = self.per_A[rows, 1:]
+        of_log[:, places.jumps] = self.of.jump_steps[at]
+        of_log[:, places.offsets] = self.per_A[at, 1:]
+        return columns
+
+    def true_columns(self, at: np.ndarray) -> np.ndarray:
+        """(N, K + M) derivatives of the state of charge in these samples."""
+        columns = self.gain * self.columns(at)
+        columns[:, self.of.parameters.group("capacity")] = (1.0 - self.true_soc[at])[:, None]
         return columns
 
 
 class _Curve:
-    """Open-circuit voltage in the rows, its slope along SoC and its derivatives."""
+    """Open-circuit voltage in the rows, its slope along the charge c and its derivatives."""
 
     def __init__(self, of: VoltageModel, theta: np.ndarray, soc: np.ndarray):
         self.of, self.theta, self.soc = of, theta, soc
         self.temperature_degC = of.samples.temperature_degC[of.rows]
         group = of.parameters.group
+        self.pinned = of.battery.knowledge is not None
         self.gain = float(np.exp(-theta[group("capacity")].sum()))
         self.slip = of.model.ocv_slip + float(theta[group("slip")].sum())
         self.voltage_V = self.at(soc)
         self.slope = (self.at(soc + _HALF_STEP) - self.at(soc - _HALF_STEP)) / (2 * _HALF_STEP)
 
     def place(self, soc: np.ndarray) -> np.ndarray:
-        """Place z on the curve of the file."""
-        axis = hat(soc, AXIS_KNOTS) @ self.theta[self.of.parameters.group("axis")]
-        return soc + axis + self.slip * slip_shape(soc, self.of.model.ocv_slip) * (self.gain - 1.0)
+        """Place z on the curve of the file at the charge c."""
+        if self.pinned:
+            return soc
+        true_soc = 1.0 - (1.0 - soc) * self.gain
+        return true_soc + self.slip * slip_shape(true_soc, self.of.model.ocv_slip) * (self.gain - 1.0)
 
     def at(self, soc: np.ndarray) -> np.ndarray:
         """Open-circuit voltage [V] without hysteresis."""
@@ -314,13 +326,14 @@ class _Curve:
     def add_columns(self, columns: np.ndarray) -> None:
         """Add the derivatives by the corrections of the curve; that by SoC is the slope."""
         group, curve, T = self.of.parameters.group, self.of.model.ocv, self.temperature_degC
-        z = self.place(self.soc)
-        steep_V = (curve.mean_V(z + _HALF_STEP, T) - curve.mean_V(z - _HALF_STEP, T)) / (2 * _HALF_STEP)
-        shape = slip_shape(self.soc, self.of.model.ocv_slip)
         columns[:, group("ocv")] += hat(self.soc, OCV_KNOTS)
-        columns[:, group("axis")] += steep_V[:, None] * hat(self.soc, AXIS_KNOTS)
-        columns[:, group("capacity")] += (-steep_V * self.slip * shape * self.gain)[:, None]
-        columns[:, group("slip")] += (steep_V * shape * (self.gain - 1.0))[:, None]
+        if not self.pinned:
+            z, true_soc = self.place(self.soc), 1.0 - (1.0 - self.soc) * self.gain
+            steep_V = (curve.mean_V(z + _HALF_STEP, T) - curve.mean_V(z - _HALF_STEP, T)) / (2 * _HALF_STEP)
+            shape = slip_shape(true_soc, self.of.model.ocv_slip)
+            moved = 1.0 - true_soc - self.slip * shape * self.gain
+            columns[:, group("capacity")] += (steep_V * moved)[:, None]
+            columns[:, group("slip")] += (steep_V * shape * (self.gain - 1.0))[:, None]
         if columns[:, group("entropy")].size:
             columns[:, group("entropy")] += (T - curve.reference_degC)[:, None] * hat(self.soc, ENTROPY_KNOTS)
 
