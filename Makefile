@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check accuracy lives bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark check accuracy lives learning bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -13,6 +13,7 @@ help:
 	@echo "make check     format and lint, types, the fast tests"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
+	@echo "make learning  files that learn from use, without a test -> benchmarks/learning.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
 	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
@@ -29,7 +30,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-spark check accuracy lives bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-spark check accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
@@ -56,6 +57,9 @@ accuracy: $(VENV)/test.stamp
 
 lives: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/lives.py
+
+learning: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/learning.py
 
 # The packages to compare with are large and pin versions of their own: they get an environment for themselves.
 bench:

@@ -45,6 +45,14 @@ def at_least(
     )
 
 
+def between(
+    data: str, method: str, quantity: str, value: float, bars: tuple[float, float], form: str = ".0f"
+) -> Figure:
+    """A figure that should lie between its bars."""
+    low, high = bars
+    return Figure(data, method, quantity, f"{value:{form}}", f"{low:g} to {high:g}", low <= value <= high)
+
+
 def data_file(path: str) -> Path:
     """A file of measured data.
 

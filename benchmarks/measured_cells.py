@@ -27,6 +27,9 @@ HOUR = 3600.0
 A123_AH, PANASONIC_AH, ORNL_AH, VRLA_AH, I3_AH, NASA_AH = 2.03, 2.9, 30.34, 19.5, 61.7, 2.0
 I3_CELLS, VRLA_CELLS = 96, 6
 
+#: Hours between which the telemetry of the lead-acid battery discharges it from full to its cut-off.
+VRLA_DISCHARGES_H = ((0.2, 7.6), (23.0, 31.9), (47.0, 57.5), (88.5, 102.15))
+
 #: A pouch cell that rests above this voltage is full.
 ORNL_FULL_V = 4.1
 
@@ -230,34 +233,55 @@ def vrla() -> Recording:
 
 
 def _vrla_log(from_h: float, to_h: float) -> Log:
-    log = _table("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
-    return log.between(from_h * HOUR, to_h * HOUR)
+    return vrla_telemetry().between(from_h * HOUR, to_h * HOUR)
+
+
+def vrla_telemetry() -> Log:
+    """All five days."""
+    return _table("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
+
+
+def vrla_discharges() -> list[Recording]:
+    """Every discharge from full to the cut-off, with an hour of rest before it where there is one."""
+    found = []
+    for from_h, to_h in VRLA_DISCHARGES_H:
+        log = _vrla_log(from_h, to_h)
+        charge_Ah = log.charge_Ah()
+        found.append(Recording(log, np.minimum(1 - charge_Ah / charge_Ah[np.argmin(log.voltage_V)], 1.0)))
+    return found
 
 
 # Cells over their life (NASA), an electric car (BMW i3), and a cell that was never tested (CALCE).
 
 
 @lru_cache(maxsize=4)
-def nasa(cell: str) -> Recording:
-    """Weeks of charges and discharges. The truth of a full discharge is the share of its own charge that is left."""
+def nasa_table(cell: str) -> tuple[Log, np.ndarray, np.ndarray]:
+    """Weeks of charges and discharges; the operation and its kind, (T,) each."""
     table = parquet.read_table(data_file(f"nasa_ageing/{cell}.parquet"))
     start_s = table["start"].to_numpy().astype("datetime64[ms]").astype(np.int64) / 1e3
     time_s = start_s + _floats(table, "t_s")
     order = np.argsort(time_s, kind="stable")
     order = order[np.diff(time_s[order], prepend=-np.inf) > 0]
-    log = Log(cell, time_s[order] - time_s[order[0]], *(_floats(table, c)[order] for c in NASA_COLUMNS))
-    operation, kind = table["op"].to_numpy()[order], np.array(table["kind"].to_pylist())[order]
-    truth = np.full(len(order), np.nan)
+    columns = (_floats(table, c)[order] for c in NASA_COLUMNS)
+    log = Log(cell, time_s[order] - time_s[order[0]], *columns, start_unix_s=float(time_s[order[0]]))
+    return log, table["op"].to_numpy()[order], np.array(table["kind"].to_pylist())[order]
+
+
+@lru_cache(maxsize=4)
+def nasa(cell: str) -> Recording:
+    """The truth of a full discharge is the share of its own charge that is left."""
+    log, operation, kind = nasa_table(cell)
+    truth = np.full(len(log), np.nan)
     for one in np.unique(operation[kind == "discharge"]):
         at = np.flatnonzero((operation == one) & (kind == "discharge"))
-        truth[at] = _full_discharge(Log(cell, log.time_s[at], log.current_A[at], log.voltage_V[at]))
+        truth[at] = full_discharge(Log(cell, log.time_s[at], log.current_A[at], log.voltage_V[at]))
     return Recording(log, truth)
 
 
 NASA_COLUMNS = ("current_A", "voltage_V", "temp_C")
 
 
-def _full_discharge(log: Log) -> np.ndarray:
+def full_discharge(log: Log) -> np.ndarray:
     """Share of the charge that is left on the way to the lowest voltage; nan where the discharge is not a full one."""
     moved_Ah, empty = -log.charge_Ah(), int(np.argmin(log.voltage_V))
     if log.voltage_V[0] < NASA_FULL_V or moved_Ah[empty] < NASA_LEAST_AH:

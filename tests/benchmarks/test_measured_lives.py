@@ -53,9 +53,9 @@ def test_a_full_discharge_runs_from_one_to_nothing_and_a_broken_one_is_no_truth(
     time_s = np.linspace(0, 3600, 101)
     voltage_V = np.linspace(4.2, 2.0, 101)
     log = cells.Log("discharge", time_s, np.full(101, -2.0), voltage_V)
-    assert cells._full_discharge(log) == pytest.approx(np.linspace(1, 0, 101), abs=1e-9)
+    assert cells.full_discharge(log) == pytest.approx(np.linspace(1, 0, 101), abs=1e-9)
     short = cells.Log("discharge", time_s, np.full(101, -1.0), voltage_V)
-    assert np.isnan(cells._full_discharge(short)).all()
+    assert np.isnan(cells.full_discharge(short)).all()
 
 
 @pytest.mark.parametrize("part", measured.PARTS, ids=lambda part: part.__name__)

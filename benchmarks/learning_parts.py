@@ -1,0 +1,54 @@
+"""Parts of the page of `learning.py`: what each compares, before and after a file has learnt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import learning_gym as gym
+import learning_measured as measured
+from figure import Figure
+from lives_cells import CELLS
+from measured_lives import TUE_SPLITS
+
+
+class Part(NamedTuple):
+    """Figures of one battery.
+
+    name: chosen by its words; section: of the page.
+    base, learn: figures without `learn` and with it.
+    kept_out: settings were never chosen on this cell.
+    """
+
+    name: str
+    section: str
+    base: Callable[[], Iterator[Figure]] | None
+    learn: Callable[[], Iterator[Figure]]
+    kept_out: bool = False
+
+
+def parts() -> list[Part]:
+    """Every part of the page."""
+    return [*_gym(), *_measured()]
+
+
+def _gym() -> Iterator[Part]:
+    quick = [cell for cell in CELLS if not cell.slow]
+    for words, base, learnt in (
+        ("week", gym.before_the_week, gym.week),
+        ("aged", gym.before_the_cycles, gym.aged),
+        ("same", None, gym.same),
+    ):
+        for cell in quick:
+            name = f"{words} {cell.chemistry} {cell.name}"
+            yield Part(name, words, base and partial(base, cell), partial(learnt, cell), cell.kept_out)
+
+
+def _measured() -> Iterator[Part]:
+    for k, (cell, *_) in enumerate(TUE_SPLITS):
+        yield Part(f"tue {cell} {k}", "tue", partial(measured.before_tue, k), partial(measured.tue, k))
+    yield Part("bboxx", "bboxx", measured.before_bboxx, measured.bboxx)
+    for name in measured.NASA:
+        yield Part(f"nasa {name}", "nasa", partial(measured.before_nasa, name), partial(measured.nasa, name))
+    yield Part("i3", "i3", measured.before_i3, measured.i3)
