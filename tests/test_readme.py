@@ -33,6 +33,7 @@ def test_it_is_short_and_has_a_program_commands_and_links():
         "demo",
         "doctor",
         "identify",
+        "learn",
         "soc",
         "simulate",
         "slip",

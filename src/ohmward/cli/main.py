@@ -19,6 +19,7 @@ from ohmward.errors import OhmwardError
 COMMANDS = {
     "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
     "identify": "from logs of tests to a battery file",
+    "learn": "from everyday logs to a battery file that knows more, log by log",
     "generic": "a battery file from chemistry and capacity alone, to start with",
     "soc": "state of charge along a log, with its uncertainty",
     "compare": "all estimators on one log, side by side",
@@ -41,6 +42,7 @@ a first look:
 with your own logs (CSV, Parquet or BDF):
   ohmward doctor test.csv                           what is in a log, what was assumed, what is wrong
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
+  ohmward learn day.csv --battery battery.toml -o battery.toml
   ohmward soc day.csv --battery battery.toml --report day.html
   ohmward compare day.csv --battery battery.toml    all estimators side by side
   ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive

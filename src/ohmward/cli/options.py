@@ -130,6 +130,12 @@ def rest_current(text: str) -> float | str:
     return UNKNOWN if text == UNKNOWN else number(text)
 
 
+def initial_soc(text: str) -> tuple[str, float]:
+    """`test=0.8` or `0.8` as the log's name, "" for all, and the state of charge."""
+    name, _, value = text.rpartition("=")
+    return name, share(value)
+
+
 def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) -> None:
     """Columns, their units and the rows of one recording.
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_output_options, add_sensor_options
-from ohmward.cli.parser import count, number, positive, share
+from ohmward.cli.options import add_log_options, add_output_options, add_sensor_options, initial_soc
+from ohmward.cli.parser import count, number, positive
 
 EXAMPLES = """\
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
@@ -63,9 +63,3 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         "battery file, and then each rest tells the current sensor's offset (default: not declared)",
     )
     add_sensor_options(group, "2.5 %% of 1 C", "1 %%")
-
-
-def initial_soc(text: str) -> tuple[str, float]:
-    """`test=0.8` or `0.8` as the log's name, "" for all, and the state of charge."""
-    name, _, value = text.rpartition("=")
-    return name, share(value)

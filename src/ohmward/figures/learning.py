@@ -1,0 +1,116 @@
+"""Figures of what a battery has learnt: the curves of its file before and after, and the knowledge log by log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.learning.known import ocv_std_V
+from ohmward.battery.models.noise import on_soc_grid
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.figures.battery import SOC_AXIS
+from ohmward.figures.parts import band_95
+from ohmward.filters.consistency import BAND_95
+from ohmward.report import Band, Figure, Series
+from ohmward.report.figure import Style
+from ohmward.report.palette import Meaning
+
+_SOC = np.linspace(0.0, 1.0, 201)
+#: Where the curve is steep its band is far wider: the change is drawn on the scale of the middle.
+_MIDDLE = 0.1, 0.95
+#: Length of the current whose resistance is shown [s].
+PULSE_S = 10.0
+
+
+def pulse_resistance_ohm(model: Thevenin, soc: np.ndarray) -> np.ndarray:
+    """Resistance to `PULSE_S` of current at the model's temperature, along SoC."""
+    total = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
+    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
+        total = total + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
+    return total
+
+
+def ocv_change_figure(before: Battery, after: Battery) -> Figure:
+    """Open-circuit voltage before and after, each with its 95 % band."""
+    curves = [_curve_V(battery) for battery in (before, after)]
+    stds = [ocv_std_V(battery, _SOC) for battery in (before, after)]
+    series, bands = _before_and_after(curves, stds)
+    return Figure("Open-circuit voltage", SOC_AXIS, "Voltage [V]", series, bands, height_px=320)
+
+
+def ocv_correction_figure(before: Battery, after: Battery) -> Figure:
+    """Change of the open-circuit voltage by the logs, with the 95 % bands before and after."""
+    change_mV = 1e3 * (_curve_V(after) - _curve_V(before))
+    stds = [1e3 * ocv_std_V(battery, _SOC) for battery in (before, after)]
+    series, bands = _before_and_after([np.zeros_like(_SOC), change_mV], stds)
+    middle = (_MIDDLE[0] <= _SOC) & (_MIDDLE[1] >= _SOC)
+    limit = 1.2 * max(float(np.abs([band.low[middle], band.high[middle]]).max()) for band in bands)
+    title = "Change of the open-circuit voltage"
+    return Figure(title, SOC_AXIS, "Change [mV]", series, bands, y_limits=(-limit, limit), height_px=220)
+
+
+def resistance_change_figure(before: Battery, after: Battery) -> Figure:
+    """Resistance to ten seconds of current before and after, each with its 95 % band."""
+    series, bands = [], []
+    for battery, state in zip((before, after), _STATES, strict=True):
+        ohm = 1e3 * pulse_resistance_ohm(_model(battery), _SOC)
+        ratio = np.exp(BAND_95 * _log_resistance_std(battery, _SOC))
+        series.append(Series(100 * _SOC, ohm, state.name, state.style, state.role))
+        bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {state.name}", state.role))
+    highest = max(1.3 * float(max(s.y.max() for s in series)), 1.1 * float(bands[1].high.max()))
+    title = f"Resistance to {PULSE_S:g} s of current"
+    return Figure(title, SOC_AXIS, "Resistance [mΩ]", series, bands, y_limits=(0.0, highest))
+
+
+def progress_figure(title: str, label: str, knowledge: Sequence[Mapping[str, Any]], scale: float = 1.0) -> Figure:
+    """A quantity > 0 with its 95 % band before the first log and after each log.
+
+    knowledge: mean and std of each, as the lessons have them.
+    """
+    limits = (0.0, np.inf)
+    number = np.arange(len(knowledge), dtype=float)
+    mean = scale * np.array([known["mean"] for known in knowledge])
+    std = scale * np.array([known["std"] for known in knowledge])
+    series = [Series(number, mean, "known", role="estimate")]
+    return Figure(title, "Logs learnt", label, series, [band_95(number, mean, std, limits)], height_px=200)
+
+
+class _State(NamedTuple):
+    """A state of a file: its name, and the line and colour that it has."""
+
+    name: str
+    style: Style
+    role: Meaning
+
+
+_STATES = _State("before", "dashed", "background"), _State("after", "line", "estimate")
+
+
+def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -> tuple[list[Series], list[Band]]:
+    """Lines and 95 % bands of a quantity along SoC in both states."""
+    x = 100 * _SOC
+    series = [Series(x, mean, one.name, one.style, one.role) for mean, one in zip(means, _STATES, strict=True)]
+    bands = [
+        band_95(x, mean, std, label=f"95 % {one.name}", role=one.role)
+        for mean, std, one in zip(means, stds, _STATES, strict=True)
+    ]
+    return series, bands
+
+
+def _curve_V(battery: Battery) -> np.ndarray:
+    """Mean open-circuit voltage at the temperature of the model."""
+    model = _model(battery)
+    return np.asarray(model.ocv.mean_V(_SOC, model.reference_degC))
+
+
+def _log_resistance_std(battery: Battery, soc: Any) -> np.ndarray:
+    """Standard deviation of the logarithm of the resistance, of all and of that at one SoC together."""
+    return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(soc)))
+
+
+def _model(battery: Battery) -> Thevenin:
+    assert battery.thevenin is not None
+    return battery.thevenin
