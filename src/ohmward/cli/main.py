@@ -21,6 +21,7 @@ COMMANDS = {
     "identify": "from logs of tests to a battery file",
     "learn": "from everyday logs to a battery file that knows more, log by log",
     "generic": "a battery file from chemistry and capacity alone, to start with",
+    "health": "capacity and resistance of a battery over months of logs, and when it will be worn out",
     "soc": "state of charge along a log, with its uncertainty",
     "compare": "all estimators on one log, side by side",
     "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",

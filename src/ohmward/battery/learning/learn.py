@@ -22,6 +22,7 @@ from ohmward.battery.learning.fingerprint import fingerprint, unseen
 from ohmward.battery.learning.fold import ageing_direction, capacity_normal, fold, model_floor_V, resistance_normal
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
@@ -56,6 +57,9 @@ class Lesson(NamedTuple):
     information: by what factor the standard deviation of each group of parameters narrowed, by its name.
     residual_rms_V: measured minus expected voltage.
     soc_start, soc_end: SoC at the first and the last sample.
+    own_capacity_Ah, own_resistance_ohm: what this log alone says of them, all other parameters as they are known after
+        it; the standard deviation is inf where it says nothing.
+    given_Ah: charge from full down to the lowest SoC of the log.
     anchors: what told SoC beside the voltage.
     """
 
@@ -72,6 +76,9 @@ class Lesson(NamedTuple):
     residual_rms_V: float
     soc_start: Normal
     soc_end: Normal
+    own_capacity_Ah: Normal
+    own_resistance_ohm: Normal
+    given_Ah: Normal
     anchors: tuple[Anchor, ...] = ()
 
 
@@ -83,11 +90,12 @@ class Learnt(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Lesson of a part of a log: the battery after it, its solution and model."""
+    """Lesson of a part of a log: the battery after it, its solution and model, and what it alone says."""
 
     battery: Battery
     solution: Solution
     model: VoltageModel
+    own: OwnShares
 
 
 def learn(
@@ -184,7 +192,8 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     found = solve(model, prior, anchors, start)
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
-    return _Part(fold(battery, found.x[:K], found.covariance[:K, :K], seen), found, model)
+    after = fold(battery, found.x[:K], found.covariance[:K, :K], seen)
+    return _Part(after, found, model, own_shares(model, prior, found, after))
 
 
 def _prior(model: VoltageModel) -> Normals:
@@ -236,6 +245,9 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
+        own_capacity_Ah=combined([part.own.capacity_Ah for part in parts]),
+        own_resistance_ohm=combined([part.own.resistance_ohm for part in parts]),
+        given_Ah=min((part.own for part in parts), key=lambda own: own.lowest_soc).given_Ah,
         anchors=anchors,
     )
 
@@ -283,6 +295,9 @@ def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson
         residual_rms_V=np.nan,
         soc_start=Normal(np.nan, np.nan),
         soc_end=Normal(np.nan, np.nan),
+        own_capacity_Ah=Normal(np.nan, np.inf),
+        own_resistance_ohm=Normal(np.nan, np.inf),
+        given_Ah=Normal(np.nan, np.inf),
     )
 
 

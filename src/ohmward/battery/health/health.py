@@ -1,0 +1,121 @@
+"""State of health over months, from what single logs show: the trend, sudden changes, and the time left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.health.ageing_fit import AgeingFit, CapacityDoubt, fit_ageing
+from ohmward.battery.health.ageing_laws import WORN_SHARE, ageing_laws, no_law
+from ohmward.battery.health.changes import Outlier, SuddenChange, find_step, outliers, without_step
+from ohmward.battery.health.end_of_life import LifeAhead, life_ahead
+from ohmward.battery.health.point import DAY_S, HealthPoint, Track
+
+#: Steps that are looked for, the most evident first.
+_MOST_STEPS = 3
+#: Cells of one type leave the factory within this of each other (1 sigma); a label promises the least of them.
+NEW_CAPACITY_STD = 0.03
+#: Resistance of one log to the next that comes and goes: other currents and another range of SoC.
+_RESISTANCE_REVERSIBLE_STD = 0.05
+#: Resistance walks in 100 hours, capacity in 1000.
+_TEN = math.sqrt(10.0)
+
+
+class Health(NamedTuple):
+    """Health of a battery over its logs.
+
+    points: every log in order of time.
+    capacity, resistance: trends of ln(capacity) and ln(resistance) over those when new.
+    steps, outliers: what is no ageing, or may not be.
+    ahead: what may become of the capacity, and when the battery will be worn out.
+    """
+
+    points: tuple[HealthPoint, ...]
+    capacity: AgeingFit
+    resistance: AgeingFit
+    steps: tuple[SuddenChange, ...]
+    outliers: tuple[Outlier, ...]
+    ahead: LifeAhead
+
+    @property
+    def now(self) -> tuple[float, float]:
+        """Days and full cycles at the last log, since the first."""
+        return _span(self.points)
+
+    @property
+    def capacity_now(self) -> Normal:
+        """ln(capacity over that when new) at the last log."""
+        return _at(self.capacity, *self.now)
+
+    @property
+    def resistance_now(self) -> Normal:
+        """ln(resistance over that when new) at the last log."""
+        return _at(self.resistance, *self.now)
+
+
+def health_of(
+    battery: Battery,
+    points: Sequence[HealthPoint],
+    rng: np.random.Generator,
+    share: float = WORN_SHARE,
+    common_std: float | None = None,
+) -> Health:
+    """Health over the logs that these points are of.
+
+    battery: its chemistry, and how its capacity and resistance may walk.
+    points: at least one, in any order.
+    share: of the capacity when new, to which the time left counts.
+    common_std: relative error of the capacity that all logs share; by default that of the sensor's gain and of the
+        ends of the curve.
+    """
+    points = tuple(sorted(points, key=lambda point: point.time_s))
+    usable = [point for point in points if point.shows_capacity]
+    capacity, steps = _without_steps(battery, usable, points, common_std)
+    resistance = _resistance(battery, points)
+    ahead = life_ahead(capacity, *_span(points), rng, share)
+    return Health(points, capacity, resistance, tuple(steps), tuple(outliers(capacity, usable)), ahead)
+
+
+def _span(points: Sequence[HealthPoint]) -> tuple[float, float]:
+    """Days and full cycles from the first log to the last."""
+    return (points[-1].time_s - points[0].time_s) / DAY_S, sum(point.cycles for point in points)
+
+
+def _without_steps(
+    battery: Battery, usable: Sequence[HealthPoint], points: Sequence[HealthPoint], common_std: float | None
+) -> tuple[AgeingFit, list[SuddenChange]]:
+    """Trend of the capacity without its sudden changes, and these."""
+    laws, doubt = ageing_laws(battery.chemistry), _doubt(battery, common_std)
+    track = Track.of(points, "log_capacity")
+    steps: list[SuddenChange] = []
+    fit = fit_ageing(laws, track, doubt)
+    while len(steps) < _MOST_STEPS and (step := find_step(fit, usable)):
+        steps.append(step)
+        track = without_step(track, step)
+        fit = fit_ageing(laws, track, doubt)
+    return fit, sorted(steps, key=lambda step: step.days)
+
+
+def _doubt(battery: Battery, common_std: float | None) -> CapacityDoubt:
+    """Doubt about the capacity that no log settles."""
+    noise = battery.noise
+    if common_std is None:
+        common_std = math.hypot(battery.sensor.gain_std, noise.soc_axis_std)
+    return CapacityDoubt(NEW_CAPACITY_STD, common_std, noise.capacity_walk)
+
+
+def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
+    """Trend of the resistance: no law, a random walk."""
+    noise = battery.noise
+    doubt = CapacityDoubt(noise.resistance_std, battery.sensor.gain_std, _TEN * noise.resistance_walk)
+    return fit_ageing(no_law(), Track.of(points, "log_resistance"), doubt, _RESISTANCE_REVERSIBLE_STD)
+
+
+def _at(fit: AgeingFit, days: float, cycles: float) -> Normal:
+    band = fit.band(np.array([days]), np.array([cycles]))
+    return Normal(float(band.mean[0]), float(band.std[0]))

@@ -1,0 +1,160 @@
+"""History of a battery: its logs in order of time, and what each of them alone shows of its health."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.health.discharge_capacity import UsedCapacity, used_capacities
+from ohmward.battery.health.point import HealthPoint, logarithm
+from ohmward.battery.learning.fold import resistance_normal
+from ohmward.battery.learning.learn import Lesson
+from ohmward.battery.learning.parameters import prior_covariance
+from ohmward.errors import InputError
+from ohmward.logs.log import Log
+
+_HOUR_S = 3600.0
+#: A battery above this SoC has been charged fully.
+_FULL = 0.97
+#: A file whose resistances are known worse than this was not tested: the first logs stand for the new battery.
+_TESTED_RESISTANCE_STD = 0.35
+#: A log that tells the resistance better than this shows it.
+_SHOWN_RESISTANCE_STD = 0.1
+
+
+class DatedLogs(NamedTuple):
+    """Logs in order of time.
+
+    logs: as given, in order.
+    start_s: (n,) Unix time of their first samples; where no log has a clock, since the first.
+    has_clock: True where these are dates.
+    notes: what was assumed of the time.
+    """
+
+    logs: tuple[Log, ...]
+    start_s: np.ndarray
+    has_clock: bool
+    notes: tuple[str, ...] = ()
+
+
+class Newness(NamedTuple):
+    """Battery when new, that health is measured against.
+
+    capacity_Ah: between full and empty.
+    resistance_ohm: of a pulse of ten seconds at half charge and 25 degC.
+    notes: where they are from.
+    """
+
+    capacity_Ah: float
+    resistance_ohm: float
+    notes: tuple[str, ...] = ()
+
+
+def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
+    """The logs by their clocks; those of a battery that has none one after the other, as they are given.
+
+    Raises:
+        InputError: some have a clock and some have none.
+    """
+    without = [log.name for log in logs if log.start_unix_s is None]
+    if not without:
+        ordered = sorted(logs, key=_first_unix_s)
+        return DatedLogs(tuple(ordered), np.array([_first_unix_s(log) for log in ordered]), True)
+    if len(without) < len(logs):
+        raise InputError(
+            f"{without[0]}: no wall clock in this log, but there is one in others, so their order cannot be told; give "
+            "it dates (a column of times of day or Unix time), or leave it out"
+        )
+    ends_s = np.cumsum([log.duration_s for log in logs])
+    note = "no log has a wall clock: they were taken as given, one right after the other"
+    return DatedLogs(tuple(logs), ends_s - [log.duration_s for log in logs], False, (note,))
+
+
+def _first_unix_s(log: Log) -> float:
+    assert log.start_unix_s is not None
+    return log.start_unix_s + float(log.time_s[0])
+
+
+def unlearnt(battery: Battery) -> Battery:
+    """The battery as if it had seen no log: health is read from all of them, also those that the file knows."""
+    knowledge = battery.knowledge
+    return battery if knowledge is None else replace(battery, knowledge=replace(knowledge, logs=()))
+
+
+def newness(battery: Battery, lessons: Sequence[Lesson], capacity_Ah: float | None = None) -> Newness:
+    """The battery when new: that of the file, its resistance of the first logs where the file was not tested."""
+    new_Ah = battery.capacity_Ah if capacity_Ah is None else capacity_Ah
+    source = "the battery file's" if capacity_Ah is None else "as given"
+    notes = [f"capacity when new: {new_Ah:.4g} Ah, {source}"]
+    if capacity_Ah is None and battery.knowledge is not None:
+        notes.append("the battery file has learnt since it was new, so its capacity is no longer that; say what it was")
+    learnt = [lesson for lesson in lessons if lesson.verdict != "set aside"]
+    if not learnt:
+        return Newness(new_Ah, math.nan, tuple(notes))
+    if battery.noise.resistance_std <= _TESTED_RESISTANCE_STD:
+        new_ohm = resistance_normal(battery, prior_covariance(battery)).mean
+        return Newness(new_Ah, new_ohm, (*notes, f"resistance when new: {1e3 * new_ohm:.3g} mΩ, the battery file's"))
+    known = next((x for x in learnt if _relative_std(x.own_resistance_ohm) < _SHOWN_RESISTANCE_STD), learnt[-1])
+    new_ohm = (
+        known.own_resistance_ohm.mean if math.isfinite(known.own_resistance_ohm.std) else known.resistance_ohm.mean
+    )
+    text = f"resistance when new: nobody tested it; {1e3 * new_ohm:.3g} mΩ of {known.log}, the first log that shows it"
+    return Newness(new_Ah, new_ohm, (*notes, text))
+
+
+def points_of(dated: DatedLogs, lessons: Sequence[Lesson], new: Newness) -> list[HealthPoint]:
+    """One point a log; one that taught nothing has its time and throughput.
+
+    The capacity is that of a discharge as the battery is used, over what a new one would have given down to the end of
+    its first discharge; where it is never emptied, all of its capacity.
+    """
+    used = used_capacities(lessons)
+    first = next((each.low for each in used if each.low), None)
+    new_Ah = new.capacity_Ah * (1.0 if first is None else 1.0 - first.soc)
+    points = []
+    for log, start_s, lesson, each in zip(dated.logs, dated.start_s, lessons, used, strict=True):
+        point = _point(log, start_s, lesson, new)
+        if lesson.verdict != "set aside":
+            own_Ah = lesson.own_capacity_Ah if first is None else _own_discharge(lesson, each)
+            point = point._replace(
+                log_capacity=logarithm(own_Ah, new_Ah),
+                log_resistance=logarithm(lesson.own_resistance_ohm, new.resistance_ohm),
+            )
+        points.append(point)
+    return points
+
+
+def common_error(battery: Battery, lessons: Sequence[Lesson]) -> float:
+    """Relative error that all logs share: of the sensor's gain, and of the curve's empty end where no log shows it."""
+    emptied = used_capacities(lessons)[-1].low is not None
+    return math.hypot(battery.sensor.gain_std, 0.0 if emptied else battery.noise.soc_axis_std)
+
+
+def _own_discharge(lesson: Lesson, used: UsedCapacity) -> Normal:
+    """Capacity of a discharge, where this log is the one that shows its end."""
+    shows = used.low is not None and used.low.log == lesson.log
+    return used.capacity_Ah if shows else Normal(used.capacity_Ah.mean, math.inf)
+
+
+def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoint:
+    """Time, throughput, temperature and anchors of a log."""
+    moved_Ah = np.sum(np.abs(np.nan_to_num(log.current_A[1:])) * log.dt_s) / _HOUR_S
+    degC = log.temperature_degC
+    return HealthPoint(
+        log=log.name,
+        time_s=start_s + log.duration_s / 2,
+        hours=log.duration_s / _HOUR_S,
+        cycles=moved_Ah / (2 * new.capacity_Ah),
+        temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
+        full=lesson.soc_max >= _FULL,
+    )
+
+
+def _relative_std(quantity: Normal) -> float:
+    return quantity.std / quantity.mean

@@ -1,0 +1,96 @@
+"""Capacity and resistance as a part of a log shows them by itself, beside what was known before it.
+
+With the posterior N(m, C) of the corrections, their prior N(0, P) and the information L = C^-1 - P^-1 of the part, its
+own likelihood along a direction d, all other corrections at their most likely values, is normal about
+
+    m + d (d' P^-1 m) / (d' L d),        with the variance 1 / (d' L d).
+
+A trend over months is fitted to these: knowledge that is carried from log to log would count again and again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.learning.fold import resistance_normal
+from ohmward.battery.learning.parameters import Parameters
+from ohmward.battery.learning.solve import Normals, Solution
+from ohmward.battery.learning.voltage_model import VoltageModel
+
+#: An empty battery has given all; the logarithm of what is left of its capacity needs a little.
+_LEAST_GIVEN = 1e-3
+_SAYS_NOTHING = Normal(float("nan"), float("inf"))
+
+
+class OwnShares(NamedTuple):
+    """Statements of a part of a log by itself.
+
+    capacity_Ah, resistance_ohm: with std inf where it says nothing.
+    lowest_soc: of the part.
+    given_Ah: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel.
+    """
+
+    capacity_Ah: Normal
+    resistance_ohm: Normal
+    lowest_soc: float
+    given_Ah: Normal
+
+
+def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> OwnShares:
+    """Statements of a part by itself; after: the battery with its corrections."""
+    p = model.parameters
+    K = p.size
+    precision = np.linalg.inv(prior.covariance[:K, :K])
+    information = np.linalg.inv(found.covariance[:K, :K]) - precision
+    pull = precision @ found.x[:K]
+    now_ohm = resistance_normal(after, found.covariance[:K, :K]).mean
+    lowest_soc, given_Ah = _given(model, found, after)
+    return OwnShares(
+        own_share(after.capacity_Ah, _direction(p, p.group("capacity")), pull, information),
+        own_share(now_ohm, _direction(p, p.group("ohmic"), p.group("pair")), pull, information),
+        lowest_soc,
+        given_Ah,
+    )
+
+
+def combined(shares: Sequence[Normal]) -> Normal:
+    """The normal distributions of one positive quantity that several parts say, as one."""
+    said = [share for share in shares if np.isfinite(share.std)]
+    if not said:
+        return _SAYS_NOTHING
+    weights = np.array([(share.mean / share.std) ** 2 for share in said])
+    mean = float(np.exp(weights @ np.log([share.mean for share in said]) / weights.sum()))
+    return Normal(mean, mean * float(weights.sum() ** -0.5))
+
+
+def _direction(p: Parameters, *groups: slice) -> np.ndarray:
+    """(K,) 1 for the corrections of these groups."""
+    d = np.zeros(p.size)
+    for group in groups:
+        d[group] = 1.0
+    return d
+
+
+def own_share(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
+    """A quantity that is `now` in the corrected file, whose logarithm grows along d."""
+    of_part = float(d @ information @ d)
+    if not of_part > 0.0:
+        return _SAYS_NOTHING
+    mean = now * float(np.exp(d @ pull / of_part))
+    return Normal(mean, mean * of_part**-0.5)
+
+
+def _given(model: VoltageModel, found: Solution, after: Battery) -> tuple[float, Normal]:
+    """Lowest SoC s of a part, and D = Q (1 - s): d ln D = d ln Q - ds / (1 - s)."""
+    soc = model.predict(found.x).soc_anywhere
+    lowest = int(np.argmin(soc))
+    given = max(1.0 - float(soc[lowest]), _LEAST_GIVEN)
+    columns = -model.soc_columns(found.x, np.array([lowest]))[0] / given
+    columns[model.parameters.group("capacity")] += 1.0
+    given_Ah = after.capacity_Ah * given
+    return float(soc[lowest]), Normal(given_Ah, given_Ah * float(np.sqrt(columns @ found.covariance @ columns)))

@@ -1,0 +1,114 @@
+"""Figures of a battery's health: capacity and resistance over months, and when it will be worn out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.health.ageing_fit import AgeingFit
+from ohmward.battery.health.end_of_life import LifeAhead
+from ohmward.battery.health.health import Health
+from ohmward.battery.health.point import DAY_S, SAYS_NOTHING_STD
+from ohmward.filters.consistency import BAND_95
+from ohmward.report import Band, Figure, Marker, Series
+
+#: Points of the trend between the first and the last log.
+_TREND_POINTS = 200
+_PERCENT = 100.0
+#: The time ahead that is drawn is as long as that behind, or this long.
+_LEAST_AHEAD_DAYS = 30.0
+#: Units of a span of time and their days; the first that is shorter than a quarter of the span is taken.
+_UNITS = {"Years": 365.25, "Months": 365.25 / 12, "Days": 1.0}
+
+
+def capacity_figure(health: Health) -> Figure:
+    """Capacity over that when new: each log by itself, the trend, and what may come."""
+    now_days, _ = health.now
+    ahead = health.ahead
+    drawn = ahead.days <= max(now_days, _LEAST_AHEAD_DAYS)
+    span_days = now_days + ahead.days[drawn][-1]
+    _, unit = _unit(span_days)
+    low, middle, high = (_PERCENT * row[drawn] for row in np.exp(ahead.log_capacity))
+    x = (now_days + ahead.days[drawn]) / unit
+    series = [
+        *_trend(health.capacity, health, unit),
+        *_points(health, "log_capacity", unit),
+        Series(x, middle, "ahead", "dashed", "comparison"),
+        Series(np.array([0.0, x[-1]]), np.full(2, _PERCENT * ahead.share), "worn out", "dashed", "alert"),
+    ]
+    bands = [_band(health.capacity, health, unit), Band(x, low, high, "95 % of what may come", "comparison")]
+    return _figure("Capacity over that when new", "Capacity [%]", series, bands, health, span_days)
+
+
+def resistance_figure(health: Health) -> Figure:
+    """Resistance over that when new: each log by itself, and the trend."""
+    now_days, _ = health.now
+    span_days = now_days + max(now_days, _LEAST_AHEAD_DAYS)  # as the capacity above it, so that both have one unit
+    _, unit = _unit(span_days)
+    series = [*_trend(health.resistance, health, unit), *_points(health, "log_resistance", unit)]
+    bands = [_band(health.resistance, health, unit)]
+    return _figure("Resistance over that when new", "Resistance [%]", series, bands, health, span_days)
+
+
+def life_figure(ahead: LifeAhead) -> Figure:
+    """Probability over time that the battery will be worn out."""
+    title = f"Probability that {ahead.share:.0%} of the capacity or less are left"
+    late = ahead.quantile(0.99)
+    drawn = ahead.days <= (1.2 * late if np.isfinite(late) else ahead.days[-1])
+    name, unit = _unit(float(ahead.days[drawn][-1]))
+    series = [Series(ahead.days[drawn] / unit, _PERCENT * ahead.probability[drawn], "worn out", "line", "estimate")]
+    return Figure(title, f"{name} from now", "Probability [%]", series, y_limits=(0.0, 100.0))
+
+
+def _unit(span_days: float) -> tuple[str, float]:
+    """Unit of a span of time and its days."""
+    return next((name, days) for name, days in _UNITS.items() if span_days > 4 * days or days == 1.0)
+
+
+def _figure(
+    title: str, label: str, series: Sequence[Series], bands: Sequence[Band], health: Health, span_days: float
+) -> Figure:
+    name, unit = _unit(span_days)
+    markers = [Marker(step.days / unit, f"sudden: {step.cause}", "alert") for step in health.steps]
+    return Figure(title, f"{name} since the first log", label, series, bands, markers=markers, height_px=320)
+
+
+def _grid(health: Health) -> tuple[np.ndarray, np.ndarray]:
+    """Days and full cycles from the first log to the last."""
+    days, cycles = health.now
+    share = np.linspace(0.0, 1.0, _TREND_POINTS)
+    return days * share, cycles * share
+
+
+def _trend(fit: AgeingFit, health: Health, unit: float) -> list[Series]:
+    days, cycles = _grid(health)
+    return [Series(days / unit, _PERCENT * np.exp(fit.band(days, cycles).mean), "trend", "line", "estimate")]
+
+
+def _band(fit: AgeingFit, health: Health, unit: float) -> Band:
+    days, cycles = _grid(health)
+    mean, std = fit.band(days, cycles)
+    low, high = np.exp(mean - BAND_95 * std), np.exp(mean + BAND_95 * std)
+    return Band(days / unit, _PERCENT * low, _PERCENT * high, "95 % band", "estimate")
+
+
+def _points(health: Health, quantity: str, unit: float) -> list[Series]:
+    """Each log by itself, with its own 95 % as a line."""
+    first_s = health.points[0].time_s
+    known = [point for point in health.points if _is_shown(getattr(point, quantity))]
+    if not known:
+        return []
+    days = np.array([(point.time_s - first_s) / DAY_S / unit for point in known])
+    mean, std = np.array([getattr(point, quantity) for point in known]).T
+    low, high = np.exp(mean - BAND_95 * std), np.exp(mean + BAND_95 * std)
+    bars = np.ravel(np.column_stack([low, high, np.full(len(low), np.nan)]))
+    return [
+        Series(np.repeat(days, 3), _PERCENT * bars, "95 % of one log", "line", "background"),
+        Series(days, _PERCENT * np.exp(mean), "one log by itself", "points", "background"),
+    ]
+
+
+def _is_shown(value: Normal) -> bool:
+    return value.std < SAYS_NOTHING_STD
