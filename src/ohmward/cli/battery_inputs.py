@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
@@ -20,17 +21,20 @@ from ohmward.cli.progress import Report, counting
 from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.cli.truth import read_soc_truth
 from ohmward.logs import Log, read_log
+from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.read import open_table
 from ohmward.logs.table import TableFile
 from ohmward.published.registry import make_estimator
 
 
 class SocTask(NamedTuple):
-    """One log to estimate: the battery it is of, the truth if there is one, options that contradict file or log."""
+    """One log to estimate: its battery, the truth and the cell voltages if there are any, options that contradict."""
 
     battery: Battery
     log: Log
     truth: SocReference | None
     contradictions: tuple[str, ...] = ()
+    cells: CellVoltages | None = None
 
     @property
     def notes(self) -> list[str]:
@@ -74,13 +78,17 @@ def read_battery_log(
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
     battery, of_sensor = load_battery_with_sensor(args.battery, args)
-    extra = None if args.truth else ()
-    log = check_log(read_battery_log(args.log, args, extra, report), battery)
+    file = open_table(split_selection(args.log)[0])
+    extra = None if args.truth else cell_names(file.names) if battery.n_series > 1 else ()
+    log = check_log(read_battery_log(args.log, args, extra, report, file), battery)
+    cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
+    log = log.with_notes(*notes)
     contradictions = (*of_sensor, *_rest_current(battery, args), *_start(battery, log, args))
     if not args.truth:
-        return SocTask(battery, log, None, contradictions)
+        return SocTask(battery, log, None, contradictions, cells)
     start_soc = args.initial_soc if args.truth_start is None else args.truth_start
-    return SocTask(battery, log, read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc), contradictions)
+    truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
+    return SocTask(battery, log, truth, contradictions, cells)
 
 
 def _rest_current(battery: Battery, args: argparse.Namespace) -> list[str]:
@@ -110,7 +118,20 @@ def _start(battery: Battery, log: Log, args: argparse.Namespace) -> list[str]:
 
 def estimate(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> SocRun:
     """Run the estimator of this name over the log."""
-    rest_A = task.battery.idle_current_A if args.rest_current is None else args.rest_current
-    settings = EstimatorSettings(idle_current_A=None if rest_A == UNKNOWN else rest_A)
-    estimator = make_estimator(name, task.battery, settings)
+    estimator = make_estimator(name, task.battery, EstimatorSettings(idle_current_A=_idle_A(task, args)))
     return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, counting(report, name))
+
+
+def estimate_cells(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> PackRun | None:
+    """Run the filter of this name over the cells of the log; None without cells, or a filter that has none."""
+    if task.cells is None or name not in FILTERS:
+        return None
+    battery = replace(task.battery, idle_current_A=_idle_A(task, args))
+    estimator = PackEstimator(battery, args.initial_soc, args.initial_soc_std, filter=name)
+    return estimator.run(task.log, task.cells.voltage_V, counting(report, f"{name}, cells"), task.cells.names)
+
+
+def _idle_A(task: SocTask, args: argparse.Namespace) -> float | None:
+    """True current of a rest [A]: that of the option, else that of the battery file."""
+    rest_A = task.battery.idle_current_A if args.rest_current is None else args.rest_current
+    return None if rest_A == UNKNOWN else rest_A

@@ -19,7 +19,7 @@ from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
-from ohmward.trace.structure import flatten, structure_of, unflatten
+from ohmward.trace.structure import pick_lanes, side_by_side
 
 #: Most parts in which a batch of logs is run.
 _PARTS = 16
@@ -47,10 +47,10 @@ def estimate_logs(
     states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
     kernel = _kernel(cast(Hashable, estimator), lowering)
     found = SocEstimate(*(np.empty((lengths[0], len(logs))) for _ in SocEstimate._fields))
-    state = _side_by_side(states)
+    state = side_by_side(states)
     for first, last, lanes in _parts(lengths):
         part = SocSample(*(column[first:last, :lanes] for column in columns))
-        state, estimates = kernel.scan_lanes(_lanes(state, lanes), part)
+        state, estimates = kernel.scan_lanes(pick_lanes(state, slice(lanes)), part)
         for whole, values in zip(found, estimates, strict=True):
             whole[first:last, :lanes] = values
     results: list[Any] = [None] * len(logs)
@@ -86,16 +86,3 @@ def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
             last = min(last + width, longest)
         yield first, last, lanes
         first = last
-
-
-def _side_by_side(states: Sequence[Any]) -> Any:
-    """One tree with a trailing lane axis on every leaf."""
-    structure = structure_of(states[0], "state")
-    leaves = zip(*(flatten(structure, state) for state in states), strict=True)
-    return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in leaves))
-
-
-def _lanes(state: Any, lanes: int) -> Any:
-    """The first lanes of a tree."""
-    structure = structure_of(state, "state")
-    return unflatten(structure, (values[..., :lanes] for values in flatten(structure, state)))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.logs import bdf
+from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
 from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
 from ohmward.logs.columns import find_columns
@@ -126,11 +127,13 @@ def read_log(
     sort_time: sort rows that are out of order, whatever the reason.
     progress: called now and then with the amounts read and to read.
 
+    Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage.
+
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow.
     """
-    file = open_table(source)
+    file = with_pack_voltage(open_table(source), columns)
     bdf.check_names(file.source, file.names)
     chosen = find_columns(file.source, file.names, file.given(columns), units)
     wanted = Wanted(where or {}, extra, sort_time, progress)

@@ -1,7 +1,7 @@
 """Trees of tuples, NamedTuples, arrays and numbers as flat rows of scalars, and back."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -130,6 +130,19 @@ def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -
         return array.reshape(leaf.shape)
 
     return unflatten(structure, (leaf_value(leaf) for _, leaf in leaves(structure)))
+
+
+def side_by_side(trees: Sequence[Any]) -> Any:
+    """Trees of one structure as one, in lanes: every leaf with a trailing axis (..., B)."""
+    structure = structure_of(trees[0], "tree")
+    values = zip(*(flatten(structure, tree) for tree in trees), strict=True)
+    return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in values))
+
+
+def pick_lanes(tree: Any, index: int | slice) -> Any:
+    """One of the trees that stand in lanes, or several in lanes."""
+    structure = structure_of(tree, "tree")
+    return unflatten(structure, (values[..., index] for values in flatten(structure, tree)))
 
 
 def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:

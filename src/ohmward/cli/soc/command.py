@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from ohmward.battery.soc.registry import chosen_name
-from ohmward.cli.battery_inputs import estimate, make_soc_task
+from ohmward.cli.battery_inputs import estimate, estimate_cells, make_soc_task
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.soc.report import make_page
@@ -21,10 +21,11 @@ def run(args: argparse.Namespace) -> Outcome:
     with progress() as report:
         task = make_soc_task(args, report)
         name = chosen_name(args.filter.lower(), task.battery)
-        answer = estimate(task, name, args, report)
+        cells = estimate_cells(task, name, args, report)
+        answer = cells.soc_run if cells else estimate(task, name, args, report)
         if args.output:
             written = counting(report, f"writing {Path(args.output).name}")
-            write_table(estimate_table(task, answer), args.output, written)
-    figures = summary(task, name, answer)
-    page = partial(make_page, task, name, answer, figures)
+            write_table(estimate_table(task, answer, cells), args.output, written)
+    figures = summary(task, name, answer, cells)
+    page = partial(make_page, task, name, (answer, cells), figures)
     return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)

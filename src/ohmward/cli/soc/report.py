@@ -4,30 +4,47 @@ from __future__ import annotations
 
 from typing import Any
 
+from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
+from ohmward.cli.soc.cells import HEADER, cell_rows, cells_result
 from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, result
 from ohmward.cli.wording import duration, percent, quantity, sentence
 from ohmward.figures import battery as pictures
+from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Figure, Page
 
 
-def make_page(task: SocTask, name: str, answer: SocRun, figures: dict[str, Any]) -> Page:
+def make_page(task: SocTask, name: str, answers: tuple[SocRun, PackRun | None], figures: dict[str, Any]) -> Page:
     """Key figures, plots above each other on one clock, assumptions.
 
+    answers: of the battery, and of its cells where the log has them.
     figures: the summary of the run.
     """
+    answer, cells = answers
     what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
     explanation = figures["explanation"]
     page = Page(task.log.name, what, FOOTER)
     page = page.callout("info" if explanation["known"] else "warning", sentence(explanation["sentence"]))
     page = page.numbers(_numbers(figures)).plot(*_plots(task, answer))
+    if cells:
+        page = _cells(page, cells, figures)
     if explanation["causes"]:
         page = page.heading("What makes the band wide").table(CAUSE_HEADER, cause_rows(figures), sentence(SQUARES))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
     return with_assumptions(page, task.notes)
+
+
+def _cells(page: Page, cells: PackRun, figures: dict[str, Any]) -> Page:
+    """The page with the section on the cells of the pack."""
+    page = page.heading("Cells")
+    for warning in figures["cells"]["warnings"]:
+        page = page.callout("warning", sentence(warning["text"]))
+    page = page.table(["Quantity", "Value"], list(cells_result(figures).items()))
+    page = page.plot(cells_soc_figure(cells), cells_difference_figure(cells))
+    return page.table(HEADER, cell_rows(figures), "Half widths are those of the 95 % bands.")
 
 
 def _numbers(figures: dict) -> dict[str, str]:

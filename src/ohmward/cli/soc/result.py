@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
+from ohmward.cli.soc.cells import cell_columns, cells_summary, cells_text
 from ohmward.filters.consistency import BAND_95
 from ohmward.published.registry import title_of
 
@@ -19,7 +21,7 @@ CAUSE_HEADER = ("Cause", "Part of the band [points]", "Band if it were known [±
 SQUARES = "the squares of the parts add up to that of the band"
 
 
-def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
+def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = None) -> dict[str, Any]:
     """The object of --json."""
     log, estimates = task.log, answer.estimates
     voltage = voltage_score(log, estimates)
@@ -42,6 +44,7 @@ def summary(task: SocTask, name: str, answer: SocRun) -> dict[str, Any]:
         "current_offset_A": float(estimates.current_offset_A[-1]),
         "soh_capacity": float(estimates.soh_capacity[-1]),
         "resistance_ratio": float(estimates.resistance_ratio[-1]),
+        "cells": cells_summary(cells) if cells else None,
         "flags": answer.counts(),
         **soc_scores(log, estimates, task.truth.soc if task.truth else None),
         "truth": task.truth.note if task.truth else None,
@@ -56,6 +59,7 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
         title + title_of(figures["filter"]),
         textwrap.fill(wording.sentence(figures["explanation"]["sentence"]), wording.WIDTH),
         wording.fields(result(figures)),
+        cells_text(figures),
         causes(figures),
         errors(figures) if task.truth else "",
         wording.assumptions(task.notes),
@@ -107,7 +111,7 @@ def errors(figures: dict[str, Any]) -> str:
     return wording.table(["against the truth", "whole log", "after 1 h"], rows)
 
 
-def estimate_table(task: SocTask, answer: SocRun) -> dict[str, np.ndarray]:
+def estimate_table(task: SocTask, answer: SocRun, cells: PackRun | None = None) -> dict[str, np.ndarray]:
     """Columns (T,) of the estimates file, by name."""
     log, e = task.log, answer.estimates
     clock = {} if log.start_unix_s is None else {"unix_time_s": log.start_unix_s + log.time_s}
@@ -126,4 +130,5 @@ def estimate_table(task: SocTask, answer: SocRun) -> dict[str, np.ndarray]:
         "resistance_ratio": e.resistance_ratio,
         "flags": e.flags.astype(int),
     }
+    columns |= cell_columns(cells) if cells else {}
     return columns | ({"soc_truth": task.truth.soc} if task.truth else {})

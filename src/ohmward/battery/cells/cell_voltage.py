@@ -1,0 +1,151 @@
+"""Voltage of one cell minus that of the typical cell of its pack, and the variance beyond what the states describe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, Differences, TypicalCell
+from ohmward.battery.cells.spread import CellSpread
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
+from ohmward.filters.belief import Belief
+from ohmward.trace import clip, exp, maximum
+from ohmward.trace.expression import Scalar
+
+#: Least variance of a state of charge: no voltage tells it better.
+LEAST_VARIANCE = 1e-8
+#: Share of the hysteresis by which two cells that carry the same current differ.
+_HYSTERESIS_SHARE = 0.2
+
+
+class LinearCurve(NamedTuple):
+    """Open-circuit voltage over a belief of the state of charge.
+
+    voltage_V: mean [V].  slope: [V] for each unit of SoC.  variance: of what the straight line leaves [V^2].
+    """
+
+    voltage_V: Scalar
+    slope: Scalar
+    variance: Scalar
+
+
+class Expected(NamedTuple):
+    """Expected voltage of a cell minus that of the typical one.
+
+    voltage_V: mean [V].
+    slopes: its derivatives by the state.
+    variance: of what the states do not describe [V^2].
+    """
+
+    voltage_V: Scalar
+    slopes: Differences
+    variance: Scalar
+
+
+@dataclass(frozen=True)
+class CellVoltage:
+    """Difference of the voltages of a cell and of the typical one, both as of a pack of such cells.
+
+    Attributes:
+        model: the circuit of the pack.
+        noise: of the model.
+        n_series: cells in series.
+        spread: differences to expect.
+    """
+
+    model: Thevenin
+    noise: BatteryNoise
+    n_series: int
+    spread: CellSpread = field(default_factory=CellSpread)
+
+    def expect(
+        self, prior: Belief, typical: TypicalCell, charge_gain: Scalar, now: tuple[CircuitInput, np.ndarray]
+    ) -> Expected:
+        """The difference expected of a belief, linearised over it.
+
+        charge_gain: of the typical cell.
+        now: current and temperature, and the (n,) RC voltages of the typical cell with the resistances of the file.
+        """
+        u, pair_V = now
+        x, P, slip = Differences(*prior.mean), prior.cov, self.model.ocv_slip
+        soc = typical.soc + x.soc
+        variance = P[COMMON, COMMON] + 2.0 * P[COMMON, SOC] + P[SOC, SOC]
+        own = self.curve(soc, variance, slip * (charge_gain + x.charge_gain - 1.0), u)
+        common = self.curve(typical.soc, P[COMMON, COMMON], slip * (charge_gain - 1.0), u)
+        curve_std_V = self.curve_std_V(prior, typical, (own, common), u)
+        ratio, drop_V, pairs_V = typical.resistance_ratio, ohmic_drop(typical.soc, u, self.model), sum(pair_V)
+        own_drop_V = ratio * exp(x.ohmic_log) * ohmic_drop(soc, u, self.model)
+        own_pairs_V = ratio * exp(x.pair_log) * pairs_V
+        return Expected(
+            voltage_V=own.voltage_V
+            - common.voltage_V
+            + own_drop_V
+            + own_pairs_V
+            - ratio * (drop_V + pairs_V)
+            + curve_std_V * x.curve,
+            slopes=Differences(
+                common_soc=own.slope - common.slope,
+                soc=own.slope,
+                charge_gain=own.slope * slip * slip_shape(soc, slip),
+                ohmic_log=own_drop_V,
+                pair_log=own_pairs_V,
+                curve=curve_std_V,
+            ),
+            variance=self.white_variance(x, typical, (own_drop_V, own_pairs_V)) + own.variance + common.variance,
+        )
+
+    def white_variance(self, x: Differences, typical: TypicalCell, over_V: tuple[Scalar, Scalar]) -> Scalar:
+        """Variance of the channel, and of the overpotentials (ohmic, RC) beyond a common factor of each [V^2]."""
+        uneven = self.noise.overpotential_share_at(typical.soc) * (exp(x.pair_log) - 1.0)
+        share2 = self.spread.overpotential_share**2 + uneven * uneven
+        channel_V = self.n_series * self.spread.voltage_std_V
+        return channel_V * channel_V + share2 * sum(v * v for v in over_V)
+
+    def curve(self, soc: Scalar, variance: Scalar, slipped: Scalar, u: CircuitInput) -> LinearCurve:
+        """Open-circuit voltage of a cell whose electrodes have slipped, linearised over its belief of SoC.
+
+        Over three points of the belief, weights 1/6, 2/3, 1/6 (Gauss-Hermite), none beyond empty or full: statistical
+        linearisation (Gelb 1974, 6.2), because a knee is narrower than the belief.
+        """
+        step = np.sqrt(3.0 * maximum(variance, LEAST_VARIANCE))
+
+        def voltage(point: Scalar) -> Scalar:
+            inside = clip(point, 0.0, 1.0)
+            on_curve = inside + slipped * slip_shape(inside, self.model.ocv_slip)
+            return self.model.ocv.mean_V(on_curve, u.temperature_degC)
+
+        low, middle, high = voltage(soc - step), voltage(soc), voltage(soc + step)
+        below, above = low - middle, high - middle
+        mean, slope = (below + above) / 6.0, (high - low) / (2.0 * step)
+        left = (below * below + above * above) / 6.0 - mean * mean - slope * slope * step * step / 3.0
+        return LinearCurve(middle + mean, slope, maximum(left, 0.0))
+
+    def curve_std_V(
+        self, prior: Belief, typical: TypicalCell, curves: tuple[LinearCurve, LinearCurve], u: CircuitInput
+    ) -> Scalar:
+        """Standard deviation of the difference of the open-circuit voltages beyond that of the curve [V].
+
+        Two cells at the same state of charge differ by their making. At two states of charge d apart the errors of the
+        file's curve differ too: by its axis where the slope is another, and by 2 (1 - e^(-|d| / length)) of its
+        variance.
+
+        curves: of the cell and of the typical one.
+        """
+        x, spread, noise = Differences(*prior.mean), self.spread, self.noise
+        soc, slope, slope_of_typical = typical.soc + x.soc, curves[0].slope, curves[1].slope
+        gain2 = x.charge_gain * x.charge_gain + prior.cov[GAIN, GAIN]
+        distance = np.sqrt(x.soc * x.soc + prior.cov[SOC, SOC])
+        model_std_V = noise.model_std_at(soc)
+        terms = (
+            self.n_series * spread.curve_std_V,
+            spread.soc_axis_std * slope,
+            noise.ocv_slip_std * slip_shape(soc, self.model.ocv_slip) * np.sqrt(gain2) * slope,
+            noise.soc_axis_std * (slope - slope_of_typical),
+            _HYSTERESIS_SHARE * self.model.hysteresis_V_at(soc, u.temperature_degC),
+        )
+        of_curve_V2 = model_std_V * model_std_V * 2.0 * (1.0 - exp(-distance / noise.model_soc_length))
+        return np.sqrt(sum(term * term for term in terms) + of_curve_V2)

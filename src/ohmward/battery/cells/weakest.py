@@ -1,0 +1,68 @@
+"""The weakest cell, and the charge that it leaves of the pack.
+
+The string carries one current. A discharge ends when the first cell is empty, a charge when the first one is full:
+
+    usable charge = min of s_k Q_k,    room for charge = min of (1 - s_k) Q_k,
+    capacity of the pack = usable + room,    SoC of the pack = usable / (usable + room)      (Plett 2015, BMS II, 4.1)
+
+Equal cells give the SoC and the capacity of a cell.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.cells.cell_sample import CellEstimate
+
+
+class PackState(NamedTuple):
+    """State of a pack by its cells; numbers, or (T,) each.
+
+    soc, soc_std: of the pack, in [0, 1]: 0 when the first cell is empty, 1 when the first one is full.
+    usable_Ah, usable_std_Ah: charge until the first cell is empty.
+    capacity_Ah: charge between the ends that the cells set.
+    weakest: index of the cell that will be empty first.
+    weakest_soc, weakest_soc_std: its state of charge.
+    soc_spread: state of charge of the fullest cell minus that of the emptiest.
+    """
+
+    soc: Any
+    soc_std: Any
+    usable_Ah: Any
+    usable_std_Ah: Any
+    capacity_Ah: Any
+    weakest: Any
+    weakest_soc: Any
+    weakest_soc_std: Any
+    soc_spread: Any
+
+
+def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
+    """State of the pack.
+
+    cells: every field (..., n).
+    typical_Ah: (...,) capacity of the typical cell.
+    """
+    capacity_Ah = np.asarray(typical_Ah)[..., None] * cells.capacity_ratio
+    charge_Ah, room_Ah = cells.soc * capacity_Ah, (1.0 - cells.soc) * capacity_Ah
+    weakest = np.argmin(charge_Ah, axis=-1)
+
+    def of_weakest(values: np.ndarray) -> np.ndarray:
+        return np.take_along_axis(values, weakest[..., None], axis=-1)[..., 0]
+
+    usable_Ah, room = of_weakest(charge_Ah), np.min(room_Ah, axis=-1)
+    pack_Ah = usable_Ah + room
+    usable_std_Ah = of_weakest(capacity_Ah * cells.soc_std)
+    return PackState(
+        soc=usable_Ah / pack_Ah,
+        soc_std=usable_std_Ah / pack_Ah,
+        usable_Ah=usable_Ah,
+        usable_std_Ah=usable_std_Ah,
+        capacity_Ah=pack_Ah,
+        weakest=weakest,
+        weakest_soc=of_weakest(cells.soc),
+        weakest_soc_std=of_weakest(cells.soc_std),
+        soc_spread=np.max(cells.soc, axis=-1) - np.min(cells.soc, axis=-1),
+    )
