@@ -15,7 +15,7 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
-    "explanation", "flags", "truth", "notes", "output", "report",
+    "explanation", "cells", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
 LATE = {f"{name}_after_1h" for name in SCORES}

@@ -102,7 +102,7 @@ def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None)
     if find_column(file.source, file.names, optional, file.given(columns), {}, leave):
         return file
     row = rows[0]
-    name = f"voltage of {len(row)} cells [V]"
+    name = "pack voltage [V]"
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         table = file.load([*names, *(row if name in names else ())], progress)

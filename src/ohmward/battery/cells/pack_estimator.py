@@ -56,10 +56,12 @@ class PackRun(Run[PackEstimate]):
     Attributes:
         names: (n,) of the cells.
         soc_run: that of the typical cell.
+        log: with the voltage of a pack of typical cells, which that run has seen.
     """
 
     names: tuple[str, ...]
     soc_run: SocRun
+    log: Log
 
     flag_type = SocFlag
 
@@ -142,7 +144,7 @@ class PackEstimator:
             InputError: something else than numbers, or of another count than the cells of the battery.
         """
         cells_V = numbers("cell_voltages_V", cell_voltages_V, self.settings.n_series)
-        dt_s = 0.0 if self.typical.last is None else time_s - self.typical.time_s
+        dt_s = 0.0 if self.typical.state is None else time_s - self.typical.time_s
         pack_V = float(self.typical_voltage(cells_V[None])[0])
         now = self.typical.update(time_s, current_A, pack_V, temperature_degC)
         typical = _typical_cell(now, pack_V)
@@ -189,7 +191,7 @@ class PackEstimator:
         cells = self._scan(lanes)
         estimates = self._estimate(soc_run.estimates, cells)
         self.last = estimate_at(estimates, -1)
-        return PackRun(log.time_s, estimates, time.perf_counter() - began, names or found, soc_run)
+        return PackRun(log.time_s, estimates, time.perf_counter() - began, names or found, soc_run, of_typical)
 
     def warnings(self) -> tuple[CellWarning, ...]:
         """Warnings about cells that have drifted apart, after the last sample."""

@@ -54,10 +54,12 @@ def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
 
     usable_Ah, room = of_weakest(charge_Ah), np.min(room_Ah, axis=-1)
     pack_Ah = usable_Ah + room
-    usable_std_Ah = of_weakest(capacity_Ah * cells.soc_std)
+    of_soc_Ah = of_weakest(capacity_Ah * cells.soc_std)
+    of_capacity_Ah = of_weakest(charge_Ah * cells.capacity_ratio_std / cells.capacity_ratio)
+    usable_std_Ah = np.hypot(of_soc_Ah, of_capacity_Ah)
     return PackState(
         soc=usable_Ah / pack_Ah,
-        soc_std=usable_std_Ah / pack_Ah,
+        soc_std=of_soc_Ah / pack_Ah,
         usable_Ah=usable_Ah,
         usable_std_Ah=usable_std_Ah,
         capacity_Ah=pack_Ah,

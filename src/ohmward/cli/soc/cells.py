@@ -50,6 +50,15 @@ def cells_result(figures: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def cells_sentence(figures: dict[str, Any]) -> str:
+    """SoC of the pack and its weakest cell in one sentence; nothing for a log without cells."""
+    if not figures["cells"]:
+        return ""
+    cells = figures["cells"]
+    pack = _band(cells["soc"], cells["soc_std"])
+    return f"Pack {pack} %: {cells['weakest']} will be empty first. Typical cell: "
+
+
 def cells_text(figures: dict[str, Any]) -> str:
     """The cells for people; nothing for a log without them."""
     if not figures["cells"]:

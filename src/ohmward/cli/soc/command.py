@@ -26,6 +26,8 @@ def run(args: argparse.Namespace) -> Outcome:
         if args.output:
             written = counting(report, f"writing {Path(args.output).name}")
             write_table(estimate_table(task, answer, cells), args.output, written)
+    if cells:
+        task = task._replace(log=cells.log)
     figures = summary(task, name, answer, cells)
     page = partial(make_page, task, name, (answer, cells), figures)
     return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)

@@ -9,7 +9,7 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.soc.cells import HEADER, cell_rows, cells_result
-from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, result
+from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, headline, result
 from ohmward.cli.wording import duration, percent, quantity, sentence
 from ohmward.figures import battery as pictures
 from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
@@ -27,7 +27,7 @@ def make_page(task: SocTask, name: str, answers: tuple[SocRun, PackRun | None], 
     what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
     explanation = figures["explanation"]
     page = Page(task.log.name, what, FOOTER)
-    page = page.callout("info" if explanation["known"] else "warning", sentence(explanation["sentence"]))
+    page = page.callout("info" if explanation["known"] else "warning", headline(figures))
     page = page.numbers(_numbers(figures)).plot(*_plots(task, answer))
     if cells:
         page = _cells(page, cells, figures)

@@ -12,7 +12,7 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
-from ohmward.cli.soc.cells import cell_columns, cells_summary, cells_text
+from ohmward.cli.soc.cells import cell_columns, cells_sentence, cells_summary, cells_text
 from ohmward.filters.consistency import BAND_95
 from ohmward.published.registry import title_of
 
@@ -57,13 +57,18 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
     title = f"{figures['log']} with battery {figures['battery']!r}\n{figures['filter']}: "
     return wording.paragraphs(
         title + title_of(figures["filter"]),
-        textwrap.fill(wording.sentence(figures["explanation"]["sentence"]), wording.WIDTH),
+        textwrap.fill(headline(figures), wording.WIDTH),
         wording.fields(result(figures)),
         cells_text(figures),
         causes(figures),
         errors(figures) if task.truth else "",
         wording.assumptions(task.notes),
     )
+
+
+def headline(figures: dict[str, Any]) -> str:
+    """State of charge in a sentence, that of the pack first where the log has its cells."""
+    return cells_sentence(figures) + wording.sentence(figures["explanation"]["sentence"])
 
 
 def result(figures: dict[str, Any]) -> dict[str, str]:
