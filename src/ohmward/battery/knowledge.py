@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ohmward.checks import require_finite
+from ohmward.checks import require_between, require_finite
 from ohmward.errors import InputError
 
 
@@ -40,11 +40,14 @@ class Knowledge:
         names: (K,) of the parameters, as `learning.parameters` defines them.
         covariance: (K (K + 1) / 2,) lower triangle, row by row.
         logs: that the battery has learnt from, in their order.
+        seen_from_soc: lowest state of charge that they have shown. Above it the curve is known over the charge below
+            full, whatever the capacity is; below it, along SoC.
     """
 
     names: tuple[str, ...]
     covariance: tuple[float, ...]
     logs: tuple[SeenLog, ...] = ()
+    seen_from_soc: float = 1.0
 
     def __post_init__(self) -> None:
         size = len(self.names)
@@ -54,12 +57,15 @@ class Knowledge:
                 f"{size * (size + 1) // 2} numbers, got {len(self.covariance)}; remove [knowledge] to begin anew"
             )
         require_finite("knowledge.covariance", self.covariance)
+        require_between("knowledge.seen_from_soc", self.seen_from_soc, 0.0, 1.0)
 
     @classmethod
-    def of(cls, names: Sequence[str], covariance: np.ndarray, logs: Sequence[SeenLog] = ()) -> Knowledge:
+    def of(
+        cls, names: Sequence[str], covariance: np.ndarray, logs: Sequence[SeenLog] = (), seen_from_soc: float = 1.0
+    ) -> Knowledge:
         """The knowledge with this covariance (K, K)."""
         lower = covariance[np.tril_indices(len(names))]
-        return cls(tuple(names), tuple(lower.tolist()), tuple(logs))
+        return cls(tuple(names), tuple(lower.tolist()), tuple(logs), seen_from_soc)
 
     @property
     def matrix(self) -> np.ndarray:

@@ -17,6 +17,7 @@ from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.identification.ocv_from_low_rate import monotone
 from ohmward.battery.knowledge import Knowledge, SeenLog
+from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
@@ -56,71 +57,79 @@ def model_floor_V(battery: Battery) -> float:
     return cell_V * float(np.mean(thevenin_of(battery).ocv.voltage_V)) / CELL_V
 
 
-def fold(battery: Battery, theta: np.ndarray, covariance: np.ndarray, logs: Sequence[SeenLog]) -> Battery:
+def fold(
+    battery: Battery, theta: np.ndarray, covariance: np.ndarray, lowest_soc: float, logs: Sequence[SeenLog]
+) -> Battery:
     """The battery with the corrections theta (K,) made, and with the covariance (K, K) of what is left of their errors.
 
-    logs: all that it has learnt from.
+    lowest_soc: that the log has shown, by the new capacity; logs: all that it has learnt from.
     """
     p = parameters_of(battery)
-    covariance = covariance_of_folded(battery, p, theta, covariance)
-    model = folded_model(battery, p, theta)
-    gain = float(np.exp(theta[p.group("capacity")].sum()))
-    sensor = battery.sensor
-    offset = p.group("offset")
+    log_ratio = float(theta[p.group("capacity")].sum())
+    before = CurvePlace(1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc, log_ratio)
+    seen_from = float(np.clip(min(lowest_soc, float(true_soc(np.array(before.seen_from_soc), log_ratio))), 0.0, 1.0))
+    covariance = covariance_of_folded(battery, p, theta, covariance, before, seen_from)
+    model = folded_model(battery, p, theta, before)
+    sensor, offset = battery.sensor, p.group("offset")
     if theta[offset].size:
         std_A = float(np.sqrt(covariance[offset, offset][0, 0]))
         sensor = replace(sensor, offset_A=sensor.offset_A + float(theta[offset][0]), offset_std_A=std_A)
     folded = replace(
         battery,
-        capacity_Ah=battery.capacity_Ah * gain,
+        capacity_Ah=model.capacity_Ah,
         thevenin=model,
         rc=None if battery.rc is None else rc_of_thevenin(model),
         sensor=sensor,
-        knowledge=Knowledge.of(p.names, covariance, logs),
+        knowledge=Knowledge.of(p.names, covariance, logs, seen_from),
     )
     noise = folded_noise(folded, p, covariance)
     return replace(folded, noise=noise, rc_noise=_like(noise, battery.rc_noise))
 
 
-def covariance_of_folded(battery: Battery, p: Parameters, theta: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(K, K) covariance of the corrections of the new file, whose curve is known over the charge below full.
+def covariance_of_folded(
+    battery: Battery,
+    p: Parameters,
+    theta: np.ndarray,
+    covariance: np.ndarray,
+    before: CurvePlace,
+    seen_from_soc: float,
+) -> np.ndarray:
+    """(K, K) covariance of the corrections of the new file, whose knots lie elsewhere along the charge below full.
 
-    The knots of the old file lie elsewhere along the new SoC. A curve that was known along SoC moved with the capacity
-    and slipped: both errors are now those of its knots.
+    The stretch of the curve that was seen now no longer moves with the capacity, and that which slipped no longer
+    slips: both errors are now those of the knots.
     """
     ocv, slip, capacity = p.group("ocv"), p.group("slip"), p.group("capacity")
-    log_ratio = float(theta[capacity].sum())
-    old_soc = _old_soc(OCV_KNOTS, log_ratio)
+    model, old = thevenin_of(battery), file_charge(OCV_KNOTS, before.log_ratio)
+    z = before.at(old)
+    steep_V = mean_slope_V(model.ocv, np.clip(z, 0.0, 1.0))
     T = np.eye(p.size)
-    T[ocv, ocv] = hat(old_soc, OCV_KNOTS)
+    T[ocv, ocv] = hat(old, OCV_KNOTS)
+    moved = before.by_log_ratio(old) - CurvePlace(seen_from_soc, 0.0).by_log_ratio(OCV_KNOTS)
     if battery.knowledge is None:
-        model = thevenin_of(battery)
-        shape, steep_V = slip_shape(OCV_KNOTS, model.ocv_slip), mean_slope_V(model.ocv, OCV_KNOTS)
-        slipped = (model.ocv_slip + theta[slip].sum()) * shape * np.exp(-log_ratio)
-        T[ocv, capacity] = (steep_V * (1.0 - OCV_KNOTS - slipped))[:, None]
-        T[ocv, slip] = (steep_V * shape * np.expm1(-log_ratio))[:, None]
-    moved = T @ covariance @ T.T
+        shape = slip_shape(z, model.ocv_slip)
+        moved -= (model.ocv_slip + theta[slip].sum()) * shape * np.exp(-before.log_ratio)
+        T[ocv, slip] = (steep_V * shape * np.expm1(-before.log_ratio))[:, None]
+    T[ocv, capacity] = (steep_V * moved)[:, None]
+    carried_over = T @ covariance @ T.T
     std_V = battery.noise.model_std_V[0]
-    beyond = np.maximum(-old_soc, 0.0)  # beyond the old empty nothing is known but how fast such curves change
-    moved[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
-    return moved
+    beyond = np.maximum(-old, 0.0)  # beyond the old empty nothing is known but how fast such curves change
+    carried_over[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
+    return carried_over
 
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
     model, direction = thevenin_of(battery), np.zeros(p.size)
-    direction[p.group("capacity")] = 1.0
+    seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
+    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).by_log_ratio(OCV_KNOTS)
     slipped = model.ocv_slip * slip_shape(OCV_KNOTS, model.ocv_slip)
-    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * (1.0 - OCV_KNOTS - slipped)
+    direction[p.group("capacity")] = 1.0
+    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * (pinned - slipped)
     return direction
 
 
-def _old_soc(soc: np.ndarray, log_ratio: float) -> np.ndarray:
-    """SoC by the old capacity with the same charge below full, where the new one is larger by this logarithm."""
-    return 1.0 - (1.0 - soc) * np.exp(log_ratio)
-
-
-def folded_model(battery: Battery, p: Parameters, theta: np.ndarray) -> Thevenin:
+def folded_model(battery: Battery, p: Parameters, theta: np.ndarray, before: CurvePlace) -> Thevenin:
     """The circuit with the corrections made."""
     model = thevenin_of(battery)
     capacity_Ah = model.capacity_Ah * float(np.exp(theta[p.group("capacity")].sum()))
@@ -129,7 +138,7 @@ def folded_model(battery: Battery, p: Parameters, theta: np.ndarray) -> Thevenin
     return replace(
         model,
         capacity_Ah=capacity_Ah,
-        ocv=folded_curve(model, p, theta, battery.knowledge is not None),
+        ocv=folded_curve(model, p, theta, before, battery.knowledge is not None),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
         r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
         r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
@@ -142,18 +151,19 @@ def folded_model(battery: Battery, p: Parameters, theta: np.ndarray) -> Thevenin
     )
 
 
-def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray, pinned: bool) -> OcvCurve:
+def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray, before: CurvePlace, learnt: bool) -> OcvCurve:
     """The open-circuit curve with the corrections made, as far as they leave it rising.
 
-    pinned: True for a curve that is known over the charge below full, False for one known along SoC.
+    before: places on the old curve; learnt: False for a curve whose electrodes may have slipped since its test.
     """
     ocv = model.ocv
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
-    log_ratio = float(theta[p.group("capacity")].sum())
-    slip = model.ocv_slip + float(theta[p.group("slip")].sum())
-    old_soc = _old_soc(soc, log_ratio)
-    place = old_soc if pinned else soc + slip * slip_shape(soc, model.ocv_slip) * np.expm1(-log_ratio)
-    voltage_V = np.asarray(ocv.mean_V(place, ocv.reference_degC)) + hat(old_soc, OCV_KNOTS) @ theta[p.group("ocv")]
+    old = file_charge(soc, before.log_ratio)
+    z = before.at(old)
+    if not learnt:
+        slip = model.ocv_slip + float(theta[p.group("slip")].sum())
+        z = z + slip * slip_shape(z, model.ocv_slip) * np.expm1(-before.log_ratio)
+    voltage_V = np.asarray(ocv.mean_V(z, ocv.reference_degC)) + hat(old, OCV_KNOTS) @ theta[p.group("ocv")]
     larger = float(np.exp(theta[p.group("hysteresis")].sum()))
     slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
     if theta[p.group("entropy")].size:
@@ -235,7 +245,9 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
     # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
     slope_V = mean_slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
-    rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID))[:, None]
+    seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
+    stretched = CurvePlace(seen_from, 0.0).by_log_ratio(_NOISE_GRID)
+    rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
     floor_V2 = model_floor_V(battery) ** 2

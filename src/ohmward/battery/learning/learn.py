@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.knowledge import SeenLog
+from ohmward.battery.knowledge import Knowledge, SeenLog
+from ohmward.battery.learning.capacity_marginal import capacity_marginal, with_marginal
 from ohmward.battery.learning.fingerprint import fingerprint, unseen
 from ohmward.battery.learning.fold import ageing_direction, capacity_normal, fold, model_floor_V, resistance_normal
 from ohmward.battery.learning.log_faults import usable_log
@@ -38,6 +39,9 @@ Progress = Callable[[str, float], None]
 
 #: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
 _TOLD_STD = 0.03
+#: Random walk of the logarithms of capacity and resistances by use, in one full cycle: cells lose 0.02 to 0.3 % of
+#: their capacity in one, and a trend that goes on for some ten cycles is followed.
+_CYCLE_WALK = 0.005
 #: Steps of the search with which hills of the posterior are compared.
 _FEW_STEPS = 3
 #: Every so many rows are enough to compare them.
@@ -131,7 +135,7 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
         if not new:
             return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
         anchors = tuple(anchor for stretch in new for anchor in find_anchors(stretch, battery))
-        aged = aged_by(battery, prior_covariance(battery), hours_since_last(battery, log))
+        aged = aged_by(battery, hours_since_last(battery, log), log)
         parts = _learn_parts(aged, new, anchors, initial_soc if new[0].time_s[0] == log.time_s[0] else None)
     except InputError as refusal:
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
@@ -142,18 +146,25 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
 
 
-def aged_by(battery: Battery, covariance: np.ndarray, hours: float) -> Battery:
-    """The battery whose capacity and resistances have aged for so long: its knowledge has the walk of its noise."""
-    p, noise = parameters_of(battery), battery.noise
-    direction = ageing_direction(battery, p)
-    covariance = covariance + noise.capacity_walk_variance(SECONDS_PER_HOUR * hours) * np.outer(direction, direction)
-    grown = noise.resistance_walk_variance(SECONDS_PER_HOUR * hours)
+def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
+    """The battery that has aged for so long, and by the charge that goes through it in the log.
+
+    Its knowledge has the walk of its noise, and the walk of the capacity by use.
+    """
+    if battery.knowledge is None:
+        return battery
+    p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours
+    moved_Ah = float(np.nansum(np.abs(log.current_A[1:]) * np.diff(log.time_s))) / SECONDS_PER_HOUR
+    cycles = 0.5 * moved_Ah / battery.capacity_Ah
+    covariance, direction = battery.knowledge.matrix, ageing_direction(battery, p)
+    capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
+    covariance += capacity_variance * np.outer(direction, direction)
     together = np.r_[p.group("ohmic"), p.group("pair")]
-    covariance[np.ix_(together, together)] += grown
-    walk_A2 = battery.sensor.offset_walk_variance(SECONDS_PER_HOUR * hours)
-    covariance[p.group("offset"), p.group("offset")] += walk_A2
-    seen = () if battery.knowledge is None else battery.knowledge.logs
-    return fold(battery, np.zeros(p.size), covariance, seen) if battery.knowledge else battery
+    resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
+    covariance[np.ix_(together, together)] += resistance_variance
+    covariance[p.group("offset"), p.group("offset")] += battery.sensor.offset_walk_variance(span_s)
+    aged = Knowledge.of(p.names, covariance, battery.knowledge.logs, battery.knowledge.seen_from_soc)
+    return replace(battery, knowledge=aged)
 
 
 def hours_since_last(battery: Battery, log: Log) -> float:
@@ -187,12 +198,15 @@ def _soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Lesson of one part."""
     model = VoltageModel(battery, samples, samples.rows)
+    q = model.parameters.group("capacity").start
     prior = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
+    found = with_marginal(found, q, capacity_marginal(model, prior, anchors, found))
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
-    after = fold(battery, found.x[:K], found.covariance[:K, :K], seen)
+    lowest_soc = float(found.soc.min())
+    after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, seen)
     return _Part(after, found, model, own_shares(model, prior, found, after))
 
 
@@ -218,8 +232,7 @@ def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, .
         candidates.append(x)
     if len(candidates) == 1:
         return candidates[0]
-    coarse = VoltageModel(model.battery, model.samples, model.rows[::_COARSE])
-    tried = [solve(coarse, prior, anchors, x, _FEW_STEPS) for x in candidates]
+    tried = [solve(model.linear_about(x, _COARSE), prior, anchors, x, _FEW_STEPS) for x in candidates]
     return min(tried, key=lambda solution: solution.cost).x
 
 
@@ -227,7 +240,7 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
     """Lesson of the log, from the batteries before and after it."""
     old, new = prior_covariance(before), prior_covariance(after)
     p = parameters_of(after)
-    socs = [part.model.predict(part.solution.x).soc_anywhere for part in parts]
+    socs = [part.solution.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
     offset = p.group("offset")
     information = narrowed(p, old, new)
@@ -255,8 +268,7 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
 def _soc_at(part: _Part, sample: int) -> Normal:
     """State of charge at a sample of a part."""
     columns = part.model.soc_columns(part.solution.x, np.array([sample]))[0]
-    soc = part.model.predict(part.solution.x).soc_anywhere[sample]
-    return Normal(float(soc), float(np.sqrt(columns @ part.solution.covariance @ columns)))
+    return Normal(float(part.solution.soc[sample]), float(np.sqrt(columns @ part.solution.covariance @ columns)))
 
 
 def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:

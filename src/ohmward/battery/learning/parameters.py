@@ -25,6 +25,8 @@ RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])
 ENTROPY_KNOTS = np.array([0.0, 0.5, 1.0])
 
+#: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis ends there.
+_FULL_STD = 0.01
 #: Correlation length [SoC] of a resistance about its level, of the axis and of the curve's change with temperature.
 _RESISTANCE_LENGTH, _AXIS_LENGTH, _ENTROPY_LENGTH = 0.3, 1.0, 0.2
 #: The relative error of the overpotential is a mean over resistances that err apart: one at one SoC errs by so many of
@@ -195,7 +197,9 @@ class _Prior(NamedTuple):
     def ocv(self) -> np.ndarray:
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
         curve = np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
-        axis_V = self.noise.soc_axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
+        full_std = self.noise.soc_axis_std if self.model.gassing_V else min(self.noise.soc_axis_std, _FULL_STD)
+        axis_std = np.interp(OCV_KNOTS, [0.0, 1.0], [self.noise.soc_axis_std, full_std])
+        axis_V = axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
         return curve + np.outer(axis_V, axis_V) * _correlation(OCV_KNOTS, _AXIS_LENGTH)
 
     @property

@@ -19,6 +19,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.clean_sample import is_current, is_temperature, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.runs import runs
 
 #: Charge and overpotentials are summed over steps of so long [s], a tenth of a usual fast pair of a cell, and one in
 #: so many of them is a row.
@@ -37,6 +38,8 @@ _NEAR = 0.25
 _MOST_UNKNOWN = 0.5
 #: The charge that samples leave open between them is followed in so many steps.
 _PATH_STEPS = 20
+#: A shorter rest may be the zero crossing of a drive [s].
+_REST_S = 60.0
 #: Less than this of SoC is not worth following.
 _LEAST_PATH = 1e-3
 
@@ -48,6 +51,13 @@ class Jump(NamedTuple):
     std: float
 
 
+class DeclaredRest(NamedTuple):
+    """A rest whose true current is declared: its last sample, and what the sensor shows beyond it on average [A]."""
+
+    sample: int
+    excess_A: float
+
+
 class Samples(NamedTuple):
     """Samples of a part of a log, (T,) each; values of an interval are those of the one that ends at the sample.
 
@@ -57,6 +67,7 @@ class Samples(NamedTuple):
     voltage_V: measured, nan where it was not, or where the battery gases.
     gaps: indices of the first samples after a gap.
     jumps: changes of SoC that the current does not show, gaps among them.
+    rests: rests whose true current the battery file declares.
     rows: (N,) indices of the samples whose voltage is compared.
     row_s: time for which each of them stands [s].
     """
@@ -71,6 +82,7 @@ class Samples(NamedTuple):
     voltage_V: np.ndarray
     gaps: np.ndarray
     jumps: tuple[Jump, ...]
+    rests: tuple[DeclaredRest, ...]
     rows: np.ndarray
     row_s: float
 
@@ -200,6 +212,7 @@ def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
         voltage_V=voltage_V,
         gaps=gaps,
         jumps=(*_jumps_at_gaps(dt_s, gaps), *_path_jumps(path)),
+        rests=tuple(_declared_rests(clean.current_A[part], clean.time_s[part], battery)),
         rows=rows,
         row_s=every * usual_s,
     )
@@ -217,3 +230,15 @@ def _path_jumps(path: np.ndarray) -> list[Jump]:
         return []
     at = np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS) / _PATH_STEPS)
     return [Jump(int(k), float(np.sqrt(variance[-1] / _PATH_STEPS))) for k in np.unique(at)]
+
+
+def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery) -> Iterator[DeclaredRest]:
+    """Rests of `_REST_S` and more in which the current is the declared one within noise and offset of its sensor."""
+    if battery.idle_current_A is None:
+        return
+    sensor = battery.sensor
+    excess_A = current_A - battery.idle_current_A
+    resting = np.abs(excess_A - sensor.offset_A) < 3.0 * sensor.noise_std_A + 2.0 * sensor.offset_std_A
+    for first, stop in runs(resting):
+        if time_s[stop - 1] - time_s[first] >= _REST_S:
+            yield DeclaredRest(stop - 1, float(excess_A[first:stop].mean()))

@@ -23,6 +23,10 @@ _MOST_STEPS, _MOST_HALVINGS, _SMALL_STEP = 10, 4, 0.03
 #: The model errs by this share of the overpotential at least, however many parameters fit it; more than
 #: `_LARGEST_SHARE` is what the parameters themselves leave open before they are learnt.
 _LARGEST_SHARE = 0.1
+#: Rounds in which the misfit is found, and by what factor it may still grow.
+_ROUNDS, _SAME_MISFIT = 2, 1.05
+#: Keeps the offset that a rest shows from being exact [A].
+_LEAST_OFFSET_A = 1e-6
 #: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.
 _SOC_STD = 0.003
 #: SoC cannot leave 0 to 1 but for the error of full and empty themselves.
@@ -50,7 +54,8 @@ class Solution(NamedTuple):
     x, covariance: (n,) and (n, n) of parameters and nuisances.
     cost: sum of squares at the minimum.
     residual_V: (N,) measured minus expected voltage in the rows; variance_V2: (N,) what was expected of its square.
-    weight: (N,) of each row.  misfit: by what factor the residuals exceed their variance, 1 where they do not.
+    weight: (N,) of each row.  misfit: factor by which the residuals exceed their variance, 1 where they do not.
+    soc: (T,) state of charge at every sample.
     """
 
     x: np.ndarray
@@ -60,14 +65,19 @@ class Solution(NamedTuple):
     variance_V2: np.ndarray
     weight: np.ndarray
     misfit: float
+    soc: np.ndarray
 
 
 class _Rows(NamedTuple):
-    """A linear least-squares problem about a point: weighted residuals (R,), derivatives (R, n) and their cost."""
+    """A linear least-squares problem about a point: weighted residuals (R,), derivatives (R, n) and their cost.
+
+    prediction: at the point.
+    """
 
     residual: np.ndarray
     columns: np.ndarray
     cost: float
+    prediction: VoltagePrediction
 
 
 def solve(
@@ -77,15 +87,34 @@ def solve(
     precision = np.linalg.inv(prior.covariance)
     search = _Search(model, prior.mean, precision, anchors)
     x, misfit = start, 1.0
-    for _ in range(2):
-        x, H = search.minimise(x, misfit, most_steps)
-        residual_V, variance_V2, weight = search.errors(model.predict(x))
+    for _ in range(_ROUNDS):
+        x, H, there = search.minimise(x, misfit, most_steps)
+        residual_V, variance_V2, weight = search.errors(there.prediction)
         found = misfit_of(residual_V, variance_V2)
-        if found <= 1.05 * misfit:
+        if found <= _SAME_MISFIT * misfit:
             break
         misfit = found
-    cost = search.problem(x, misfit).cost
-    return Solution(x, np.linalg.inv(H), cost, residual_V, variance_V2, weight / misfit, misfit)
+    soc = there.prediction.soc_anywhere
+    return Solution(x, np.linalg.inv(H), there.cost, residual_V, variance_V2, weight / misfit, misfit, soc)
+
+
+def solve_at(
+    model: VoltageModel,
+    prior: Normals,
+    anchors: Sequence[SocAnchor],
+    start: np.ndarray,
+    fixed: int,
+    value: float,
+    misfit: float,
+    most_steps: int,
+) -> tuple[np.ndarray, float]:
+    """The most likely unknowns with one of them fixed, and -2 ln of its marginal density up to a constant."""
+    search = _Search(model, prior.mean, np.linalg.inv(prior.covariance), anchors, fixed)
+    x = start.copy()
+    x[fixed] = value
+    x, H, there = search.minimise(x, misfit, most_steps)
+    free = np.delete(np.arange(x.size), fixed)
+    return x, there.cost + float(np.linalg.slogdet(H[np.ix_(free, free)])[1])
 
 
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
@@ -99,20 +128,33 @@ def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
 class _Search:
     """The search for the minimum of one part."""
 
-    def __init__(self, model: VoltageModel, mean: np.ndarray, precision: np.ndarray, anchors: Sequence[SocAnchor]):
+    def __init__(
+        self,
+        model: VoltageModel,
+        mean: np.ndarray,
+        precision: np.ndarray,
+        anchors: Sequence[SocAnchor],
+        fixed: int | None = None,
+    ):
         self.model, self.mean, self.precision, self.anchors = model, mean, precision, anchors
+        self.free = np.array([k for k in range(mean.size) if k != fixed])
         self.measured_V = model.samples.voltage_V[model.rows]
         noise: BatteryNoise = model.battery.noise
         self.white_V2 = noise.voltage_std_V**2
         row_s = model.samples.row_s * model.samples.rows.size / max(model.rows.size, 1)
         self.weight = np.full(model.rows.size, row_s / max(row_s, 2 * noise.correlation_s))
+        # of an error that holds on, the first sample is as good as any: a rest before a drive counts
+        self.weight[np.unique(np.searchsorted(model.rows, model.starts).clip(0, model.rows.size - 1))] = 1.0
+        self.offset_std_A = max(model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
 
-    def minimise(self, x: np.ndarray, misfit: float, most_steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """The minimum and the Hessian (n, n) there."""
+    def minimise(self, x: np.ndarray, misfit: float, most_steps: int) -> tuple[np.ndarray, np.ndarray, _Rows]:
+        """The minimum, the Hessian (n, n) and the rows there."""
         here = self.problem(x, misfit)
         H = self.hessian(here)
         for _ in range(most_steps):
-            step = np.linalg.solve(H, here.columns.T @ here.residual + self.precision @ (self.mean - x))
+            gradient = here.columns.T @ here.residual + self.precision @ (self.mean - x)
+            step = np.zeros(x.size)
+            step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], gradient[self.free])
             shorter = 1.0
             for _ in range(_MOST_HALVINGS):
                 there = self.problem(x + shorter * step, misfit)
@@ -126,7 +168,7 @@ class _Search:
             H = self.hessian(here)
             if small:
                 break
-        return x, H
+        return x, H, here
 
     def hessian(self, rows: _Rows) -> np.ndarray:
         """Of half the cost, by Gauss and Newton."""
@@ -141,13 +183,15 @@ class _Search:
         scale = np.sqrt(weight * robust / (variance_V2 * misfit))
         pseudo_huber = 2 * _ROBUST_AT**2 * (1.0 / robust - 1.0)
         of_soc, soc_columns = self.soc_rows(x, p)
-        residual = np.concatenate([scale * residual_V, of_soc])
-        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns])
+        of_offset, offset_columns = self.model.offset_rows(x)
+        told = np.concatenate([of_soc, of_offset / self.offset_std_A])
+        residual = np.concatenate([scale * residual_V, told])
+        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / self.offset_std_A])
         off = x - self.mean
         # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
         width = weight @ np.log(variance_V2)
-        cost = weight @ pseudo_huber + of_soc @ of_soc + off @ self.precision @ off + width
-        return _Rows(residual, columns, float(cost))
+        cost = weight @ pseudo_huber + told @ told + off @ self.precision @ off + width
+        return _Rows(residual, columns, float(cost), p)
 
     def errors(self, p: VoltagePrediction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N,) residual [V], its variance as of a single sample [V^2], and the weight of the row."""

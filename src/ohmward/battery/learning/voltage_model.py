@@ -4,9 +4,8 @@
     s(t)  = 1 - (1 - c(t)) Q_file / Q                                            state of charge
     V     = OCV(z, T) + c_ocv(c) + (T - T_0) e(c) + M(c, T) h + v_0 + sum v_j
 
-A log shows the voltage over the charge below full, whatever the capacity is. So the corrections stand along c, and
-once a curve was learnt, z = c: another capacity moves only its end. A curve that was tested on another battery, or on
-this one when it was younger, is known along SoC: z = s + slip of the electrodes.
+The corrections stand along the charge c, since that is what a log shows. The place z on the curve is that of
+`curve_place`, and for a battery that has not learnt and may have aged since its test, the slip of its electrodes.
 
 The corrections theta of the battery act as `parameters` says; those of the log are its `nuisances`. SoC acts on the
 voltage through the slope of the curve; what it does to resistances is of second order and left to the iteration.
@@ -14,7 +13,7 @@ voltage through the slope of the curve; what it does to resistances is of second
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 from typing import NamedTuple
@@ -24,6 +23,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
+from ohmward.battery.learning.curve_place import CurvePlace, true_soc
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, hours_since, nuisances_of
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
@@ -70,16 +70,41 @@ class VoltagePrediction(NamedTuple):
     soc_anywhere: np.ndarray
 
 
+class CircuitVoltage(NamedTuple):
+    """Overpotentials and hysteresis in the rows.
+
+    voltage_V: (N,) their sum; over_V2: (N,) sum of the squares of the overpotentials [V^2].
+    columns: (N, K + M) derivatives.
+    """
+
+    voltage_V: np.ndarray
+    over_V2: np.ndarray
+    columns: np.ndarray
+
+
+class LinearCircuit(NamedTuple):
+    """Overpotentials and hysteresis as linear functions of the unknowns about x."""
+
+    x: np.ndarray
+    circuit: CircuitVoltage
+
+    def at(self, x: np.ndarray) -> CircuitVoltage:
+        """Their values at other unknowns."""
+        return self.circuit._replace(voltage_V=self.circuit.voltage_V + self.circuit.columns @ (x - self.x))
+
+
 @dataclass(frozen=True, eq=False)
 class VoltageModel:
     """The voltage along a part of a log as a function of the unknowns.
 
     battery: as its file has it; samples: of the part; rows: (N,) indices of the samples that are looked at.
+    about: overpotentials and hysteresis, linear about a point; None computes them anew for all unknowns.
     """
 
     battery: Battery
     samples: Samples
     rows: np.ndarray
+    about: LinearCircuit | None = None
 
     @cached_property
     def model(self) -> Thevenin:
@@ -128,31 +153,51 @@ class VoltageModel:
         K, rows = self.parameters.size, self.rows
         theta, nu = x[:K], x[K:]
         charge = _ChargeAlong(self, theta, nu)
-        soc = charge.soc
-        curve = _Curve(self, theta, soc[rows])
-        columns = np.zeros((rows.size, x.size))
-        columns += curve.slope[:, None] * charge.columns(rows)
-        voltage_V = curve.voltage_V.copy()
+        soc = charge.soc[rows]
+        curve = _Curve(self, theta, soc)
+        circuit = self.circuit(x, charge) if self.about is None else self.about.at(x)
+        columns = circuit.columns + curve.slope[:, None] * charge.columns(rows)
         curve.add_columns(columns)
-        voltage_V += self._add_hysteresis(columns, theta, nu, soc[rows])
+        misfit = hat(soc, MISFIT_KNOTS)
+        columns[:, K:][:, self.nuisances.misfit] = misfit
+        voltage_V = curve.voltage_V + circuit.voltage_V + misfit @ nu[self.nuisances.misfit]
+        return VoltagePrediction(soc, voltage_V, circuit.over_V2, columns, charge.true_soc)
+
+    def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
+        """The model with every so many rows, its overpotentials and its hysteresis linear about x: much quicker."""
+        part = VoltageModel(self.battery, self.samples, self.rows[::every])
+        charge = _ChargeAlong(part, x[: self.parameters.size], x[self.parameters.size :])
+        return replace(part, about=LinearCircuit(x, part.circuit(x, charge)))
+
+    def circuit(self, x: np.ndarray, charge: _ChargeAlong) -> CircuitVoltage:
+        """Overpotentials and hysteresis in the rows."""
+        K, rows, soc = self.parameters.size, self.rows, charge.soc
+        theta, nu = x[:K], x[K:]
+        columns = np.zeros((rows.size, x.size))
+        voltage_V = self._add_hysteresis(columns, theta, nu, soc[rows])
         current_A = self.samples.current_A - charge.offset_A
         v0 = self._add_ohmic(columns, theta, soc[rows], current_A[rows])
         over_V2 = v0**2
-        voltage_V += v0
         mean_A = self.samples.mean_current_A - np.where(self.samples.mean_current_A == 0.0, 0.0, charge.offset_A)
         before = np.concatenate([soc[:1], soc[:-1]])
         for j in range(self.model.pairs):
             vj = self._add_pair(columns, j, theta, nu, before, mean_A)
             over_V2 += vj**2
             voltage_V += vj
-        misfit = hat(soc[rows], MISFIT_KNOTS)
-        columns[:, K:][:, self.nuisances.misfit] = misfit
-        voltage_V += misfit @ nu[self.nuisances.misfit]
-        return VoltagePrediction(soc[rows], voltage_V, over_V2, columns, charge.true_soc)
+        return CircuitVoltage(voltage_V + v0, over_V2, columns)
 
     def soc_columns(self, x: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """(A, K + M) derivatives of the SoC in these samples by the unknowns x."""
         return _ChargeAlong(self, x[: self.parameters.size], x[self.parameters.size :]).true_columns(samples)
+
+    def offset_rows(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Offsets [A] that declared rests show beyond those in x, (B,), and their derivatives (B, K + M)."""
+        at = np.array([rest.sample for rest in self.samples.rests], dtype=int)
+        found_A = np.array([rest.excess_A for rest in self.samples.rests])
+        columns = np.zeros((at.size, x.size))
+        columns[:, self.parameters.group("offset")] = 1.0
+        columns[:, self.parameters.size :][:, self.nuisances.offsets] = self.offset_hours[at, 1:] > 0.0
+        return found_A - self.battery.sensor.offset_A - columns @ x, columns
 
     def _add_ohmic(self, columns: np.ndarray, theta: np.ndarray, soc: np.ndarray, current_A: np.ndarray) -> np.ndarray:
         """Ohmic drop [V] in the rows, its derivatives added to the columns."""
@@ -271,8 +316,9 @@ class _ChargeAlong:
         counted = self.stored + drawn + self.per_A @ changes_A
         self.soc = nu[places.soc] + counted + of.jump_steps @ nu[places.jumps]
         self.offset_A = changes_A[0] + (of.offset_hours[:, 1:] > 0.0) @ changes_A[1:]
-        self.gain = float(np.exp(-theta[group("capacity")].sum()))
-        self.true_soc = 1.0 - (1.0 - self.soc) * self.gain
+        log_ratio = float(theta[group("capacity")].sum())
+        self.gain = float(np.exp(-log_ratio))
+        self.true_soc = true_soc(self.soc, log_ratio)
 
     def columns(self, at: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the charge c in these samples."""
@@ -300,18 +346,19 @@ class _Curve:
         self.of, self.theta, self.soc = of, theta, soc
         self.temperature_degC = of.samples.temperature_degC[of.rows]
         group = of.parameters.group
-        self.pinned = of.battery.knowledge is not None
-        self.gain = float(np.exp(-theta[group("capacity")].sum()))
+        knowledge = of.battery.knowledge
+        self.learnt = knowledge is not None
+        log_ratio = float(theta[group("capacity")].sum())
+        self.gain = float(np.exp(-log_ratio))
+        self.curve_place = CurvePlace(1.0 if knowledge is None else knowledge.seen_from_soc, log_ratio)
         self.slip = of.model.ocv_slip + float(theta[group("slip")].sum())
         self.voltage_V = self.at(soc)
         self.slope = (self.at(soc + _HALF_STEP) - self.at(soc - _HALF_STEP)) / (2 * _HALF_STEP)
 
     def place(self, soc: np.ndarray) -> np.ndarray:
         """Place z on the curve of the file at the charge c."""
-        if self.pinned:
-            return soc
-        true_soc = 1.0 - (1.0 - soc) * self.gain
-        return true_soc + self.slip * slip_shape(true_soc, self.of.model.ocv_slip) * (self.gain - 1.0)
+        z = self.curve_place.at(soc)
+        return z if self.learnt else z + self.slip * slip_shape(z, self.of.model.ocv_slip) * (self.gain - 1.0)
 
     def at(self, soc: np.ndarray) -> np.ndarray:
         """Open-circuit voltage [V] without hysteresis."""
@@ -327,13 +374,14 @@ class _Curve:
         """Add the derivatives by the corrections of the curve; that by SoC is the slope."""
         group, curve, T = self.of.parameters.group, self.of.model.ocv, self.temperature_degC
         columns[:, group("ocv")] += hat(self.soc, OCV_KNOTS)
-        if not self.pinned:
-            z, true_soc = self.place(self.soc), 1.0 - (1.0 - self.soc) * self.gain
-            steep_V = (curve.mean_V(z + _HALF_STEP, T) - curve.mean_V(z - _HALF_STEP, T)) / (2 * _HALF_STEP)
-            shape = slip_shape(true_soc, self.of.model.ocv_slip)
-            moved = 1.0 - true_soc - self.slip * shape * self.gain
-            columns[:, group("capacity")] += (steep_V * moved)[:, None]
+        z = self.place(self.soc)
+        steep_V = (curve.mean_V(z + _HALF_STEP, T) - curve.mean_V(z - _HALF_STEP, T)) / (2 * _HALF_STEP)
+        moved = self.curve_place.by_log_ratio(self.soc)
+        if not self.learnt:
+            shape = slip_shape(self.curve_place.at(self.soc), self.of.model.ocv_slip)
+            moved -= self.slip * shape * self.gain
             columns[:, group("slip")] += (steep_V * shape * (self.gain - 1.0))[:, None]
+        columns[:, group("capacity")] += (steep_V * moved)[:, None]
         if columns[:, group("entropy")].size:
             columns[:, group("entropy")] += (T - curve.reference_degC)[:, None] * hat(self.soc, ENTROPY_KNOTS)
 
