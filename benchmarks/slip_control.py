@@ -28,7 +28,6 @@ from slip_loops import (
     DT,
     LIMITS,
     SLIDING,
-    TIMED,
     UNSURE,
     WHEEL,
     WIDER,
@@ -49,7 +48,7 @@ FRICTIONS = (0.2, 0.8)
 SEEDS = range(100, 105)
 LAWS = {
     "sliding mode on slip speed": SLIDING,
-    "the same, wider, with integral": WIDER,
+    "the same, wider": WIDER,
     "fuzzy gain and layer": FuzzySlidingMode(SLIDING),
     "PID on the slip ratio": SlipPid(),
     "sliding mode on the slip ratio ([T] 5.3)": SlipRatioSlidingMode(UNSURE),
@@ -97,7 +96,7 @@ def with_truth(law: Any, friction: float, **changes: Any) -> Tracking:
 
 def with_estimate(sensors: Sensors, friction: float) -> list[Tracking]:
     """From rest with the observer's speed and force fed back, once for each seed."""
-    controller = SlipController(WHEEL, TIMED if sensors.edges else WIDER, LIMITS)
+    controller = SlipController(WHEEL, WIDER, LIMITS)
     runs = [
         observed_run(Stepper(controller, hold), uniform(friction), 1.5, sensors, seed, RlmaParameters())
         for seed in SEEDS

@@ -42,10 +42,8 @@ WHEEL = driven_wheel(RLMA)
 LIMITS = Limits(torque_Nm=12.0)
 UNSURE = Uncertainty(force_N=0.5 * WHEEL.load_N)
 SLIDING = SlidingMode(UNSURE)
-#: On an estimated speed: wider, so that the wheel does not follow the estimate's noise; the integral does the rest.
-WIDER = SlidingMode(UNSURE, time_constant_s=0.02, integral_per_s=50.0)
-#: Where the time of edges is known, the noise of the estimate allows half of that, and needs no integral.
-TIMED = SlidingMode(UNSURE, time_constant_s=0.01)
+#: On an estimated speed: wider, so that the wheel does not follow the estimate's noise.
+WIDER = SlidingMode(UNSURE, time_constant_s=0.01)
 #: That of MuJoCo's robot: 0.01 of the load at any speed.
 COASTED_DOWN = RollingResistance(a1=0.01, a3_s_per_m=0.0)
 #: Drag ends the acceleration of a robot that holds a slip.

@@ -4,11 +4,13 @@ dlambda/dt = f + B tau,   V = max(r omega, v)
 B = r (1 - max(lambda, 0)) / (J V)
 f = -(1 + min(lambda, 0)) dv/dt / V - r^2 (1 - max(lambda, 0)) F / (J V)
 tau = [ -f_hat + dlambda_d/dt - k sat((lambda - lambda_d) / phi) ] / B_hat
-k = beta (df + eta) + (beta - 1) |-f_hat + dlambda_d/dt|
+k = beta (df + eta) + (beta - 1) |-f_hat + dlambda_d/dt|,   phi = max(phi_0, k max(T, 5 dt))
 
 In the text that we worked from, B lacks 1 - lambda (5.26), f_hat has the wrong sign and B_hat^-1 stands twice
 (5.33-5.35), sat is 1 inside the layer (5.47). B vanishes for a wheel that spins at standstill and all of it grows
-without bound towards V = 0: floors hold both away from zero here, and the law is good for a robot that moves.
+without bound towards V = 0: floors hold both away from zero here. The gain k grows as 1/V; a layer of one width, which
+[T] has, is then too thin for a slow wheel, and the torque cycles from step to step. A layer that follows its gain
+(Slotine and Li) starts from rest too.
 """
 
 from __future__ import annotations
@@ -16,10 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ohmward.checks import require_each_positive
+from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, minimum
 from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.sliding_mode import Uncertainty
+from ohmward.traction.control.sliding_mode import STEPS_PER_TIME_CONSTANT, Uncertainty
 from ohmward.traction.control.slip_law import Motion, NoMemory
 
 #: The least 1 - lambda that the law divides by.
@@ -42,17 +44,20 @@ class SlipRatioSlidingMode:
     Attributes:
         uncertainty: that the gain has to outweigh.
         reaching_per_s: eta, > 0.
-        layer: phi, as a slip ratio, > 0.
+        layer: phi_0, least layer as a slip ratio, > 0.
         floor_m_s: least V, > 0.
+        time_constant_s: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0.
     """
 
     uncertainty: Uncertainty
     reaching_per_s: float = 1.0
     layer: float = 0.02
     floor_m_s: float = 0.05
+    time_constant_s: float = 0.005
 
     def __post_init__(self) -> None:
         require_each_positive("slip_ratio_sliding_mode.", self, "reaching_per_s", "layer", "floor_m_s")
+        require_each_not_negative("slip_ratio_sliding_mode.", self, "time_constant_s")
 
     def init(self, zero: Any) -> NoMemory:
         """The law has no memory."""
@@ -64,7 +69,8 @@ class SlipRatioSlidingMode:
         beta = self.uncertainty.inertia_factor
         u = -d.f + motion.target_rate_per_s
         k = beta * (d.f_error + self.reaching_per_s) + (beta - 1) * abs(u)
-        return (u - k * clip((d.slip_ratio - motion.slip_target) / self.layer, -1.0, 1.0)) / d.B
+        layer = maximum(self.layer, k * maximum(self.time_constant_s, STEPS_PER_TIME_CONSTANT * motion.dt_s))
+        return (u - k * clip((d.slip_ratio - motion.slip_target) / layer, -1.0, 1.0)) / d.B
 
     def remember(self, memory: NoMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> NoMemory:
         """The same: the law has no memory."""

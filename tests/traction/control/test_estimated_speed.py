@@ -20,8 +20,7 @@ IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 
 @cache
 def from_rest(friction, sensors, seed=1, grade_rad=0.0):
-    law = loops.TIMED if sensors.edges else loops.WIDER
-    control = loops.Stepper(SlipController(loops.WHEEL, law, loops.LIMITS), lambda _: SlipCommand(0.12))
+    control = loops.Stepper(SlipController(loops.WHEEL, loops.WIDER, loops.LIMITS), lambda _: SlipCommand(0.12))
     return loops.observed_run(control, uniform(friction, grade_rad), 1.0, sensors, seed, RlmaParameters())
 
 

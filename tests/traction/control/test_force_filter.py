@@ -99,6 +99,14 @@ def test_a_speed_that_nothing_has_is_no_measurement(m):
     assert not ForceFilter().usable(m)
 
 
+def test_an_observed_force_is_followed_with_the_lag():
+    force_filter = ForceFilter(force_lag_s=0.005)
+    estimate = force_filter.init(Measurement(1.0, 0.1))
+    for _ in range(5):
+        estimate = force_filter.update(estimate, 0.0, Measurement(1.0, 0.1, force_N=40.0), WHEEL, DT)
+    assert estimate.force_N == pytest.approx(40.0 * (1 - (5 / 6) ** 5))
+
+
 def test_a_force_that_nothing_has_is_seen_by_the_controller_itself():
     estimate = ForceFilter().init(Measurement(1.0, 0.1))
     for given in (1e8, math.inf, math.nan):

@@ -8,11 +8,13 @@ import pytest
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
 from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
 from ohmward.simulate.robot_truth import stack
 from ohmward.traction.control import (
     ControlFlag,
     Measurement,
+    SlidingMode,
     SlipCommand,
     SlipController,
     SlipPid,
@@ -20,7 +22,7 @@ from ohmward.traction.control import (
     SpeedController,
 )
 from ohmward.traction.control.slip_law import SlipLaw
-from traction.control.examples import LIMITS, SLIDING, WHEEL
+from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL
 
 DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)
 LAWS: dict[str, SlipLaw] = {"sliding": SLIDING, "fuzzy": FuzzySlidingMode(SLIDING)}
@@ -89,6 +91,36 @@ def test_it_is_friction_that_tells_the_floors_apart(friction, reached):
     assert (adhesion[(truth.time_s > 0.05) & (truth.time_s < 0.15)] > 0.99 * 0.2).all()
     assert adhesion[truth.time_s < 0.5].max() <= friction + 1e-6
     assert (adhesion[truth.time_s < 0.5].max() < 0.21) == reached
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 1.0], ids=["from rest", "moving"])
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_the_law_of_the_slip_ratio_holds_with_a_layer_that_follows_its_gain(friction, speed_m_s):
+    control = SlipController(WHEEL, SlipRatioSlidingMode(UNSURE), LIMITS)
+    truth, _ = drive(control, lambda _: SlipCommand(0.12), uniform(friction), 1.5, speed_m_s)
+    error = truth.slip_ratio[:, :2] - 0.12
+    assert np.abs(error[truth.time_s > 0.36]).max() <= 0.02
+    assert reversals(truth.torque_N_m[:, 0], 0.1) <= 6
+
+
+@pytest.mark.parametrize("law", [SLIDING, SlidingMode(UNSURE, integral_per_s=50.0)], ids=["plain", "with integral"])
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_a_spin_ends_as_fast_as_the_torque_can_end_it(law, friction):
+    control, start_s = SlipController(WHEEL, law, LIMITS), 0.3
+    plant = RlmaPlant(RlmaParameters(), uniform(friction))
+    plant.reset()
+    truths = [plant.step(LIMITS.torque_Nm, 1e-3) for _ in range(round(1e3 * start_s))]
+    state = control.init(measured(truths[-1]))
+    grip_Nm = WHEEL.radius_m * truths[-1].traction_N[:2].mean()
+    slowest_rad_s2 = (LIMITS.torque_Nm + grip_Nm) / WHEEL.inertia_kg_m2
+    least_s = truths[-1].slip_speed_m_s[:2].mean() / WHEEL.radius_m / slowest_rad_s2
+    for _ in range(700):
+        state, torque, _ = control.step(state, SlipCommand(0.12), measured(truths[-1]), 1e-3)
+        truths.append(plant.step(torque, 1e-3))
+    truth = stack(truths)
+    late = truth.time_s > start_s + 1.05 * least_s + 0.08
+    assert np.abs(truth.slip_ratio[late, :2] - 0.12).max() <= 0.02
+    assert truth.wheel_speed_rad_s[:, :2].min() > 0.0
 
 
 def test_case_1_braking_on_slippery_ground():

@@ -7,7 +7,7 @@ from ohmward.errors import InputError
 from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
 from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.traction.control import SlidingMode, Uncertainty
-from traction.control.examples import SLIDING, UNSURE, WHEEL, motion
+from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL, motion
 
 RNG = np.random.default_rng(1)
 EXACT = Uncertainty(force_N=0.0, acceleration_m_s2=0.0, inertia_factor=1.0)
@@ -53,18 +53,31 @@ def test_outside_the_layer_sigma_comes_down_whatever_the_truth(law):
     assert worst <= 1e-9
 
 
-def test_the_gain_is_the_least_that_does_it():
-    weaker = SlidingMode(Uncertainty(0.9 * UNSURE.force_N, UNSURE.acceleration_m_s2, UNSURE.inertia_factor), 1.0, 1e-9)
-    worst = -np.inf
+def rate_at_the_edge_of_the_layer(force_share):
+    """The worst of sign(sigma) dsigma/dt + eta where |sigma| is just the layer, of a law that takes dF for so much."""
+    unsure = Uncertainty(force_share * UNSURE.force_N, UNSURE.acceleration_m_s2, UNSURE.inertia_factor)
+    law, worst = SlidingMode(unsure), -np.inf
     for _ in range(500):
         m = random_motion(RNG, *RNG.uniform(-3, 3, 2))
-        rate = sigma_rate(m, weaker.torque_Nm(weaker.init(0.0), m, WHEEL), *random_truth(RNG, m))
-        worst = max(worst, np.sign(weaker.surface(m).sigma) * rate + 1.0)
-    assert worst > 1.0
+        here = law.surface(m)
+        torque = law.torque_with(law.gain_m_s2(here, m, WHEEL), abs(here.sigma), law.init(0.0), m, WHEEL)
+        rate = sigma_rate(m, torque, *random_truth(RNG, m))
+        worst = max(worst, np.sign(here.sigma) * rate + law.reaching_m_s2)
+    return worst
+
+
+def test_the_gain_is_the_least_that_does_it():
+    assert rate_at_the_edge_of_the_layer(1.0) <= 1e-9
+    assert rate_at_the_edge_of_the_layer(0.9) > 1.0
+
+
+def test_far_outside_the_layer_all_the_torque_there_is_ends_a_spin():
+    spinning = motion(rim_m_s=10.0, travel_m_s=0.3)
+    assert SLIDING.torque_Nm(SLIDING.init(0.0), spinning, WHEEL) < -10 * LIMITS.torque_Nm
 
 
 def test_the_law_of_the_slip_ratio_keeps_its_condition():
-    law = SlipRatioSlidingMode(UNSURE, layer=1e-12)
+    law = SlipRatioSlidingMode(UNSURE, layer=1e-12, time_constant_s=0.0)
     worst = -np.inf
     for _ in range(2000):
         rim, travel = RNG.uniform(0.1, 3, 2)
@@ -116,10 +129,15 @@ def test_spinning_at_standstill_and_rest_are_states_like_any_other():
 
 
 def test_the_integral_stops_only_where_it_would_push_a_limited_torque():
-    memory, above = SLIDING.init(0.0), motion(rim_m_s=2.0)
+    memory, above = SLIDING.init(0.0), motion(rim_m_s=1.2)
     assert SLIDING.remember(memory, above, -20.0, -20.0).integral_m > 0
     assert SLIDING.remember(memory, above, -20.0, -12.0).integral_m == 0
     assert SLIDING.remember(memory, above, 20.0, 12.0).integral_m > 0
+
+
+@pytest.mark.parametrize("rim_m_s", [0.5, 2.0, 60.0])
+def test_the_integral_rests_while_the_slip_is_on_its_way(rim_m_s):
+    assert SLIDING.remember(SLIDING.init(0.3), motion(rim_m_s=rim_m_s), 0.0, 0.0).integral_m == 0.3
 
 
 @pytest.mark.parametrize(

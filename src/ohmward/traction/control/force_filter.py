@@ -2,7 +2,9 @@
 
 F_hat = (tau - J domega/dt) / r,   a_hat = dv/dt,   each through a lag of the first order.
 
-An estimator that runs as fast as the controller knows both better; its values are taken as they are.
+An estimator that runs as fast as the controller knows both better: its acceleration is taken as it is, its force goes
+through the same lag. Where a wheel grips, the force of the ground is the torque over the radius; fed back at once it
+would hold up any torque that noise has once called for.
 
 The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative, dt cancels, and
 dt = 0 is as good as any other.
@@ -93,13 +95,14 @@ class ForceFilter:
         force_change = (impulse / wheel.radius_m - before.force_N * dt_s) / (self.force_lag_s + dt_s)
         speed_change = v - before.travel_speed_m_s - before.acceleration_m_s2 * dt_s
         acceleration_change = speed_change / (self.acceleration_lag_s + dt_s)
+        observed_N = before.force_N + (m.force_N - before.force_N) * dt_s / (self.force_lag_s + dt_s)
         continuous = usable & (before.known > 0.5)
         filtered_N = before.force_N + where(continuous, force_change, 0.0)
         filtered_m_s2 = before.acceleration_m_s2 + where(continuous, acceleration_change, 0.0)
         return WheelEstimate(
             omega,
             v,
-            where(usable & (abs(m.force_N) <= MOST_N), m.force_N, filtered_N),
+            where(usable & (abs(m.force_N) <= MOST_N), observed_N, filtered_N),
             where(usable & (abs(m.acceleration_m_s2) <= MOST_M_S2), m.acceleration_m_s2, filtered_m_s2),
             where(usable, 1.0, 0.0),
         )

@@ -1,6 +1,6 @@
 """Sliding mode on the slip speed, [T] 5.3 freed of its singularities.
 
-tau = r F_hat + J_hat / (gain r) [ drift a_hat + V_f dlambda_d/dt - k sat((sigma + k_i I) / Phi) ],   I = int sigma dt
+tau = r F_hat + J_hat / (gain r) [ drift a_hat + V_f dlambda_d/dt - k (sigma + k_i I) / Phi ],   I = int sigma dt
 
 with the surface sigma of `surface`. The ground's force enters where the torque does, so the inertia does not scale it,
 and the condition sigma dsigma/dt <= -eta |sigma| outside the layer needs
@@ -9,7 +9,10 @@ k >= gain r^2 dF / J_hat + (beta - 1) |drift a_hat + V_f dlambda_d/dt| + beta (d
 
 for |F - F_hat| <= dF, |dv/dt - a_hat| <= da, J_hat / beta <= J <= beta J_hat. The layer is as wide as the loop needs:
 Phi = k max(T, 5 dt), so that inside it sigma decays with the time constant T, or five steps where those are longer
-(Slotine and Li). A bias that this leaves is removed by the observed force; k_i > 0 removes it where F_hat is a guess.
+(Slotine and Li). Outside the layer the textbook's saturation would hold the torque at what the condition asks for at
+least; without it the torque grows on, up to the limit of the drive, and a spinning wheel is braked with all there is.
+A bias that this leaves is removed by the observed force; k_i > 0 removes it where F_hat is a guess. The integral rests
+while the slip is far from its target: a wheel that spins at 60 m/s for half a second would leave 30 m in it.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
-from ohmward.trace import clip, maximum, where
+from ohmward.trace import maximum, where
 from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.limits import limited
 from ohmward.traction.control.slip_law import Motion
@@ -27,6 +30,8 @@ from ohmward.traction.control.surface import SlidingSurface, surface
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).
 STEPS_PER_TIME_CONSTANT = 5.0
+#: A slip ratio farther than this from its target is on its way there, and no bias that the integral is to remove.
+INTEGRAL_REACH = 0.1
 
 
 @dataclass(frozen=True)
@@ -87,15 +92,16 @@ class SlidingMode:
     def torque_with(self, k: Any, layer_m_s: Any, memory: SlidingMemory, motion: Motion, wheel: DrivenWheel) -> Any:
         """Torque [N m] of the law with another gain k [m/s^2] and layer."""
         here = self.surface(motion)
-        reached = clip((here.sigma + self.integral_per_s * memory.integral_m) / layer_m_s, -1.0, 1.0)
+        reached = (here.sigma + self.integral_per_s * memory.integral_m) / layer_m_s
         rate = equivalent_rate(here, motion) - k * reached
         return wheel.radius_m * motion.force_N + wheel.inertia_kg_m2 / (here.gain * wheel.radius_m) * rate
 
     def remember(self, memory: SlidingMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> SlidingMemory:
-        """The integral grows above the floor, unless the torque is limited and sigma would wind it up."""
-        sigma = self.surface(motion).sigma
-        windup = limited(demanded_Nm, torque_Nm) & ((torque_Nm - demanded_Nm) * sigma > 0.0)
-        integral = memory.integral_m + where(windup, 0.0, sigma * motion.dt_s)
+        """The integral grows above the floor and near the target, unless a limited torque would wind it up."""
+        here = self.surface(motion)
+        outside = abs(here.sigma) > INTEGRAL_REACH * here.reference_speed
+        windup = limited(demanded_Nm, torque_Nm) & ((torque_Nm - demanded_Nm) * here.sigma > 0.0)
+        integral = memory.integral_m + where(outside | windup, 0.0, here.sigma * motion.dt_s)
         rolling = maximum(abs(motion.rim_m_s), abs(motion.travel_m_s)) > motion.floor_m_s
         return SlidingMemory(where(rolling, integral, 0.0))
 
