@@ -20,6 +20,7 @@ REST = Measurement(np.zeros(2), np.zeros(2), 0.0, np.zeros(2))
 COMMANDS = {
     "speed": Command(speed_m_s=0.5),
     "slip": Command(slip_ratio=0.12),
+    "seek": Command(slip_ratio=0.05),
     "torque": Command(torque_Nm=2.0),
     "wheel-speed": Command(speed_m_s=0.5),
     "ramp": Command(speed_m_s=0.5),
@@ -42,7 +43,11 @@ def torques(control, command, steps=200, wheel_speed_rad_s=0.0):
 @pytest.mark.parametrize("mode", MODES)
 def test_every_mode_starts_a_robot_in_both_directions(mode):
     command = COMMANDS[mode]
-    back = {"slip": Command(slip_ratio=0.12, reverse=True), "torque": Command(torque_Nm=-2.0)}
+    back = {
+        "slip": Command(slip_ratio=0.12, reverse=True),
+        "seek": Command(slip_ratio=0.05, reverse=True),
+        "torque": Command(torque_Nm=-2.0),
+    }
     forward = torques(Control(mode), command)
     reverse = torques(Control(mode), back.get(mode, Command(speed_m_s=-0.5)))
     assert forward[-1].min() > 0.1
@@ -78,6 +83,22 @@ def test_the_cascade_gives_a_new_wheel_speed_fifty_times_a_second():
     assert (np.flatnonzero(np.diff(references)) + 1).tolist() == [round(CASCADE_S / DT) * k for k in range(1, 6)]
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_every_mode_takes_over_from_the_torque_that_is_given(mode):
+    rate_Nm_per_s = 1000.0
+    controller = make_controller(Control(mode, torque_rate_Nm_per_s=rate_Nm_per_s), RLMA)
+    state = controller.init(REST, np.array([3.0, -3.0]))
+    _, torque, _ = controller.step(state, wheel_command(COMMANDS[mode], RLMA), REST, DT)
+    assert np.abs(torque - [3.0, -3.0]).max() <= rate_Nm_per_s * DT + 1e-9
+
+
+def test_a_command_may_have_a_mode_of_its_own():
+    control = Control("speed")
+    control.check(Command(slip_ratio=-0.18, mode="slip"))
+    assert control.mode_of(Command(slip_ratio=-0.18, mode="slip")) == "slip"
+    assert control.mode_of(Command(speed_m_s=1.0)) == "speed"
+
+
 def test_a_turn_asks_each_wheel_for_its_own_speed():
     goal = wheel_command(Command(speed_m_s=0.5, yaw_rate_rad_s=1.0), RLMA)
     assert goal.travel_m_s == pytest.approx([0.35, 0.65])
@@ -95,6 +116,9 @@ def test_a_turn_asks_each_wheel_for_its_own_speed():
             "commands.slip_ratio is not taken by controller.mode",
         ),
         (Control("slip"), Command(slip_ratio=0.1, yaw_rate_rad_s=1.0), "which takes slip_ratio, reverse; remove it"),
+        (Control("speed"), Command(speed_m_s=0.1, mode="slip"), 'slip_ratio is missing; commands.mode = "slip"'),
+        (Control("seek"), Command(slip_ratio=-0.1), "must be between 0 and 1 where a slip is sought, got -0.1"),
+        (Control("seek", "cascade"), Command(slip_ratio=0.1), 'controller.law = "cascade" cannot seek'),
         (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within \+-12 .* got 20"),
     ],
 )
@@ -107,6 +131,8 @@ def test_commands_that_do_not_fit_are_refused(control, command, message):
     "make, message",
     [
         (lambda: Control("fly"), "controller.mode must be one of speed, slip, .* got 'fly'"),
+        (lambda: Control("seek", objective="fame"), "controller.objective must be one of traction, energy, got 'fame'"),
+        (lambda: Command(mode="fly"), "commands.mode must be one of speed, slip, .* got 'fly'"),
         (lambda: Control("slip", "bang"), "controller.law must be one of sliding-mode, .* got 'bang'"),
         (lambda: Control(torque_limit_Nm=0.0), "controller.torque_limit_Nm must be > 0"),
         (lambda: Control(interval_s=1.0), "controller.interval_s must be between"),

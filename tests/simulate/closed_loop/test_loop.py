@@ -213,3 +213,79 @@ def test_mujoco_refuses_what_it_cannot_be():
         closed_loop.run(replace(scenario, ground=(FLOOR, Patch(friction=0.1, from_m=1.0))))
     with pytest.raises(InputError, match="soils out of"):
         closed_loop.run(replace(scenario, ground=(Patch(terrain="soft soil"),)))
+
+
+START = (Command(speed_m_s=0.6),)
+ROLLING = replace(EXACT, start_speed_m_s=1.0, commands=START, grade=Grade(), ground=(FLOOR,), duration_s=0.6)
+COASTING = (Command(torque_Nm=0.0),)
+
+
+def test_a_robot_that_rolls_at_the_start_keeps_rolling_and_its_observer_knows():
+    coasting = replace(ROLLING, commands=COASTING, controller=Control("torque"), observer=Observing("ukf"))
+    run = closed_loop.run(coasting)
+    assert run.history.truth.speed_m_s[-1] == pytest.approx(1.0 - 0.6 * 0.01 * 9.81, abs=0.01)
+    assert np.abs(run.rows.estimate.speed_m_s - run.rows.truth.speed_m_s).max() < 0.02
+
+
+@pytest.mark.parametrize("plant", ["own", "mujoco"])
+def test_drag_takes_what_it_should(plant):
+    if plant == "mujoco":
+        pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
+    ground = (Patch(friction=0.5, rolling=0.0),)
+    coasting = replace(ROLLING, plant=plant, ground=ground, commands=COASTING, controller=Control("torque"))
+    coasting = replace(coasting, drag_N_s2_per_m2=32.0)
+    run = closed_loop.run(coasting)
+    truth, mass = run.history.truth, coasting.model.inertia[0] + coasting.model.inertia[2:].sum() / 0.12**2
+    assert truth.speed_m_s[-1] == pytest.approx(1 / (1 + 32.0 / mass * 0.6), rel=0.01)
+    power_W = 32.0 * truth.speed_m_s**3
+    assert run.history.energy_J.drawbar[-1] == pytest.approx(np.trapezoid(power_W, truth.time_s), rel=0.02)
+    assert abs(run.history.energy_J.numerical[-1]) < 0.01 * run.history.energy_J.drawbar[-1]
+
+
+def test_a_mode_takes_over_in_the_middle_of_a_drive():
+    switching = replace(
+        ROLLING,
+        start_speed_m_s=0.0,
+        commands=(Command(slip_ratio=0.12), Command(0.3, speed_m_s=0.5, mode="speed")),
+        controller=Control("slip"),
+    )
+    run = closed_loop.run(switching)
+    torque, time = run.history.truth.torque_N_m[:, 0], run.history.truth.time_s
+    assert np.abs(np.diff(torque[(time > 0.2)])).max() < 12.0
+    assert np.abs(run.history.truth.slip_ratio[(time > 0.28) & (time < 0.3), 0] - 0.12).max() < 0.02
+    assert run.history.truth.speed_m_s[-1] == pytest.approx(0.5, abs=0.1)
+    assert [tracked.slip_ratio for tracked in figures(run).slip] == [0.12]
+
+
+def test_the_observer_of_momentum_serves_the_loop():
+    standing_first = (Command(torque_Nm=0.0, mode="torque"), Command(0.5, slip_ratio=0.12))
+    sensors = Sensing(interval_s=0.001, encoders="all")
+    run = closed_loop.run(
+        replace(
+            DRIVE,
+            duration_s=1.2,
+            commands=standing_first,
+            ground=(FLOOR,),
+            grade=Grade(),
+            sensors=sensors,
+            observer=Observing("momentum"),
+            controller=Control("slip"),
+        )
+    )
+    assert np.abs(run.rows.estimate.speed_m_s - run.rows.truth.speed_m_s).max() < 0.02
+    late = run.history.truth.time_s > 0.9
+    assert np.abs(run.history.truth.slip_ratio[late, :2] - 0.12).max() < 0.03
+
+
+def test_a_sought_slip_moves_towards_the_peak():
+    seeking = replace(
+        ROLLING,
+        duration_s=4.0,
+        start_speed_m_s=0.5,
+        drag_N_s2_per_m2=64.0,
+        ground=(Patch(terrain="wet asphalt"),),
+        commands=(Command(slip_ratio=0.03),),
+        controller=Control("seek"),
+    )
+    target = closed_loop.run(seeking).history.report.slip_target[:, 0]
+    assert target[-100:].mean() > 0.06

@@ -92,7 +92,7 @@ def test_a_skid_steered_robot_is_taken_for_one_that_is_free_sideways():
 @pytest.mark.parametrize(
     "values, message",
     [
-        ({"method": "guess"}, "observer.method must be one of ekf, aekf, ukf, aukf, true, got 'guess'"),
+        ({"method": "guess"}, "observer.method must be one of ekf, aekf, ukf, aukf, momentum, true, got 'guess'"),
         ({"terrain": "moon"}, "observer.terrain must be one of"),
         ({"friction": 0.0}, "observer.friction must be > 0"),
         ({"slip_stiffness_s_per_m": 0.0}, "observer.slip_stiffness_s_per_m must be > 0"),

@@ -5,6 +5,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, Patch
+from ohmward.simulate.closed_loop.observing import Observing
 from ohmward.simulate.closed_loop.scenario import Scenario
 from ohmward.simulate.closed_loop.scenario_file import (
     find_scenario,
@@ -96,6 +97,9 @@ def test_the_example_shows_every_key():
         ({"sensors": Sensing(encoders=("front_left",))}, "sensors.encoders must be"),
         ({"ground": (Patch(friction=0.1), Patch(friction=0.2))}, "2 patches have no edge"),
         ({"seed": -1}, "seed must be between"),
+        ({"drag_N_s2_per_m2": -1.0}, "drag_N_s2_per_m2 must be"),
+        ({"start_speed_m_s": float("nan")}, "start_speed_m_s must be"),
+        ({"start_speed_m_s": 1.0, "observer": Observing("momentum")}, "knows its speed from a standstill"),
     ],
 )
 def test_scenarios_that_cannot_be_are_refused(change, message):

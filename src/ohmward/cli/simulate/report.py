@@ -42,9 +42,10 @@ def _speed(run: ClosedLoopRun) -> Figure:
     truth, rows = run.history.truth, run.rows
     series = [Series(truth.time_s, truth.speed_m_s, "true", role="reference")]
     asked = run.scenario.commands
-    if asked[0].speed_m_s is not None:
+    speeds = [np.nan if c.speed_m_s is None else c.speed_m_s for c in asked]
+    if np.isfinite(speeds).any():
         edges = np.array([*(c.from_s for c in asked), truth.time_s[-1]])
-        wanted = np.array([*(c.speed_m_s for c in asked), asked[-1].speed_m_s])
+        wanted = np.array([*speeds, speeds[-1]])
         keep = edges <= truth.time_s[-1]
         series.append(Series(edges[keep], wanted[keep], "asked for", "step", "background"))
     if rows.estimate is None:
@@ -63,7 +64,7 @@ def _slips(run: ClosedLoopRun) -> Iterator[Figure]:
         if rows.estimate is not None:
             series.append(Series(rows.time_s, forward * rows.estimate.slip_ratio[:, k], "estimated", role="estimate"))
         target = run.history.report.slip_target[:, k]
-        if run.scenario.controller.mode == "speed":
+        if all(run.scenario.controller.mode_of(command) == "speed" for command in run.scenario.commands):
             series.append(Series(truth.time_s, target, "bound", "dashed", "background"))
             series.append(Series(truth.time_s, -target, "bound, braking", "dashed", "background"))
         elif np.isfinite(target).any():

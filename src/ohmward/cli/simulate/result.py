@@ -15,6 +15,7 @@ ENERGY = {
     "slip": "slip between wheels and ground",
     "rolling": "rolling resistance",
     "climb": "climbing",
+    "drawbar": "drag",
     "kinetic": "motion",
     "idle": "electronics",
     "resistor": "braking resistor",

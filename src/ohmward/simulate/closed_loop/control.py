@@ -19,6 +19,7 @@ from ohmward.traction.control import (
     Limits,
     Measurement,
     Report,
+    SetPointSeeker,
     SlidingMode,
     SlipCommand,
     SlipController,
@@ -30,13 +31,17 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
+from ohmward.traction.control.set_point_seeker import OBJECTIVES, SeekerState
+from ohmward.traction.control.slip_controller import SlipState
 from ohmward.traction.control.slip_law import SlipLaw
+from ohmward.traction.control.wheel_speed_drive import DriveState
 from ohmward.traction.robot.robot import Robot
 
 #: Keys of a command that each mode takes; the first one is required.
 MODES: dict[str, tuple[str, ...]] = {
     "speed": ("speed_m_s", "yaw_rate_rad_s"),
     "slip": ("slip_ratio", "reverse"),
+    "seek": ("slip_ratio", "reverse"),
     "torque": ("torque_Nm",),
     "wheel-speed": ("speed_m_s", "yaw_rate_rad_s"),
     "ramp": ("speed_m_s", "yaw_rate_rad_s"),
@@ -44,19 +49,23 @@ MODES: dict[str, tuple[str, ...]] = {
 LAWS = ("sliding-mode", "fuzzy", "slip-ratio", "pid", "cascade")
 #: Time [s] between two steps of the cascade; drives take a new wheel speed at 50 Hz.
 CASCADE_S = 0.02
+_TIMING = ("from_s", "mode")
+#: Rolling resistance over load that the search for least energy assumes: a hard floor's.
+RESISTANCE = 0.01
 #: Acceleration limit that disables the ramp.
 NO_RAMP_M_S2 = 1e6
 
 
 @dataclass(frozen=True)
 class Command:
-    """Command from a time on; the mode of the controller says which keys it takes.
+    """Command from a time on; its mode says which keys it takes.
 
     Attributes:
         from_s: time at which it begins, >= 0.
+        mode: of the controller from then on; none is that of the controller's settings.
         speed_m_s: forward, < 0 in reverse; 0 stops.
         yaw_rate_rad_s: > 0 to the left.
-        slip_ratio: in (-1, 1), < 0 brakes.
+        slip_ratio: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0.
         reverse: drive backwards with that slip.
         torque_Nm: of each driven wheel.
     """
@@ -67,9 +76,12 @@ class Command:
     slip_ratio: float | None = None
     reverse: bool | None = None
     torque_Nm: float | None = None
+    mode: str | None = None
 
     def __post_init__(self) -> None:
         require_between("commands.from_s", self.from_s, 0.0, math.inf)
+        if self.mode is not None:
+            require_one_of("commands.mode", self.mode, MODES)
         for name in ("speed_m_s", "yaw_rate_rad_s", "torque_Nm"):
             if getattr(self, name) is not None:
                 require_finite(f"commands.{name}", getattr(self, name))
@@ -82,9 +94,10 @@ class Control:
     """The controller and its limits.
 
     Attributes:
-        mode: "speed" within slip bounds, "slip", "torque" without feedback, or a wheel-speed PI that knows no slip,
-            "wheel-speed" at once or "ramp".
-        law: in mode "slip": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
+        mode: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque"
+            without feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp".
+        objective: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`.
+        law: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
             wheel-speed PI for speeds at 50 Hz.
         slip_bound: in mode "speed", >= 0.001 and < 1.
         acceleration_m_s2: of the ramps, > 0.
@@ -101,9 +114,11 @@ class Control:
     torque_rate_Nm_per_s: float = 5000.0
     friction: float = 0.5
     interval_s: float = 0.001
+    objective: str = "traction"
 
     def __post_init__(self) -> None:
         require_one_of("controller.mode", self.mode, MODES)
+        require_one_of("controller.objective", self.objective, OBJECTIVES)
         require_one_of("controller.law", self.law, LAWS)
         require_each_positive(
             "controller.", self, "acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"
@@ -111,20 +126,35 @@ class Control:
         require_between("controller.slip_bound", self.slip_bound, 0.001, 0.999)
         require_between("controller.interval_s", self.interval_s, 1e-4, CASCADE_S)
 
+    def mode_of(self, command: Command) -> str:
+        """Mode of a command: its own, or that of these settings."""
+        return command.mode or self.mode
+
     def check(self, command: Command) -> None:
         """Refuse a command that does not fit the mode or the limits.
 
         Raises:
             InputError: a key that the mode needs is missing, one that it does not know is there, a torque too large.
         """
-        used = MODES[self.mode]
-        given = [f.name for f in fields(command) if f.name != "from_s" and getattr(command, f.name) is not None]
+        mode = self.mode_of(command)
+        where_from = "controller.mode" if command.mode is None else "commands.mode"
+        used = MODES[mode]
+        given = [f.name for f in fields(command) if f.name not in _TIMING and getattr(command, f.name) is not None]
         if used[0] not in given:
-            raise InputError(f'commands.{used[0]} is missing; controller.mode = "{self.mode}" needs it')
+            raise InputError(f'commands.{used[0]} is missing; {where_from} = "{mode}" needs it')
         if unused := [name for name in given if name not in used]:
             raise InputError(
-                f'commands.{unused[0]} is not taken by controller.mode = "{self.mode}", which takes '
+                f'commands.{unused[0]} is not taken by {where_from} = "{mode}", which takes '
                 f"{', '.join(used)}; remove it or choose another mode"
+            )
+        if mode == "seek" and not 0 < (command.slip_ratio or 0.0) < 1:
+            raise InputError(
+                f"commands.slip_ratio must be between 0 and 1 where a slip is sought, got {command.slip_ratio:g}; "
+                "seeking is driving: start from 0.05"
+            )
+        if mode == "seek" and self.law == "cascade":
+            raise InputError(
+                'controller.law = "cascade" cannot seek: it changes wheel speeds at 50 Hz; take another law'
             )
         if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
             raise InputError(
@@ -147,12 +177,13 @@ class WheelCommand(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """A controller: `init(measurement)` and `step(state, command, measurement, dt_s)`.
+    """A controller: `init(measurement, torque_Nm)` and `step(state, command, measurement, dt_s)`.
 
-    step returns the state after it, the torque [N m] to hold, and a `Report`; all of it traces.
+    init takes over from the torque [N m] that is given now. step returns the state after it, the torque to hold, and a
+    `Report`; all of it traces.
     """
 
-    init: Callable[[Measurement], Any]
+    init: Callable[[Measurement, Any], Any]
     step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
 
 
@@ -168,8 +199,9 @@ def make_controller(control: Control, robot: Robot) -> Controller:
     """The controller that the settings name, for all driven wheels of this robot."""
     one = wheel_controller(control, robot)
 
-    def init(m: Measurement) -> tuple:
-        return tuple(one.init(of_wheel(m, k)) for k in range(robot.driven))
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> tuple:
+        given = np.broadcast_to(torque_Nm, robot.driven)
+        return tuple(one.init(of_wheel(m, k), given[k]) for k in range(robot.driven))
 
     def step(states: tuple, command: WheelCommand, m: Measurement, dt_s: Any) -> tuple[tuple, np.ndarray, Report]:
         steps = [one.step(state, of_wheel(command, k), of_wheel(m, k), dt_s) for k, state in enumerate(states)]
@@ -205,21 +237,56 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
         "slip-ratio": SlipRatioSlidingMode(sliding.uncertainty),
         "pid": SlipPid(),
     }
-    return _slip_loop(SlipController(wheel, laws[control.law], limits))
+    slip_loop = SlipController(wheel, laws[control.law], limits)
+    if control.mode == "seek":
+        return _seeking_loop(slip_loop, SetPointSeeker(control.objective, resistance_coefficient=RESISTANCE))
+    return _slip_loop(slip_loop)
 
 
 def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
+    def init(m: Measurement, torque_Nm: Any) -> Any:
+        return loop.init(m)._replace(torque_Nm=torque_Nm)
+
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         return loop.step(state, SpeedCommand(command.travel_m_s, slip_bound), m, dt_s)
 
-    return Controller(loop.init, step)
+    return Controller(init, step)
 
 
 def _slip_loop(loop: SlipController) -> Controller:
+    def init(m: Measurement, torque_Nm: Any) -> Any:
+        return loop.init(m)._replace(torque_Nm=torque_Nm)
+
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         return loop.step(state, SlipCommand(command.slip_ratio, command.direction), m, dt_s)
 
-    return Controller(loop.init, step)
+    return Controller(init, step)
+
+
+class SeekingLoop(NamedTuple):
+    """States of the slip controller and of the seeker; the slip ratio that was asked for and the one to hold."""
+
+    slip: SlipState
+    seeker: SeekerState
+    asked: Any
+    held: Any
+
+
+def _seeking_loop(loop: SlipController, seeker: SetPointSeeker) -> Controller:
+    def init(m: Measurement, torque_Nm: Any) -> SeekingLoop:
+        zero = 0.0 * m.wheel_speed_rad_s
+        return SeekingLoop(loop.init(m)._replace(torque_Nm=torque_Nm), seeker.init(zero), zero, zero)
+
+    def step(state: SeekingLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        new = command.slip_ratio != state.asked
+        before = choose(new, seeker.init(command.slip_ratio + 0.0 * state.asked), state.seeker)
+        held = where(new, command.slip_ratio, state.held)
+        slip, torque, report = loop.step(state.slip, SlipCommand(held, command.direction), m, dt_s)
+        adhesion = command.direction * report.force_N / loop.wheel.load_N
+        after, set_point = seeker.step(before, report.slip_ratio, adhesion, dt_s)
+        return SeekingLoop(slip, after, command.slip_ratio + 0.0 * held, set_point.slip_ratio), torque, report
+
+    return Controller(init, step)
 
 
 class CascadeLoop(NamedTuple):
@@ -233,9 +300,10 @@ class CascadeLoop(NamedTuple):
 
 
 def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
-    def init(m: Measurement) -> CascadeLoop:
+    def init(m: Measurement, torque_Nm: Any) -> CascadeLoop:
         state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
-        return CascadeLoop(state, drive.init(zero), state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
+        motor = DriveState(torque_Nm, torque_Nm)
+        return CascadeLoop(state, motor, state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
 
     def step(state: CascadeLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         slip_command = SlipCommand(command.slip_ratio, command.direction)
@@ -258,8 +326,8 @@ class RampLoop(NamedTuple):
 
 
 def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2: float) -> Controller:
-    def init(m: Measurement) -> RampLoop:
-        return RampLoop(drive.init(m.wheel_speed_rad_s), radius_m * m.wheel_speed_rad_s)
+    def init(m: Measurement, torque_Nm: Any) -> RampLoop:
+        return RampLoop(DriveState(torque_Nm, torque_Nm), radius_m * m.wheel_speed_rad_s)
 
     def step(state: RampLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         change = acceleration_m_s2 * dt_s
@@ -275,7 +343,7 @@ def _open_loop(limits: Limits) -> Controller:
         torque = limits.apply(command.torque_Nm + 0.0 * state, state, dt_s)
         return torque, torque, _report_without_slip(torque)
 
-    return Controller(lambda m: 0.0 * m.wheel_speed_rad_s, step)
+    return Controller(lambda m, torque_Nm: torque_Nm + 0.0 * m.wheel_speed_rad_s, step)
 
 
 def _report_without_slip(torque_Nm: Any) -> Report:

@@ -12,15 +12,16 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import WheelCommand, make_controller, wheel_command
+from ohmward.simulate.closed_loop.control import Controller, WheelCommand, make_controller, wheel_command
 from ohmward.simulate.closed_loop.drive_warnings import DriveWarnings
 from ohmward.simulate.closed_loop.mujoco_robot import MujocoRobot
-from ohmward.simulate.closed_loop.observing import Observation, make_observer
+from ohmward.simulate.closed_loop.observing import Observation, make_momentum_observer, make_observer
 from ohmward.simulate.closed_loop.records import Records
 from ohmward.simulate.closed_loop.run import ClosedLoopRun, Instant, RunRow
 from ohmward.simulate.closed_loop.scenario import Scenario
@@ -31,6 +32,7 @@ from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement, Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.momentum_observer.observer import MomentumObserver
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 #: Largest number of instants of the history.
@@ -81,7 +83,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
 def make_plant(scenario: Scenario) -> Plant:
     """The plant of a scenario."""
     kind = {"own": TractionPlant, "mujoco": MujocoRobot}[scenario.plant]
-    return kind(scenario.model, scenario.ground, scenario.grade)
+    return kind(scenario.model, scenario.ground, scenario.grade, scenario.drag_N_s2_per_m2)
 
 
 class SampleOnTheWay(NamedTuple):
@@ -104,16 +106,18 @@ class ClosedLoopDrive:
         self.scenario, self.robot = scenario, scenario.model
         sensors_rng, pack_rng = np.random.default_rng(scenario.seed).spawn(2)
         self.plant = make_plant(scenario)
-        self.truth: RobotTruth = self.plant.reset()
+        self.truth: RobotTruth = self.plant.reset(scenario.start_speed_m_s)
         self.supply = Supply(scenario.battery)
-        self.sensors = SensorSuite(scenario.sensors, self.robot, sensors_rng)
-        self.observation = Observation(_observer(scenario), self.robot)
+        self.sensors = SensorSuite(scenario.sensors, self.robot, sensors_rng, self.truth)
+        self.observation = Observation(_observer(scenario), self.robot, self.truth)
         self.pack = PackSensors(self.supply.now, pack_rng)
         self.warnings = DriveWarnings(scenario)
         self.energy_J = EnergyBalance()
         self._commands = [wheel_command(command, self.robot) for command in scenario.commands]
         self._starts_s = [command.from_s for command in scenario.commands]
-        self._state, self._control = _controller(scenario, self._commands[0])
+        self._controllers = _controllers(scenario, self._commands[0])
+        self._mode, self._state = "", None
+        self._torque_Nm = np.zeros(self.robot.driven)
         self._history_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
         self._on_the_way: dict[float, SampleOnTheWay] = {}
         self.history: Records[Instant] = Records()
@@ -142,15 +146,26 @@ class ClosedLoopDrive:
         self.sample()
         wheel_speed, travel = self.sensors.drive_speeds(self.truth), self.truth.wheel_centre_speed_m_s[:n]
         measurement = self.observation.measurement(wheel_speed, travel, self.truth.time_s)
-        command = self._commands[bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1]
-        self._state, demanded, report = self._control(self._state, command, measurement, dt_s)
+        demanded, report = self._control(measurement)
         torque = available_torque(demanded, self.truth.wheel_speed_rad_s[:n], self.robot, self.supply.now)
         self.truth = self.plant.step(torque, dt_s)
         supplied = self.supply.draw(self.plant.energy.electrical / dt_s + self.robot.idle_W, dt_s)
         self.energy_J = self.energy_J.accumulate(self._energy_step(supplied, dt_s))
         self.pack.add_step(supplied)
         self.warnings.add_step(report, demanded, torque, dt_s)
+        self._torque_Nm = np.asarray(demanded)
         self._record(report, supplied)
+
+    def _control(self, measurement: Measurement) -> tuple[np.ndarray, Report]:
+        """Torque [N m] of the controller of the present command; a new mode takes over from the torque given now."""
+        now = bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1
+        settings = self.scenario.controller
+        mode = settings.mode_of(self.scenario.commands[now])
+        controller, step = self._controllers[mode]
+        if mode != self._mode:
+            self._mode, self._state = mode, controller.init(measurement, self._torque_Nm)
+        self._state, demanded, report = step(self._state, self._commands[now], measurement, settings.interval_s)
+        return demanded, report
 
     def _energy_step(self, supplied: Supplied, dt_s: float) -> EnergyBalance:
         """Balance [J] of the step with battery and electronics; a resistor burns what the battery does not take."""
@@ -166,17 +181,20 @@ class ClosedLoopDrive:
             self.history.add(Instant(self.truth, report, *battery, self.energy_J))
 
 
-def _controller(scenario: Scenario, first: WheelCommand) -> tuple[Any, Kernel]:
-    """State of the controller before the first step of a robot at rest, and its compiled step."""
+def _controllers(scenario: Scenario, example: WheelCommand) -> dict[str, tuple[Controller, Kernel]]:
+    """The controller of each mode of the commands, with its compiled step."""
     zero = np.zeros(scenario.model.driven)
-    at_rest = Measurement(zero, zero, 0.0, zero)
-    controller = make_controller(scenario.controller, scenario.model)
-    state = controller.init(at_rest)
-    return state, Kernel(controller.step, state, first, at_rest, 0.0)
+    at_rest = Measurement(zero, zero, 0.0, zero, zero)
+    found = {}
+    for mode in {scenario.controller.mode_of(command) for command in scenario.commands}:
+        controller = make_controller(replace(scenario.controller, mode=mode), scenario.model)
+        found[mode] = controller, Kernel(controller.step, controller.init(at_rest, zero), example, at_rest, 0.0)
+    return found
 
 
-def _observer(scenario: Scenario) -> SpeedObserver | None:
+def _observer(scenario: Scenario) -> SpeedObserver | MomentumObserver | None:
     """The scenario's observer; None where the controller gets the true speed."""
     if scenario.observer.method == "true":
         return None
-    return make_observer(scenario.observer, scenario.sensors, scenario.model, scenario.surface.patches[-1])
+    make = make_momentum_observer if scenario.observer.method == "momentum" else make_observer
+    return make(scenario.observer, scenario.sensors, scenario.model, scenario.surface.patches[-1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,18 +27,26 @@ class MujocoRobot:
 
     Args:
         robot: on four wheels, all fixed to the body.
+        drag_N_s2_per_m2: drag over the square of the speed; it counts as a drawbar's pull.
         patches, grade: of the ground. Rolling resistance is that of the ground that lies under all others.
 
     Raises:
         InputError: MuJoCo is not installed, or it cannot be such a robot or such ground.
     """
 
-    def __init__(self, robot: Robot, patches: Sequence[Patch] = (), grade: Grade | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        patches: Sequence[Patch] = (),
+        grade: Grade | None = None,
+        drag_N_s2_per_m2: float = 0.0,
+    ) -> None:
         self.robot, self.grade = robot, grade or Grade()
         under = surface(patches, [p.name for p in robot.places])
         rolling = _rolling(under, robot)
         self._rolling = np.full(len(robot.places), rolling)
-        self._plant = RlmaPlant(parameters(robot, under.patches[-1], rolling), _ground(under, self.grade, robot))
+        p = replace(parameters(robot, under.patches[-1], rolling), drag_N_s2_per_m2=drag_N_s2_per_m2)
+        self._plant, self._drag = RlmaPlant(p, _ground(under, self.grade, robot)), drag_N_s2_per_m2
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
@@ -49,7 +58,7 @@ class MujocoRobot:
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
         """Hold the torque for `dt_s`; the truth at the end. `energy` is the balance [J] of this step."""
         after = self._plant.step(torque_N_m, dt_s)
-        self.energy = energy_step(self._before, after, self.robot, self._rolling)
+        self.energy = energy_step(self._before, after, self.robot, self._rolling, self._drag)
         self._before = after
         return after
 
@@ -120,7 +129,9 @@ def _ground(under: GroundSurface, grade: Grade, robot: Robot) -> Ground:
     )
 
 
-def energy_step(before: RobotTruth, after: RobotTruth, robot: Robot, rolling: np.ndarray) -> EnergyBalance:
+def energy_step(
+    before: RobotTruth, after: RobotTruth, robot: Robot, rolling: np.ndarray, drag_N_s2_per_m2: float = 0.0
+) -> EnergyBalance:
     """Energy balance [J] of the motors between two truths, by the trapezoidal rule; forces are those of `after`.
 
     `numerical` is what the other terms leave.
@@ -141,6 +152,7 @@ def energy_step(before: RobotTruth, after: RobotTruth, robot: Robot, rolling: np
     drive = float(sum(friction_torque(robot.motor, current_A[k], omega[k]) * omega[k] for k in range(n))) * dt_s
     slip = float(after.traction_N @ (rim - centre) - after.lateral_N @ to_left) * dt_s
     resisted = float(np.sum(rolling * after.normal_N * np.abs(rim))) * dt_s
+    drawbar = drag_N_s2_per_m2 * np.hypot(before.speed_m_s, before.lateral_speed_m_s) * before.speed_m_s * moved_m[0]
     climb = robot.mass_kg * GRAVITY * float(np.sin(after.grade_rad)) * float(moved_m[0])
     kinetic = _kinetic_energy(after, robot) - _kinetic_energy(before, robot)
     return EnergyBalance(
@@ -151,8 +163,9 @@ def energy_step(before: RobotTruth, after: RobotTruth, robot: Robot, rolling: np
         slip=slip,
         rolling=resisted,
         climb=climb,
+        drawbar=float(drawbar),
         kinetic=kinetic,
-        numerical=electrical - copper - drive - slip - resisted - climb - kinetic,
+        numerical=electrical - copper - drive - slip - resisted - climb - float(drawbar) - kinetic,
     )
 
 

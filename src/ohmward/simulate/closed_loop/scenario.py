@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ohmward.checks import require_between, require_one_of
+from ohmward.checks import require_between, require_finite, require_one_of
 from ohmward.errors import InputError
 from ohmward.simulate.closed_loop.control import Command, Control
 from ohmward.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
@@ -40,6 +41,8 @@ class Scenario:
         sensors: of the robot.
         observer: of its speed and slip.
         controller: of its torque.
+        start_speed_m_s: speed along x at which the robot rolls at the start; an observer is told of it.
+        drag_N_s2_per_m2: drag over the square of the speed, >= 0.
         seed: draws what is random in the sensors.
         name: in words.
 
@@ -57,6 +60,8 @@ class Scenario:
     sensors: Sensing = field(default_factory=Sensing)
     observer: Observing = field(default_factory=Observing)
     controller: Control = field(default_factory=Control)
+    start_speed_m_s: float = 0.0
+    drag_N_s2_per_m2: float = 0.0
     seed: int = 1
     name: str = ""
 
@@ -64,6 +69,12 @@ class Scenario:
         require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)
         require_between("seed", self.seed, 0, 2**32)
         require_one_of("plant", self.plant, PLANTS)
+        require_finite("start_speed_m_s", self.start_speed_m_s)
+        require_between("drag_N_s2_per_m2", self.drag_N_s2_per_m2, 0.0, math.inf)
+        if self.observer.method == "momentum" and self.start_speed_m_s:
+            raise InputError(
+                'observer.method = "momentum" knows its speed from a standstill; leave out start_speed_m_s or take "ukf"'
+            )
         self._check_commands()
         self.sensors.encoder_wheels(self.model)
         _ = self.surface

@@ -142,9 +142,12 @@ class SensorSuite:
         sensing: settings.
         robot: that carries them.
         rng: draws noise, delays and losses.
+        start: truth at the start; without it the robot stands.
     """
 
-    def __init__(self, sensing: Sensing, robot: Robot, rng: np.random.Generator) -> None:
+    def __init__(
+        self, sensing: Sensing, robot: Robot, rng: np.random.Generator, start: RobotTruth | None = None
+    ) -> None:
         self.sensing, self.robot, self._rng = sensing, robot, rng
         self._settings = sensing.board(robot)
         self._board = Board()
@@ -153,6 +156,7 @@ class SensorSuite:
         self._speeds: tuple[DelayedSpeed, ...] = ()
         self._torque_Nm = np.zeros(len(robot.places))
         self._steps = 0
+        self._start_rad_s = np.zeros(len(robot.places)) if start is None else start.wheel_speed_rad_s
         self.sampled = False
 
     def drive_speeds(self, truth: RobotTruth) -> np.ndarray:
@@ -209,13 +213,13 @@ class SensorSuite:
         )
 
     def _wheel_speeds(self, frame: SensorFrame) -> np.ndarray:
-        """(wheels,) [rad/s] since the frame before; without one, 0 at the start, where the robot stands."""
+        """(wheels,) [rad/s] since the frame before; without one, at the start, those it starts with."""
         speeds = np.full(len(self.robot.places), math.nan)
         wheels = list(self._settings.encoder_wheels)
         if self._before is not None:
             speeds[wheels] = wheel_speed(self._before, frame, self._settings)
         elif frame.time_s == 0.0:
-            speeds[wheels] = 0.0
+            speeds[wheels] = self._start_rad_s[wheels]
         return speeds
 
     def _newest_speed(self, frame: SensorFrame) -> DelayedSpeed | None:

@@ -30,6 +30,7 @@ class PlantInput(NamedTuple):
 
     torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
     grade_rad, bank_rad: of the ground, along the robot and to its left.
+    drag_N: against the robot.
     shares: (wheels, grounds) of each ground under each wheel.
     dt_s: length of the step.
     """
@@ -37,6 +38,7 @@ class PlantInput(NamedTuple):
     torque_Nm: Any
     grade_rad: Any
     bank_rad: Any
+    drag_N: Any
     shares: Any
     dt_s: Any
 
@@ -63,6 +65,7 @@ class TractionPlant:
         robot: any.
         patches: of the ground, dry asphalt where there are none.
         grade: along x.
+        drag_N_s2_per_m2: drag over the square of the speed; it counts as a drawbar's pull.
         longest_step_s: of the implicit step; `step` divides longer ones.
 
     Raises:
@@ -74,6 +77,7 @@ class TractionPlant:
         robot: Robot,
         patches: Sequence[Patch] = (),
         grade: Grade | None = None,
+        drag_N_s2_per_m2: float = 0.0,
         longest_step_s: float = 1e-3,
     ) -> None:
         require_positive("longest_step_s", longest_step_s)
@@ -84,8 +88,8 @@ class TractionPlant:
         self._shares = np.array([[float(ground == terrain) for terrain in self._terrains] for ground in grounds])
         self._adhesion = np.array([adhesion(ground) for ground in grounds])
         self._arms = np.array([[p.x_m, p.y_m] for p in robot.places])
-        self._longest_step_s = longest_step_s
-        at_rest = PlantInput(np.zeros(robot.driven), 0.0, 0.0, self._shares[[0] * len(robot.places)], 0.0)
+        self._longest_step_s, self._drag = longest_step_s, drag_N_s2_per_m2
+        at_rest = PlantInput(np.zeros(robot.driven), 0.0, 0.0, 0.0, self._shares[[0] * len(robot.places)], 0.0)
         self._kernel = Kernel(
             partial(observed_step, robot=robot, terrains=self._terrains), np.zeros(len(robot.state_names)), at_rest
         )
@@ -124,7 +128,8 @@ class TractionPlant:
     def _advance(self, torque_Nm: np.ndarray, dt_s: float) -> RobotTruth:
         under = self._under()
         slope = self.grade.at(self._position_m[0])
-        u = PlantInput(torque_Nm, *tilt(slope, self._heading_rad), self._shares[under], dt_s)
+        drag_N = self._drag * abs(self._x[0]) * self._x[0]
+        u = PlantInput(torque_Nm, *tilt(slope, self._heading_rad), drag_N, self._shares[under], dt_s)
         before = self._x
         result, f, view = self._kernel(before, u)
         self._x = result.state
@@ -183,7 +188,7 @@ def observed_step(
     """One implicit step, with forces and motion at its end."""
     p = scene(robot, *(terrain_mixture(terrains, shares) for shares in plant_input.shares))
     current_A = plant_input.torque_Nm / robot.motor.wheel_constant_Nm_per_A
-    u = RobotInput(current_A, plant_input.grade_rad, plant_input.bank_rad)
+    u = RobotInput(current_A, plant_input.grade_rad, plant_input.bank_rad, plant_input.drag_N)
     result = step(x, u, p, plant_input.dt_s)
     f = forces(result.state, u, p)
     motion = result.state[: robot.freedoms]
