@@ -97,8 +97,8 @@ class Control:
         mode: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque"
             without feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp".
         objective: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`.
-        law: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
-            wheel-speed PI for speeds at 50 Hz.
+        law: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which
+            asks a wheel-speed PI for speeds at 50 Hz.
         slip_bound: in mode "speed", >= 0.001 and < 1.
         acceleration_m_s2: of the ramps, > 0.
         torque_limit_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.

@@ -13,7 +13,7 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 

@@ -73,7 +73,7 @@ class Scenario:
         require_between("drag_N_s2_per_m2", self.drag_N_s2_per_m2, 0.0, math.inf)
         if self.observer.method == "momentum" and self.start_speed_m_s:
             raise InputError(
-                'observer.method = "momentum" knows its speed from a standstill; leave out start_speed_m_s or take "ukf"'
+                'observer.method = "momentum" knows its speed from a standstill; leave out start_speed_m_s'
             )
         self._check_commands()
         self.sensors.encoder_wheels(self.model)
