@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -176,14 +176,22 @@ class WheelCommand(NamedTuple):
     torque_Nm: Any
 
 
+class InitialState(Protocol):
+    """State of a controller that takes over from the torque [N m] that is given now."""
+
+    def __call__(self, m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        """The state; `m` as at its first step."""
+        ...
+
+
 class Controller(NamedTuple):
     """A controller: `init(measurement, torque_Nm)` and `step(state, command, measurement, dt_s)`.
 
-    init takes over from the torque [N m] that is given now. step returns the state after it, the torque to hold, and a
+    step returns the state after it, the torque to hold, and a
     `Report`; all of it traces.
     """
 
-    init: Callable[[Measurement, Any], Any]
+    init: InitialState
     step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
 
 
@@ -244,7 +252,7 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
 
 
 def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> Any:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
         return loop.init(m)._replace(torque_Nm=torque_Nm)
 
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
@@ -254,7 +262,7 @@ def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
 
 
 def _slip_loop(loop: SlipController) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> Any:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
         return loop.init(m)._replace(torque_Nm=torque_Nm)
 
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
@@ -273,7 +281,7 @@ class SeekingLoop(NamedTuple):
 
 
 def _seeking_loop(loop: SlipController, seeker: SetPointSeeker) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> SeekingLoop:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> SeekingLoop:
         zero = 0.0 * m.wheel_speed_rad_s
         return SeekingLoop(loop.init(m)._replace(torque_Nm=torque_Nm), seeker.init(zero), zero, zero)
 
@@ -300,7 +308,7 @@ class CascadeLoop(NamedTuple):
 
 
 def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> CascadeLoop:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> CascadeLoop:
         state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
         motor = DriveState(torque_Nm, torque_Nm)
         return CascadeLoop(state, motor, state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
@@ -326,7 +334,7 @@ class RampLoop(NamedTuple):
 
 
 def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2: float) -> Controller:
-    def init(m: Measurement, torque_Nm: Any) -> RampLoop:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> RampLoop:
         return RampLoop(DriveState(torque_Nm, torque_Nm), radius_m * m.wheel_speed_rad_s)
 
     def step(state: RampLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
@@ -339,11 +347,14 @@ def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2
 
 
 def _open_loop(limits: Limits) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        return torque_Nm + 0.0 * m.wheel_speed_rad_s
+
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
         torque = limits.apply(command.torque_Nm + 0.0 * state, state, dt_s)
         return torque, torque, _report_without_slip(torque)
 
-    return Controller(lambda m, torque_Nm: torque_Nm + 0.0 * m.wheel_speed_rad_s, step)
+    return Controller(init, step)
 
 
 def _report_without_slip(torque_Nm: Any) -> Report:

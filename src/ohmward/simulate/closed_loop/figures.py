@@ -92,7 +92,8 @@ def slip_tracking(run: ClosedLoopRun) -> list[SlipTracking]:
         rows = (truth.time_s > command.from_s) & (truth.time_s <= end_s)
         if command.slip_ratio is not None and command.slip_ratio < 0:
             rows &= np.cumsum(rows & (np.abs(truth.speed_m_s) < SLOWEST_M_S)) == 0
-        if run.scenario.controller.mode_of(command) == "slip" and rows.any():
+        held = run.scenario.controller.mode_of(command) == "slip"
+        if held and command.slip_ratio is not None and rows.any():
             tracked.append(track_command(truth.time_s[rows], slip[rows], command.from_s, command.slip_ratio))
     return tracked
 
