@@ -25,6 +25,14 @@ from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
+from ohmward.battery.learning.same_battery import (
+    CapacityAndResistance,
+    forgotten,
+    is_label,
+    is_suspicious,
+    other_battery,
+    other_label,
+)
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts
@@ -142,8 +150,26 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     assert after.knowledge is not None
     lesson = _lesson(battery, after, log, parts, anchors)
+    misfit = max(part.solution.misfit for part in parts)
+    if contradiction := _other_battery(aged, log, lesson, misfit):
+        return battery, _not_learnt(battery, log, "set aside", contradiction)
     seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason)
     return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
+
+
+def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) -> str:
+    """Contradiction of a log with the battery, as it has aged until then; "" for none."""
+    covariance = prior_covariance(battery)
+    known = CapacityAndResistance(capacity_normal(battery, covariance), resistance_normal(battery, covariance))
+    after = CapacityAndResistance(lesson.capacity_Ah, lesson.resistance_ohm)
+    if is_label(battery):
+        return other_label(known, after)
+    if not is_suspicious(known, after, misfit):
+        return ""
+    _, alone = learn_log(forgotten(battery), log)
+    if alone.verdict != "learnt":
+        return alone.reason
+    return other_battery(known, CapacityAndResistance(alone.capacity_Ah, alone.resistance_ohm))
 
 
 def aged_by(battery: Battery, hours: float, log: Log) -> Battery:

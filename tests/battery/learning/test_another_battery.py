@@ -1,0 +1,84 @@
+"""Days of one battery teach its file; a day of another one, or of the same one with other cells, does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cli.examples import MODEL
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.learning import learn
+from ohmward.battery.models.thevenin import Thevenin
+from ohmward.logs import Log
+from ohmward.simulate.voltage import simulate_voltage
+
+
+def day(model: Thevenin, seed: int, name: str = "") -> Log:
+    """From full through a day of changing loads to a fifth, a rest, and back to full; a sample every 10 s."""
+    rng = np.random.default_rng(seed)
+    loads_A = -np.repeat(rng.uniform(0.0, 0.5 * model.capacity_Ah, 120), 12)
+    loads_A *= 0.8 * model.capacity_Ah * 360 / -loads_A.sum()
+    charge_A = 0.5 * model.capacity_Ah * np.minimum(1.0, np.exp(-(np.arange(900) - 500) / 100))
+    charge_A *= 0.8 * model.capacity_Ah * 360 / charge_A.sum()
+    current_A = np.concatenate([np.zeros(180), loads_A, np.zeros(180), charge_A, np.zeros(60)])
+    time_s = 10.0 * np.arange(current_A.size)
+    log = Log(name or f"day {seed}", time_s, current_A, np.zeros(time_s.size), np.full(time_s.size, 25.0))
+    voltage_V = simulate_voltage(model, log, 1.0).voltage_V + 0.005 * rng.standard_normal(time_s.size)
+    return replace(log, voltage_V=voltage_V, current_A=current_A + 0.02 * rng.standard_normal(time_s.size))
+
+
+def worn(model: Thevenin, capacity: float, resistance: float) -> Thevenin:
+    """The model with these shares of its capacity and resistance."""
+    return replace(
+        model,
+        capacity_Ah=capacity * model.capacity_Ah,
+        r0_discharge_ohm=tuple(resistance * r for r in model.r0_discharge_ohm),
+        r0_charge_ohm=tuple(resistance * r for r in model.r0_charge_ohm),
+        r_ohm=tuple(tuple(resistance * r for r in row) for row in model.r_ohm),
+    )
+
+
+def pulse_ohm(model: Thevenin) -> float:
+    """Resistance to ten seconds of current; the resistances of the example are the same at every SoC."""
+    pairs = zip(model.r_ohm, model.tau_s, strict=True)
+    return model.r0_discharge_ohm[0] + sum(row[0] * (1 - np.exp(-10.0 / tau_s)) for row, tau_s in pairs)
+
+
+@pytest.fixture(scope="module")
+def taught():
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1), day(MODEL, 2)])
+    assert [lesson.verdict for lesson in learnt.lessons] == ["learnt", "learnt"]
+    return learnt.battery
+
+
+def test_a_third_day_of_the_same_battery_is_learnt(taught):
+    (lesson,) = learn(taught, [day(MODEL, 3)]).lessons
+    assert lesson.verdict == "learnt"
+    assert lesson.capacity_Ah.mean == pytest.approx(MODEL.capacity_Ah, rel=0.04)
+
+
+def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):
+    learnt = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3)])
+    (lesson,) = learnt.lessons
+    assert lesson.verdict == "set aside"
+    assert lesson.reason.startswith("this is not the battery of the file: its ")
+    assert "resistance is" in lesson.reason
+    assert learnt.battery is taught
+
+
+def test_the_day_after_a_swap_back_is_learnt(taught):
+    lessons = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).lessons
+    assert [lesson.verdict for lesson in lessons] == ["set aside", "learnt"]
+
+
+def test_a_battery_of_twice_the_label_is_refused():
+    (lesson,) = learn(generic_battery("nmc", 6.0, 3), [day(MODEL, 1)]).lessons
+    assert lesson.verdict == "set aside" and "its capacity is" in lesson.reason
+
+
+def test_an_aged_battery_may_still_have_its_label():
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(worn(MODEL, 0.78, 1.6), k) for k in (1, 2)])
+    assert [lesson.verdict for lesson in learnt.lessons] == ["learnt", "learnt"]
+    mean, std = learnt.lessons[-1].capacity_Ah
+    assert mean == pytest.approx(0.78 * 12.0, abs=2.5 * std)
+    assert learnt.lessons[-1].resistance_ohm.mean == pytest.approx(1.6 * pulse_ohm(MODEL), rel=0.05)

@@ -1,0 +1,55 @@
+"""A log of another battery contradicts a file that knows its own; later logs of the same one do not."""
+
+import pytest
+
+from ohmward.battery.chemistries import Normal, generic_battery
+from ohmward.battery.learning.same_battery import (
+    CapacityAndResistance,
+    forgotten,
+    is_label,
+    is_suspicious,
+    other_battery,
+    other_label,
+)
+
+FILE = CapacityAndResistance(Normal(10.0, 0.2), Normal(0.020, 0.0012))
+
+
+def seen(capacity_Ah: float, resistance_ohm: float) -> CapacityAndResistance:
+    return CapacityAndResistance(Normal(capacity_Ah, 0.03 * capacity_Ah), Normal(resistance_ohm, 0.1 * resistance_ohm))
+
+
+@pytest.mark.parametrize("capacity_Ah, resistance_ohm", [(10.0, 0.020), (9.6, 0.022), (10.5, 0.018)])
+def test_what_both_may_err_is_no_contradiction(capacity_Ah, resistance_ohm):
+    assert other_battery(FILE, seen(capacity_Ah, resistance_ohm)) == ""
+
+
+def test_the_quantities_that_differ_are_told():
+    text = other_battery(FILE, seen(8.0, 0.030))
+    assert text.startswith("this is not the battery of the file: its capacity is 8 +- 0.24 Ah, that of the file 10 +-")
+    assert "its resistance is 30 +- 3 mohm, that of the file 20 +- 1.2 mohm" in text
+    assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(1 sigma)")[0].replace("of the file", "")
+
+
+def test_both_differences_count_together():
+    assert other_battery(FILE, seen(8.8, 0.020)) == ""
+    assert other_battery(FILE, seen(10.0, 0.0285)) == ""
+    assert other_battery(FILE, seen(8.8, 0.0285)) != ""
+
+
+def test_a_label_may_be_wrong_by_more():
+    label = CapacityAndResistance(Normal(10.0, 1.0), Normal(0.020, 0.016))
+    assert other_label(label, seen(7.0, 0.040)) == ""
+    assert "its capacity is 5 +-" in other_label(label, seen(5.0, 0.020))
+
+
+def test_a_log_is_suspicious_by_its_move_or_by_its_misfit():
+    assert not is_suspicious(FILE, seen(10.1, 0.021), 1.1)
+    assert is_suspicious(FILE, seen(10.4, 0.021), 1.0)
+    assert is_suspicious(FILE, seen(10.0, 0.020), 2.0)
+
+
+def test_a_file_without_its_knowledge_is_a_label():
+    battery = generic_battery("nmc", 10.0, 3)
+    assert is_label(battery)
+    assert forgotten(battery) == battery
