@@ -15,7 +15,7 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
-    "explanation", "cells", "flags", "truth", "notes", "output", "report",
+    "explanation", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
 LATE = {f"{name}_after_1h" for name in SCORES}
@@ -148,3 +148,45 @@ def test_the_sentence_and_the_causes_are_in_every_form(here, as_json, capsys):
     out = capsys.readouterr().out
     assert explanation["sentence"] in out
     assert "What makes the band wide" in out
+
+
+@pytest.fixture
+def of_cells(here):
+    """The drive of a pack of three, the second cell 5 points lower than the others and with 0.8 of their capacity."""
+    log = drive()
+    one, moved = battery(), np.cumsum(np.diff(log.time_s, prepend=0.0) * log.current_A) / 3600.0 / CAPACITY_AH
+    soc = [START_SOC + moved, START_SOC - 0.05 + moved / 0.8, START_SOC + moved]
+    assert one.thevenin is not None
+    ocv_V = [one.thevenin.ocv.mean_V(s, 25.0) / 3 for s in soc]
+    over_V = (log.voltage_V - 3 * ocv_V[0]) / 3
+    rows = [log.time_s, log.current_A, *(v + over_V for v in ocv_V)]
+    header = "time_s,current_A,cell_voltage_1_V,cell_voltage_2_V,cell_voltage_3_V"
+    np.savetxt(here / "cells.csv", np.stack(rows, axis=1), delimiter=",", header=header, comments="", fmt="%.6g")
+    return ("soc", "cells.csv", "--battery", "battery.toml", "--initial-soc", str(START_SOC))
+
+
+def test_the_cells_of_a_log_are_estimated(of_cells, here, as_json, capsys):
+    found = as_json(*of_cells, "-o", "estimates.csv")
+    cells = found["cells"]
+    assert cells["weakest"] == "cell_voltage_2_V" and len(cells["cells"]) == 3
+    assert {warning["cell"] for warning in cells["warnings"]} == {"cell_voltage_2_V"}
+    assert cells["usable_Ah"] < 0.8 * CAPACITY_AH * found["soc_final"]
+    assert found["weakest_unseen"] is None
+    header = (here / "estimates.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert {"pack_soc", "pack_usable_Ah", "weakest_cell", "weakest_soc", "cell_2_soc", "cell_2_soc_std"} <= set(header)
+    main([*of_cells, "--report", "page.html"])
+    text = capsys.readouterr().out
+    assert "cell_voltage_2_V will be empty first" in text
+    assert "cell_voltage_2_V: state of charge" in (here / "page.html").read_text(encoding="utf-8")
+
+
+def test_a_filter_without_an_offset_leaves_the_cells(of_cells, as_json):
+    assert as_json(*of_cells, "--filter", "coulomb")["cells"] is None
+
+
+def test_without_cell_voltages_the_weakest_cell_is_said_to_be_unseen(here, as_json, capsys):
+    found = as_json(*SOC)
+    assert found["cells"] is None
+    assert found["weakest_unseen"]["soc"] < found["soc_final"]
+    main([*SOC])
+    assert "weakest cell     not measured; probably" in capsys.readouterr().out

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.cells.drift import ranges
 from ohmward.battery.cells.pack_estimator import PackRun, estimate_at
+from ohmward.battery.cells.unseen import unseen_weakest
+from ohmward.battery.soc.sample import SocEstimate
 from ohmward.cli import wording
 from ohmward.filters.consistency import BAND_95
 
@@ -48,6 +51,20 @@ def cells_result(figures: dict[str, Any]) -> dict[str, str]:
             for name, found in ranges_.items()
         ),
     }
+
+
+def unseen_summary(battery: Battery, estimates: SocEstimate) -> dict[str, float] | None:
+    """The object `weakest_unseen` of --json, of a pack whose cells the log does not have: at the end of the log."""
+    if battery.n_series < 2:
+        return None
+    expected = unseen_weakest(float(estimates.soc[-1]), float(estimates.soc_std[-1]), int(battery.n_series))
+    return {"soc": float(expected.mean), "soc_std": float(expected.std)}
+
+
+def unseen_result(figures: dict[str, Any]) -> dict[str, str]:
+    """The weakest cell where it was not measured; nothing for a single cell."""
+    found = figures["weakest_unseen"]
+    return {"weakest cell": f"not measured; probably {_band(found['soc'], found['soc_std'])} %"} if found else {}
 
 
 def cells_sentence(figures: dict[str, Any]) -> str:

@@ -41,7 +41,7 @@ def _cells(page: Page, cells: PackRun, figures: dict[str, Any]) -> Page:
     """The page with the section on the cells of the pack."""
     page = page.heading("Cells")
     for warning in figures["cells"]["warnings"]:
-        page = page.callout("warning", sentence(warning["text"]))
+        page = page.callout("warning", f"{warning['text']}.")
     page = page.table(["Quantity", "Value"], list(cells_result(figures).items()))
     page = page.plot(cells_soc_figure(cells), cells_difference_figure(cells))
     return page.table(HEADER, cell_rows(figures), "Half widths are those of the 95 % bands.")

@@ -12,7 +12,14 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
-from ohmward.cli.soc.cells import cell_columns, cells_sentence, cells_summary, cells_text
+from ohmward.cli.soc.cells import (
+    cell_columns,
+    cells_sentence,
+    cells_summary,
+    cells_text,
+    unseen_result,
+    unseen_summary,
+)
 from ohmward.filters.consistency import BAND_95
 from ohmward.published.registry import title_of
 
@@ -45,6 +52,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = No
         "soh_capacity": float(estimates.soh_capacity[-1]),
         "resistance_ratio": float(estimates.resistance_ratio[-1]),
         "cells": cells_summary(cells) if cells else None,
+        "weakest_unseen": None if cells else unseen_summary(task.battery, estimates),
         "flags": answer.counts(),
         **soc_scores(log, estimates, task.truth.soc if task.truth else None),
         "truth": task.truth.note if task.truth else None,
@@ -78,6 +86,7 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "SoC at the end": f"{wording.percent(figures['soc_final'], 1)} ± {band} (95 %)",
         "SoC before": f"started at {wording.percent(figures['soc_initial'], 1)}, "
         f"ran from {wording.percent(figures['soc_min'], 1)} to {wording.percent(figures['soc_max'], 1)}",
+        **unseen_result(figures),
         "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3),
         "current offset": wording.quantity(figures["current_offset_A"], "mA", 1e3),
         "capacity": f"{wording.percent(figures['soh_capacity'], 1)} of the battery file's",
