@@ -20,7 +20,7 @@ FILE_KEYS = {"output", "written", "backup", "name", "serial_number", "before", "
 STATE_KEYS = {"capacity_Ah", "resistance_ohm", "current_offset_A", "ocv_std_V", "logs", "hours"}
 LOG_KEYS = {"path", "serial_number", "battery_file", "log", "verdict", "reason", "hours", "soc_min", "soc_max", "notes"}
 LOG_KEYS |= {"soc_start", "soc_end", "capacity_Ah", "resistance_ohm", "offset_A", "information", "residual_rms_V"}
-LOG_KEYS |= {"anchors"}
+LOG_KEYS |= {"anchors", "left_out"}
 
 
 @pytest.fixture
@@ -194,6 +194,16 @@ def test_a_log_of_two_batteries_needs_a_choice(label, as_json):
     assert "choose one with --where battery_serial=A1, or give a folder" in found["logs"][0]["reason"]
     found = as_json("learn", "both.csv", "--battery", "label.toml", "--where", "battery_serial=B2")
     assert found["files"][0]["serial_number"] == "B2"
+
+
+def test_only_what_is_new_of_a_log_is_learnt(label, as_json):
+    write_log(drive().select(slice(0, 1800)), label / "morning.csv")
+    found = as_json("learn", "morning.csv", "day.csv", "--battery", "label.toml")
+    first, second = found["logs"]
+    assert first["left_out"] == [] and first["hours"] == pytest.approx(1.0, abs=0.01)
+    assert second["left_out"] == ["1 of 2 h: the battery has learnt from them before"]
+    assert second["hours"] == pytest.approx(1.0, abs=0.01)
+    assert any("day: 1 of 2 h" in note for note in found["notes"])
 
 
 def test_patterns_and_folders_name_logs_in_order(label, as_json):

@@ -73,6 +73,7 @@ class Lesson(NamedTuple):
         it; the standard deviation is inf where it says nothing.
     given_Ah: charge from full down to the lowest SoC of the log.
     anchors: what told SoC beside the voltage.
+    left_out: stretches and samples of the log that were not used, and why.
     """
 
     log: str
@@ -92,6 +93,7 @@ class Lesson(NamedTuple):
     own_resistance_ohm: Normal
     given_Ah: Normal
     anchors: tuple[Anchor, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 class Learnt(NamedTuple):
@@ -150,11 +152,26 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     assert after.knowledge is not None
     lesson = _lesson(battery, after, log, parts, anchors)
+    lesson = lesson._replace(hours=_hours(new), left_out=_left_out(log, usable, new))
     misfit = max(part.solution.misfit for part in parts)
     if contradiction := _other_battery(aged, log, lesson, misfit):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason)
     return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
+
+
+def _hours(logs: Sequence[Log]) -> float:
+    """Length of the logs together."""
+    return sum(log.duration_s for log in logs) / SECONDS_PER_HOUR
+
+
+def _left_out(log: Log, usable: Log, new: Sequence[Log]) -> tuple[str, ...]:
+    """Sentences on what is not used of a log: faults of its sensors, and what was seen before."""
+    faults = tuple(note.text for note in usable.notes if note not in log.notes)
+    seen_h = log.duration_s / SECONDS_PER_HOUR - _hours(new)
+    if new == (usable,):
+        return faults
+    return (*faults, f"{seen_h:.2g} of {_hours([log]):.2g} h: the battery has learnt from them before")
 
 
 def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) -> str:

@@ -35,7 +35,7 @@ def usable_log(log: Log, battery: Battery) -> Log:
         InputError: the log cannot teach anything about this battery; says why.
     """
     _require_samples(log)
-    log = check_log(log, battery)
+    check_log(log, battery)
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
     _require_sign(log)

@@ -91,8 +91,8 @@ def _contradiction(known: CapacityAndResistance, found: CapacityAndResistance, z
         if abs(off) > _WORTH_TELLING
     ]
     return (
-        f"this is not the battery of the file: {' and '.join(differ)} (1 sigma); if it is the same one nevertheless, "
-        "begin anew with `ohmward generic` and its present capacity"
+        f"this is not the battery of the file: {' and '.join(differ)} (1 sigma); keep a file for each battery. If "
+        "it is the same one nevertheless, begin anew with `ohmward generic` and its present capacity"
     )
 
 

@@ -54,9 +54,6 @@ def _job(battery: str, args: argparse.Namespace) -> str:
 
 def _notes(rows: list[dict]) -> list[str]:
     """Warnings about the logs, with their names; what every reader says of a good log is left out."""
-    return [
-        f"warning: {row['log']}: {note.removeprefix('warning: ')}"
-        for row in rows
-        for note in row["notes"]
-        if note.startswith("warning: ")
-    ]
+    read = [(row["log"], note) for row in rows for note in row["notes"] if note.startswith("warning: ")]
+    left_out = [(row["log"], note) for row in rows for note in row.get("left_out", [])]
+    return [f"warning: {log}: {note.removeprefix('warning: ')}" for log, note in read + left_out]

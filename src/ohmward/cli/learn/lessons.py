@@ -91,8 +91,8 @@ def _teach(task: LogTask, args: argparse.Namespace, files: BatteryFiles, starts:
         # as the file will have it, so that a run that goes on after an interruption ends with the same file
         files.after[key] = BATTERY_FILE.parse(BATTERY_FILE.dump(learnt.battery))
     head = {"path": task.path, "serial_number": task.serial_number or None, "battery_file": key or None}
-    notes = {"notes": [str(note) for note in log.notes]}
-    return [head | as_row(lesson) | notes for lesson in learnt.lessons]
+    notes = [str(note) for note in log.notes]
+    return [head | as_row(lesson) | {"notes": notes} for lesson in learnt.lessons]
 
 
 def refused(task: LogTask, reason: str) -> Row:
