@@ -12,8 +12,8 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.robot.robot import wheel_speeds
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
-from ohmward.traction.speed_observer.estimator import SlipEstimator, first_of, motion_of, observe, samples_of
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
+from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe, samples_of
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
@@ -83,7 +83,6 @@ def live_estimates(estimator, log):
 def test_live_samples_and_a_log_give_the_same(observer, lowering):
     log, live = faulty_drive(80), SlipEstimator(observer, lowering)
     whole = SlipEstimator(observer, lowering).run(log)
-    live.state = observer.init(first_of(samples_of(log, observer)))
     for found, expected in zip(live_estimates(live, log), whole.estimates, strict=True):
         assert_array_equal(found, expected)
     assert live.time_s == pytest.approx(log.time_s[-1] - log.time_s[0])
@@ -198,10 +197,12 @@ def test_a_sensor_that_the_log_lacks_is_nan():
     assert_array_equal(samples.dt_s, np.diff(log.time_s, prepend=0.0))
 
 
-def test_it_starts_from_the_first_speed_that_is_measured():
-    log = drive(wheel_speed=np.array([[math.nan, 5.0]] * 3 + [[7.0, 6.0]] * 37))
-    first = first_of(samples_of(log, OBSERVER))
-    assert_array_equal(first.wheel_speed_rad_s, [7.0, 5.0, math.nan, math.nan])
+def test_a_wheel_counts_from_the_first_speed_that_it_shows():
+    log = drive(wheel_speed=np.array([[math.nan, math.nan]] * 3 + [[math.nan, 7.0]] * 2 + [[7.0, 7.0]] * 35))
+    estimates = observe(OBSERVER, log).estimates
+    assert estimates.speed_m_s[:3] == pytest.approx(0.0, abs=1e-6)
+    assert estimates.speed_m_s[5:] == pytest.approx(7.0 * RLMA.wheel.radius_m, abs=0.02)
+    assert not (estimates.flags[5:].astype(int) & ~SlipFlag.STANDSTILL).any()
 
 
 def test_flags_are_counted():

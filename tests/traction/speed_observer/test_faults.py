@@ -83,7 +83,9 @@ def test_one_encoder_that_sticks():
     samples = cruise()
     samples.wheel_speed_rad_s[200:, 0] = 0.0
     e = watch(samples, gyro_std_rad_s=0.01)
-    assert has(e, SlipFlag.GROUND_CHANGED)[200]
+    spike = has(e, SlipFlag.ENCODER_SPIKE)
+    assert spike[200:205].all() and not spike[206:].any()  # no wheel stops within 10 ms: at first it is not believed
+    assert has(e, SlipFlag.GROUND_CHANGED)[206]
     assert within(e, 0.5)[200:].all()
     assert e.slipping[230, 0] == 1.0 and e.slipping[230, 1] == 0.0
 
@@ -177,7 +179,7 @@ MISWIRED = {
 def test_wires_in_the_wrong_order_are_flagged_and_stop_nothing(fault):
     encoders, current_A, x = weaving()
     e = watch_weaving(*MISWIRED[fault](encoders, current_A), x)
-    wrong = SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_DOUBTED | SlipFlag.SPEED_UNOBSERVED
+    wrong = SlipFlag.GROUND_CHANGED | SlipFlag.ENCODER_DOUBTED | SlipFlag.SPEED_UNOBSERVED | SlipFlag.GYRO_REJECTED
     assert has(e, wrong).mean() > 0.1
     assert_finite(e)
 

@@ -3,29 +3,62 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
-from ohmward.traction.speed_observer.estimator import held, observe
+from ohmward.traction.speed_observer.estimator import observe
+from ohmward.traction.speed_observer.intervals import LONGER, advance, holds, never
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 from .examples import RLMA_ON_FLOOR
 
 NAN = np.nan
-TIME_S = np.arange(8.0)
+
+
+def holding(values):
+    """Values (T,) with the last one where the clocks of a channel let it hold."""
+    clocks, last, found = never(1), NAN, []
+    for value in values:
+        clocks = advance(clocks, np.array([np.isfinite(value)]), 1.0)
+        last = value if np.isfinite(value) else last
+        found.append(last if np.isfinite(value) or holds(clocks)[0] else NAN)
+    return found
 
 
 def test_the_last_value_holds_for_the_usual_interval():
-    slow = np.array([NAN, 1.0, NAN, NAN, 4.0, NAN, NAN, NAN])
-    assert np.array_equal(held(TIME_S, slow[:, None])[:, 0], [NAN, 1, 1, 1, 4, 4, 4, NAN], equal_nan=True)
+    slow = [NAN, 1.0, NAN, NAN, 4.0, NAN, NAN, 7.0, NAN, NAN, NAN, NAN]
+    assert_array_equal(holding(slow), [NAN, 1, NAN, NAN, 4, 4, 4, 7, 7, 7, NAN, NAN])
+
+
+def test_the_first_value_holds_for_a_while():
+    clocks = advance(never(1), np.array([True]), 0.1)
+    held = [holds(clocks := advance(clocks, np.array([False]), 0.1))[0] for _ in range(4)]
+    assert held == [True, True, False, False]
 
 
 def test_a_value_that_fails_is_missed():
     steady = np.arange(8.0)
     steady[3:5] = NAN
-    columns = np.column_stack([steady, np.full(8, NAN)])
-    assert np.array_equal(held(TIME_S, columns), columns, equal_nan=True)
+    assert_array_equal(holding(steady), steady)
+
+
+def test_one_failure_lengthens_the_interval_by_a_quarter():
+    clocks = never(1)
+    for measured in [True, True, True, False, False, False, True]:
+        clocks = advance(clocks, np.array([measured]), 1.0)
+    assert_allclose(clocks.usual_s, [LONGER])
+
+
+def test_intervals_that_vary_make_no_value_missing():
+    gaps_s = np.random.default_rng(0).uniform(0.008, 0.012, 300)
+    clocks, held = never(1), []
+    for gap_s in gaps_s:
+        clocks = advance(clocks, np.array([False]), 0.9 * gap_s)
+        held.append(holds(clocks)[0])
+        clocks = advance(clocks, np.array([True]), 0.1 * gap_s)
+    assert np.mean(held[20:]) > 0.95
 
 
 def test_a_slow_current_leaves_the_speed_known():

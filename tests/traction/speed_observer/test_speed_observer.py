@@ -132,8 +132,7 @@ def own_model(observer):
     model = observer.model
 
     def advance(x, sample, current_A):
-        limits = (observer.gap_s, observer.current_limit_A, observer.wheel_speed_limit_rad_s)
-        clean = sanitize(sample, current_A, *limits)
+        clean = sanitize(sample, observer.limits)._replace(current_A=current_A)
         return model.next_state(x, clean), model.process_noise(model.slip_step(x, clean), clean)
 
     mean = unpack(observer.init(at_rest(observer)).belief).mean

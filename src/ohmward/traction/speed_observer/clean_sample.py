@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import hold, sanitize_step, within
-from ohmward.trace import minimum, where
+from ohmward.filters.sanitize import sanitize_step, within
+from ohmward.trace import exp, logical_not, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.speed_observer.intervals import Intervals, holds
 
 #: A longer step is a clock that was set, not a robot that waited.
 LONGEST_STEP_S = 3600.0
@@ -25,12 +26,14 @@ class CleanSlipSample(NamedTuple):
     modelled_s: part of the step that the model describes; 0 while the robot stands.
     unmodelled_s: the rest, in which the speed may have changed by anything; 0 while the robot stands.
     current_A: (driven,) over the step, held where it is not measured.
-    current_measured: (driven,) conditions.
+    current_measured: (driven,) conditions, true too where the last one still holds.
     wheel_speed_rad_s: (wheels,), 0 where it is not measured.
     wheel_measured: (wheels,) conditions.
     pitch_rad: as measured.
     time_credible: the condition that the clock can have shown the step.
     gap: the condition that the step is longer than the last current is believed.
+    current_refused: the condition that a current was measured which no wheel can have taken.
+    lag_share: (wheels,) share of the time since each encoder's last value over which its speed is a mean.
     rest_s: time for which wheels and motors have been at rest.
     resting: the condition that this has lasted long enough for a standstill.
     """
@@ -45,36 +48,51 @@ class CleanSlipSample(NamedTuple):
     pitch_rad: Scalar
     time_credible: Scalar
     gap: Scalar
+    current_refused: Scalar = False
+    lag_share: Any = 1.0
     rest_s: Scalar = 0.0
     resting: Scalar = False
 
 
-def sanitize(
-    sample: SlipSample, before_A: np.ndarray, gap_s: float, current_limit_A: float, wheel_speed_limit_rad_s: float
-) -> CleanSlipSample:
-    """The sample with what no sensor and no clock can have shown replaced.
+class CredibleLimits(NamedTuple):
+    """Limits of credible samples: a longer gap [s], a larger current [A] and a faster wheel [rad/s] are faults."""
 
-    before_A: (driven,) the last currents.
-    gap_s: a longer step says nothing about the current in between.
-    current_limit_A, wheel_speed_limit_rad_s: beyond these a sensor is at fault.
-    """
-    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, gap_s)
-    measured_A = [within(current, current_limit_A) for current in sample.current_A]
-    currents = zip(sample.current_A, measured_A, before_A, strict=True)
-    measured = [within(speed, wheel_speed_limit_rad_s) for speed in sample.wheel_speed_rad_s]
-    modelled_s = minimum(time.dt_s, gap_s)
+    gap_s: float
+    current_A: float
+    wheel_rad_s: float
+
+
+def sanitize(sample: SlipSample, limits: CredibleLimits) -> CleanSlipSample:
+    """The sample with what no sensor and no clock can have shown replaced by zero."""
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
+    measured_A = np.array([within(current, limits.current_A) for current in sample.current_A])
+    measured = np.array([within(speed, limits.wheel_rad_s) for speed in sample.wheel_speed_rad_s])
+    modelled_s = minimum(time.dt_s, limits.gap_s)
     return CleanSlipSample(
         dt_s=time.dt_s,
         modelled_s=modelled_s,
         unmodelled_s=time.dt_s - modelled_s,
-        current_A=np.array([hold(now, known, last, time.dt_s, HOLD_S) for now, known, last in currents]),
-        current_measured=np.array(measured_A),
-        wheel_speed_rad_s=where(np.array(measured), sample.wheel_speed_rad_s, 0.0),
-        wheel_measured=np.array(measured),
+        current_A=where(measured_A, sample.current_A, 0.0),
+        current_measured=measured_A,
+        wheel_speed_rad_s=where(measured, sample.wheel_speed_rad_s, 0.0),
+        wheel_measured=measured,
         pitch_rad=sample.pitch_rad,
         time_credible=time.credible,
         gap=time.gap,
     )
+
+
+def hold_currents(clean: CleanSlipSample, last_A: np.ndarray, intervals: Intervals) -> CleanSlipSample:
+    """The sample with the last currents (driven,) where none is measured.
+
+    Over the usual interval of its sensor the last one counts as measured; then it is missing, and fades.
+
+    intervals: of the currents, this step included.
+    """
+    held = holds(intervals) & logical_not(clean.current_measured)
+    known = clean.current_measured | held
+    last = where(held, last_A, last_A * exp(-clean.dt_s / HOLD_S))
+    return clean._replace(current_A=where(clean.current_measured, clean.current_A, last), current_measured=known)
 
 
 def hold_still(clean: CleanSlipSample, rest_s: Scalar, hold_s: float) -> CleanSlipSample:

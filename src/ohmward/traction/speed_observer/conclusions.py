@@ -66,7 +66,7 @@ def driven_wheels(belief: Belief, model: Model) -> DrivenWheels:
     )
 
 
-def advance(
+def advance_timers(
     timers: MotionTimers, wheels: DrivenWheels, observable: Scalar, dt_s: Scalar, alarm: SlipAlarm
 ) -> MotionTimers:
     """The timers after a step; observable: the condition that something showed the speed in it."""

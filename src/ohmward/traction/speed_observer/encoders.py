@@ -1,14 +1,16 @@
 """Encoders of the driven wheels, and a wheel that moves as the model excludes.
 
-Such a wheel has met other ground, or its encoder is broken. At first the encoder is believed: with the square of the
-innovation added to the variance of the wheel's own speed, nearly all of the jump goes there, and none of it to the
-body. While the innovation stays outside its gate, sigma points learn the friction from it; after `reset_after_s` the
-encoder is at fault. It is used again once it agrees.
+Such a wheel has met other ground, or its encoder is broken. Whatever the ground gives, between nothing and all that it
+takes, the wheel ends the step between two speeds: that of its motor alone, and that of rolling (`possible_speeds`). An
+encoder that jumps beyond both is not believed for SPIKE_S: a count that was lost or made up is over by then. One that
+jumps between them is believed at first: with the square of the innovation added to the variance of the wheel's own
+speed, nearly all of the jump goes there, and none of it to the body. While the innovation stays outside its gate, sigma
+points learn the friction from it; after `reset_after_s` the encoder is at fault. It is used again once it agrees.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
-from ohmward.trace import logical_not, maximum, where
+from ohmward.trace import logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
@@ -26,13 +28,12 @@ from ohmward.traction.speed_observer.slip_step import SlipStep
 #: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
 DOUBT_M_S2 = 0.1
 
-#: No ground gives more than so many times the load; an innovation that would need more is a spike, if it lasts for less
-#: than SPIKE_S.
-MOST_ADHESION = 2.0
+#: A jump beyond what motor and ground can do is a spike if it lasts for less than this [s].
 SPIKE_S = 0.05
 
-#: Standard deviations of encoder noise that a possible jump leaves room for.
-NOISE_SIGMAS = 10.0
+#: Standard deviations of encoder, wheel and travel that the possible speeds leave room for, and the share by which the
+#: torque of a motor may be other than its current and its data sheet say.
+POSSIBLE_SIGMAS, TORQUE_SHARE = 5.0, 0.5
 
 
 class EncoderGate(NamedTuple):
@@ -59,6 +60,17 @@ class MatchedNoise(NamedTuple):
     samples: np.ndarray
 
 
+class RejectedFor(NamedTuple):
+    """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes.
+
+    gate_s: outside its gate, spikes left out.
+    impossible_s: beyond the possible speeds of its wheel.
+    """
+
+    gate_s: Any
+    impossible_s: Any
+
+
 class WheelCorrection(NamedTuple):
     """Update by one encoder.
 
@@ -66,14 +78,16 @@ class WheelCorrection(NamedTuple):
     square: squared residual plus variance after it.
     used: the condition that the encoder is measured, believed and inside its gate.
     ground_changed: the condition that the wheel moved as the model excludes.
-    rejected_s: time outside the gate.
+    spike: the condition that the encoder jumped as no wheel can, and was not used.
+    rejected: how long it has been outside its gate.
     """
 
     belief: Belief
     square: Scalar
     used: Scalar
     ground_changed: Scalar
-    rejected_s: Scalar
+    spike: Scalar
+    rejected: RejectedFor
 
 
 class EncoderCorrection(NamedTuple):
@@ -82,30 +96,41 @@ class EncoderCorrection(NamedTuple):
     belief: after it.
     wheels: each driven wheel's.
     ground_changed: the condition that one of them moved as the model excludes.
+    spike: the condition that one of the encoders jumped as no wheel can.
     doubted: the condition that one of the encoders is at fault.
     """
 
     belief: Belief
     wheels: list[WheelCorrection]
     ground_changed: Scalar
+    spike: Scalar
     doubted: Scalar
 
 
+class PossibleSpeeds(NamedTuple):
+    """Least and greatest speed [rad/s] that a wheel can have at the end of a step."""
+
+    least: Scalar
+    most: Scalar
+
+
 def correct_wheels(
+    before: Belief,
     prior: Belief,
     lag: np.ndarray,
     step: SlipStep,
     clean: CleanSlipSample,
     matched: MatchedNoise,
-    rejected_s: np.ndarray,
+    rejected: RejectedFor,
     model: Model,
     gate: EncoderGate,
 ) -> EncoderCorrection:
     """The prior corrected with the speeds of the driven wheels, one after the other.
 
+    before: belief before the step.
     lag: (wheels,) [rad/s], `Model.encoder_lag`.
     step: that the mean of the belief made.
-    rejected_s: (driven,) time for which each encoder has been outside its gate.
+    rejected: before the step.
     """
     belief = prior
     wheels: list[WheelCorrection] = []
@@ -113,11 +138,13 @@ def correct_wheels(
     for k in range(model.driven):
         y = clean.wheel_speed_rad_s[k] + lag[k]
         R = maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
-        wheels.append(correct_wheel(belief, k, y, R, torque_noise[k], rejected_s[k], clean, model, gate))
+        possible = possible_speeds(k, before, belief, R, torque_noise[k], clean, model)
+        earlier = RejectedFor(rejected.gate_s[k], rejected.impossible_s[k])
+        wheels.append(correct_wheel(belief, k, y, R, possible, torque_noise[k], earlier, clean, model, gate))
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
-    doubted = some(s > gate.reset_after_s for s in rejected_s)
-    return EncoderCorrection(belief, wheels, ground_changed, doubted)
+    doubted = some(s > gate.reset_after_s for s in rejected.gate_s)
+    return EncoderCorrection(belief, wheels, ground_changed, some(wheel.spike for wheel in wheels), doubted)
 
 
 def correct_wheel(
@@ -125,8 +152,9 @@ def correct_wheel(
     k: int,
     y: Scalar,
     R: Scalar,
+    possible: PossibleSpeeds,
     torque_noise: Scalar,
-    rejected_s: Scalar,
+    before: RejectedFor,
     clean: CleanSlipSample,
     model: Model,
     gate: EncoderGate,
@@ -134,33 +162,46 @@ def correct_wheel(
     """The prior corrected with the speed y of driven wheel k; an encoder that is not believed only widens it.
 
     R: variance of the encoder.
+    possible: speeds of the wheel that are possible at all.
     torque_noise: standard deviation of the predicted speed by the error of the torque.
-    rejected_s: time for which the encoder has been outside its gate before.
+    before: how long the encoder has been outside its gate before.
     """
     i = model.layout.wheel(k)
     nu = y - prior.mean[i]
     S = prior.cov[i, i] + R
     rejected = nu * nu > gate.nis * S
-    spike = (abs(nu) > possible_jump(k, clean, model)) & (rejected_s < SPIKE_S)
-    diverged = rejected_s > gate.reset_after_s
+    impossible = rejected & ((y < possible.least) | (y > possible.most))
+    spike = clean.wheel_measured[k] & impossible & (before.impossible_s < SPIKE_S)
+    diverged = before.gate_s > gate.reset_after_s
     believed = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
 
-    jumped = where(rejected_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
+    jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
     opened = choose(believed & rejected, ground_unknown(prior, k, jumped, model), prior)
-    posterior = correct_state(opened, i, y, R, believed)
-    if model.states.stiffness:
-        j = model.layout.index("log_stiffness")
-        share = true_share(opened, i, j, torque_noise)
-        posterior = with_part_of_gain(opened, posterior, j, share)
+    posterior = correct_speed(opened, i, y, R, believed, torque_noise, model)
     square = (y - posterior.mean[i]) ** 2 + posterior.cov[i, i]
     doubt = where(believed, 0.0, doubted_variance(prior, k, clean.modelled_s, model))
     return WheelCorrection(
         belief=inflate(posterior, 0, doubt),
         square=square,
         used=believed & (nu * nu <= gate.nis * S),
-        ground_changed=clean.wheel_measured[k] & rejected & logical_not(diverged),
-        rejected_s=time_rejected(rejected_s, clean.dt_s, rejected, clean.wheel_measured[k]),
+        ground_changed=believed & rejected,
+        spike=spike,
+        rejected=RejectedFor(
+            time_rejected(before.gate_s, clean.dt_s, rejected, clean.wheel_measured[k] & logical_not(spike)),
+            time_rejected(before.impossible_s, clean.dt_s, impossible, clean.wheel_measured[k]),
+        ),
     )
+
+
+def correct_speed(
+    belief: Belief, i: int, y: Scalar, R: Scalar, used: Scalar, torque_noise: Scalar, model: Model
+) -> Belief:
+    """The belief corrected with the speed y of the wheel with state i; the stiffness takes its true share of it."""
+    posterior = correct_state(belief, i, y, R, used)
+    if not model.states.stiffness:
+        return posterior
+    j = model.layout.index("log_stiffness")
+    return with_part_of_gain(belief, posterior, j, true_share(belief, i, j, torque_noise))
 
 
 def true_share(belief: Belief, i: int, j: int, noise: Scalar) -> Scalar:
@@ -185,13 +226,36 @@ def with_part_of_gain(before: Belief, after: Belief, i: int, share: Scalar) -> B
     return Belief(mean, cov)
 
 
-def possible_jump(k: int, clean: CleanSlipSample, model: Model) -> Scalar:
-    """Largest innovation [rad/s] of driven wheel k that motor and ground can cause in this step."""
-    robot = model.scene.robot
-    ground_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[k]
-    motor_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A[k])
-    noise = NOISE_SIGMAS * model.noise.encoder_std_rad_s
-    return noise + clean.dt_s * (motor_Nm + ground_Nm) / robot.inertia[robot.freedoms + k]
+def possible_speeds(
+    k: int, before: Belief, prior: Belief, R: Scalar, torque_noise: Scalar, clean: CleanSlipSample, model: Model
+) -> PossibleSpeeds:
+    """Speeds [rad/s] that driven wheel k can have at the end of a step, with room for their uncertainty.
+
+    A ground that gives nothing lets the motor turn the wheel alone, to omega + dt tau/J_w; one that gives all that it
+    takes lets the wheel roll, at v/r. Every other ground, and the one that is believed, ends in between.
+
+    before, prior: beliefs before the step and at its end.
+    R: variance of the encoder.
+    torque_noise: standard deviation of the predicted speed by the error of the torque.
+    """
+    robot, i = model.scene.robot, model.layout.wheel(k)
+    gain = clean.dt_s / robot.inertia[robot.freedoms + k]
+    motor = gain * robot.motor.wheel_constant_Nm_per_A * clean.current_A[k]
+    alone = before.mean[i] + motor
+    G = robot.rolling[k]
+    rolling = G @ prior.mean[: robot.freedoms] / robot.wheel.radius_m
+    rolling_variance = G @ prior.cov[: robot.freedoms, : robot.freedoms] @ G / robot.wheel.radius_m**2
+    room = POSSIBLE_SIGMAS * sqrt(maximum(prior.cov[i, i], rolling_variance) + torque_noise**2 + R)
+    room = room + TORQUE_SHARE * abs(motor)
+    least = minimum(minimum(alone, rolling), prior.mean[i])
+    most = maximum(maximum(alone, rolling), prior.mean[i])
+    return PossibleSpeeds(least - room, most + room)
+
+
+def rejected_for(wheels: list[WheelCorrection]) -> RejectedFor:
+    """Times of all encoders, (driven,) each."""
+    times = zip(*(wheel.rejected for wheel in wheels), strict=True)
+    return RejectedFor(*(np.array(time) for time in times))
 
 
 def match(matched: MatchedNoise, wheels: list[WheelCorrection], window: float) -> MatchedNoise:

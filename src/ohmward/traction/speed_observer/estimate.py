@@ -83,7 +83,7 @@ class SlipFlag(SampleFlag):
 
     BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
     GAP = 2  # longer than the last current is believed: the speed may be anything near
-    NO_CURRENT = 4  # of at least one motor: the last one fades, and its torque counts as unknown
+    NO_CURRENT = 4  # of at least one motor, or one that no wheel takes: the last one fades, its torque is unknown
     NO_ENCODER = 8  # of at least one driven wheel: not a number, or one that no wheel has
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
@@ -93,4 +93,5 @@ class SlipFlag(SampleFlag):
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
     SPEED_UNOBSERVED = 1024  # nothing has shown the speed for a while: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
-    RESTARTED = 4096  # in Python: the state was no longer a number, a new one was started from this sample
+    RESTARTED = 4096  # the state was no longer one that this robot can have: a new one was started from this sample
+    ENCODER_SPIKE = 8192  # an encoder jumped as no wheel can: not used

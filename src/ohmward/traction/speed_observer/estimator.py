@@ -17,10 +17,8 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.speed_observer.default_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
-from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
-
-#: Share of a channel's usual interval for which its last value holds; below 1, so that a value that fails is missing.
-HOLD_SHARE = 0.99
+from ohmward.traction.speed_observer.observer_state import ObserverState
+from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 
 class SlipRun(Run[SlipEstimate]):
@@ -147,31 +145,7 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
     start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
     nothing = np.full(len(log), math.nan)
     given = {name: nothing if (values := getattr(log, name)) is None else values for name in SlipSample._fields[3:]}
-    current_A = held(log.time_s, log.motor_current_A)
-    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, current_A, **given)
-
-
-def held(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The values (T, N) with each column's last one in place of nan, for the usual interval of that column.
-
-    A column that comes with every sample stays as it is: a value that it lacks has failed.
-
-    time_s: (T,) [s], increasing.
-    """
-    if np.isfinite(values).all():
-        return values
-    return np.column_stack([_held_column(time_s, column) for column in values.T])
-
-
-def _held_column(time_s: np.ndarray, column: np.ndarray) -> np.ndarray:
-    known = np.flatnonzero(np.isfinite(column))
-    if known.size < 2:
-        return column
-    usual_s = float(np.median(np.diff(time_s[known])))
-    before = np.searchsorted(known, np.arange(len(column)), side="right") - 1
-    last = known[np.maximum(before, 0)]
-    holds = (before >= 0) & (time_s - time_s[last] < HOLD_SHARE * usual_s)
-    return np.where(holds, column[last], column)
+    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
 
 
 def considered_step(
@@ -200,12 +174,5 @@ def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
 
 
 def first_of(samples: SlipSample) -> SlipSample:
-    """Sample to start from: the first measured value of every wheel and motor."""
-    wheels, currents = _first_known(samples.wheel_speed_rad_s), _first_known(samples.current_A)
-    return SlipSample(0.0, wheels, currents)
-
-
-def _first_known(values: np.ndarray) -> np.ndarray:
-    """First finite value (N,) of each column of (T, N), nan where there is none."""
-    rows = np.argmax(np.isfinite(values), axis=0)
-    return values[rows, np.arange(values.shape[1])]
+    """Sample to start from: the first one, without a step before it."""
+    return SlipSample(0.0, *(values[0] for values in samples[1:]))

@@ -29,6 +29,9 @@ from ohmward.traction.speed_observer.states import StateLayout, States
 #: Acceleration [m/s^2] that is possible in a gap, and the largest change [m/s] of the speed in it.
 UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
+#: Share of the change of the speed in a gap that a wheel may slip by after it.
+GAP_SLIP = 0.3
+
 #: A steeper pitch [rad] is a sensor's fault.
 STEEPEST_RAD = 1.5
 
@@ -133,25 +136,36 @@ class Model:
     def process_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
         """Q (n, n) of a step; errors of torque and traction go through the model, where a wheel that grips damps them.
 
-        Q = diag(random walks) + B B' + C C',  B: `torque_noise`, C: `curve_shape_noise`
+        Q = diag(random walks) + B B' + C C' + g^2 D,  B: `torque_noise`, C: `curve_shape_noise`, D: `gap_covariance`
         """
         own = self.layout.robot_states
         wandering = [self.process_variance(name, clean.dt_s) for name in self.layout.names[own:]]
         Q = np.diag(np.array([*self.motion_variances(clean), *wandering]))
         B = self.torque_noise(step, clean)
         C = self.curve_shape_noise(step, clean)
-        Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T
+        gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)
+        Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T + gap**2 * self.gap_covariance
         return mirror_lower(Q)
 
     def motion_variances(self, clean: CleanSlipSample) -> list[Scalar]:
-        """Variances that the robot's own states gain: unknown accelerations, and any motion in a gap."""
-        robot, noise = self.scene.robot, self.noise
-        gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S) ** 2
+        """Variances that the robot's own states gain by unknown accelerations."""
+        speed = self.noise.speed_walk**2 * clean.modelled_s
+        yaw_rate = self.noise.yaw_rate_walk**2 * clean.modelled_s
+        freedoms = self.scene.robot.chassis.freedoms
+        return [*(yaw_rate if name == "yaw_rate_rad_s" else speed for name in freedoms), *[0.0] * self.driven]
+
+    @cached_property
+    def gap_covariance(self) -> np.ndarray:
+        """D (own, own) of the robot's own states after a gap in which the speed may have changed by 1 m/s.
+
+        Body and wheels change together, as wheels that grip do, but for GAP_SLIP of it.
+        """
+        robot = self.scene.robot
         arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
-        speed = noise.speed_walk**2 * clean.modelled_s + gap
-        yaw_rate = noise.yaw_rate_walk**2 * clean.modelled_s + gap / arm_m**2
-        body = [yaw_rate if name == "yaw_rate_rad_s" else speed for name in robot.chassis.freedoms]
-        return [*body, *[gap / robot.wheel.radius_m**2] * self.driven]
+        body = [1.0 / arm_m if name == "yaw_rate_rad_s" else 1.0 for name in robot.chassis.freedoms]
+        together = np.vstack([np.eye(len(body)), robot.rolling[: self.driven] / robot.wheel.radius_m]) * np.array(body)
+        slip = [0.0] * len(body) + [(GAP_SLIP / robot.wheel.radius_m) ** 2] * self.driven
+        return together @ together.T + np.diag(slip)
 
     def torque_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
         """B (freedoms + driven, driven): change of body and wheels by one sigma of torque on each driven wheel.

@@ -29,14 +29,16 @@ from ohmward.checks import (
 )
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
+from ohmward.filters.belief import Belief, is_healthy, pack, unpack
 from ohmward.filters.flags import flags_of
+from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import logical_not, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
+    SensorGate,
     use_accelerometer,
     use_gyro,
     use_passive_wheels,
@@ -44,58 +46,45 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_speed,
     use_standstill,
 )
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample, hold_still, sanitize
+from ohmward.traction.speed_observer.clean_sample import (
+    CleanSlipSample,
+    CredibleLimits,
+    hold_currents,
+    hold_still,
+    sanitize,
+)
 from ohmward.traction.speed_observer.conclusions import (
     LEAST_GRIP,
     UNOBSERVED_S,
     MotionTimers,
-    advance,
+    advance_timers,
     conclude,
     driven_wheels,
 )
 from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
     EncoderGate,
-    MatchedNoise,
     correct_wheels,
     match,
+    rejected_for,
 )
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.late import History, empty_history, remember
+from ohmward.traction.speed_observer.intervals import advance, holds, share_of_usual
+from ohmward.traction.speed_observer.late import History, remember
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.observer_state import ObserverState, started
+from ohmward.traction.speed_observer.plausible import first_sight, without_impossible_currents
+from ohmward.traction.speed_observer.restart import advance_reach, is_lost, restarted
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.states import States
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
-
-class ObserverState(NamedTuple):
-    """State of the observer from sample to sample: plain numbers.
-
-    belief: mean (n,) and lower triangle of the covariance.
-    matched: residuals that R of the encoders is matched to.
-    current_A: (driven,) last credible ones.
-    history: predicted changes of the speed of late, for speeds that come late.
-    rest_s: time for which wheels and motors have been at rest.
-    rejected_s: (driven,) time for which each encoder has been outside its gate.
-    speed_rejected_s: the same of the external speed.
-    unexplained_m_s: change of the speed of late without a force, see `gross_slip`.
-    unobserved_s, stuck_s: as in `MotionTimers`.
-    """
-
-    belief: PackedBelief
-    matched: MatchedNoise
-    current_A: np.ndarray
-    history: History
-    rest_s: Scalar
-    rejected_s: np.ndarray
-    speed_rejected_s: Scalar
-    unexplained_m_s: Scalar
-    unobserved_s: Scalar
-    stuck_s: Scalar
+#: Where every encoder has been outside its gate for so many times `reset_after_s`, not the encoders are wrong.
+LOCKED_OUT = 2.0
 
 
 class Prediction(NamedTuple):
@@ -103,12 +92,14 @@ class Prediction(NamedTuple):
 
     belief: of the model alone.
     step: of the mean.
-    lag_rad_s: (wheels,) `Model.encoder_lag`.
+    lag_rad_s: (wheels,) `Model.encoder_lag` of a value that comes now.
+    lag_since_rad_s: (wheels,) that of all steps since the last value.
     """
 
     belief: Belief
     step: SlipStep
     lag_rad_s: np.ndarray
+    lag_since_rad_s: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -173,6 +164,16 @@ class SpeedObserver:
         return Model(self.scene, self.states, self.noise)
 
     @property
+    def limits(self) -> CredibleLimits:
+        """Limits of credible samples."""
+        return CredibleLimits(self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+
+    @property
+    def sensor_gate(self) -> SensorGate:
+        """Gate of the sensors of the body."""
+        return SensorGate(self.gate, self.reset_after_s)
+
+    @property
     def gyro_first(self) -> bool:
         """True where nothing is learnt of the ground: the gyro shows turns first, and what wheels add is slip."""
         return self.states.friction == "known"
@@ -184,101 +185,115 @@ class SpeedObserver:
 
     def init(self, first: SlipSample) -> ObserverState:
         """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
-        n = self.model.driven
-        clean = sanitize(first, np.zeros(n), self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
-        belief = self.model.first_belief(np.asarray(clean.wheel_speed_rad_s[:n], dtype=float))
-        return ObserverState(
-            belief=pack(belief),
-            matched=MatchedNoise(np.zeros(n), np.zeros(n)),
-            current_A=np.asarray(clean.current_A, dtype=float),
-            history=empty_history(0 if self.noise.speed_std_m_s is None else self.late_steps),
-            rest_s=0.0,
-            rejected_s=np.zeros(n),
-            speed_rejected_s=0.0,
-            unexplained_m_s=0.0,
-            unobserved_s=0.0,
-            stuck_s=0.0,
-        )
+        clean = sanitize(first, self.limits)
+        speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
+        return started(self.model.first_belief(speeds), self.model, self.late_steps)
 
     def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
         """State and estimate after a sample: the model predicts, then each measurement corrects."""
-        before = unpack(state.belief)
-        clean = self.sanitize(state, sample)
-        prediction = self.predict(before, clean)
-        prediction = self.correct_turn(prediction, sample)
-        wheels = self.correct_wheels(state, prediction, clean)
+        before, clean, state = self.sanitize(state, sample)
+        prediction = self.predict(state, before, clean)
+        turn = self.correct_turn(state, prediction, sample, clean)
+        prediction = prediction._replace(belief=turn.belief)
+        wheels = self.correct_wheels(state, before, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        body = self.correct_body(state, wheels, prediction, sample, clean, history)
+        body = self.correct_body(turn._replace(belief=wheels.belief), prediction, sample, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
-        timers, estimate = self.conclude(state, slip_test.belief, wheels, body, clean)
-        flags = self.flags(before, clean, wheels, body, slip_test, timers)
-        after = ObserverState(
-            belief=pack(slip_test.belief),
+        belief = slip_test.belief._replace(mean=self.model.layout.bounded(slip_test.belief.mean))
+        reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
+        rejected = rejected_for(wheels.wheels)
+        lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
+        new = restarted(before, clean, self.model)
+        timers, estimate = self.conclude(state, choose(lost, new, belief), wheels, body, clean)
+        flags = self.flags(before, clean, wheels, body, slip_test, timers, lost)
+        after = state._replace(
+            belief=pack(belief),
             matched=match(state.matched, wheels.wheels, self.window) if self.matching else state.matched,
-            current_A=clean.current_A,
+            lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
             history=history,
-            rest_s=clean.rest_s,
-            rejected_s=np.array([wheel.rejected_s for wheel in wheels.wheels]),
-            speed_rejected_s=body.speed_rejected_s,
+            rejected=rejected,
+            body_rejected=body.rejected,
             unexplained_m_s=slip_test.unexplained_m_s,
             unobserved_s=timers.unobserved_s,
             stuck_s=timers.stuck_s,
+            reach=reach,
         )
-        return after, estimate._replace(flags=flags)
+        return choose(lost, started(new, self.model, self.late_steps, state), after), estimate._replace(flags=flags)
 
-    def sanitize(self, state: ObserverState, sample: SlipSample) -> CleanSlipSample:
-        """The sample without what no sensor can have shown, and without motion where the robot stands."""
-        clean = sanitize(sample, state.current_A, self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
-        rest_s = where(self.is_at_rest(clean), state.rest_s + clean.dt_s, 0.0)
-        return hold_still(clean, rest_s, self.rest_hold_s)
+    def sanitize(self, state: ObserverState, sample: SlipSample) -> tuple[Belief, CleanSlipSample, ObserverState]:
+        """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
 
-    def is_at_rest(self, clean: CleanSlipSample) -> Scalar:
-        """True where all driven wheels and motors are measured, and all are at rest."""
+        Where an encoder shows its first value, the belief is one of a body that moves as the wheels do. Where the robot
+        stands, the sample is one without motion.
+        """
+        clean = sanitize(sample, self.limits)
+        before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)
+        clean = without_impossible_currents(clean, before, self.model)
+        current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
+        encoder_intervals = advance(state.encoder_intervals, clean.wheel_measured, clean.dt_s)
+        clean = hold_currents(clean, state.current_A, current_intervals)
+        at_rest = self.is_at_rest(clean, holds(encoder_intervals))
+        clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
+        clean = clean._replace(lag_share=share_of_usual(state.encoder_intervals, encoder_intervals, clean.dt_s))
+        state = state._replace(
+            current_A=clean.current_A,
+            current_intervals=current_intervals,
+            encoder_intervals=encoder_intervals,
+            rest_s=clean.rest_s,
+        )
+        return before, clean, state
+
+    def is_at_rest(self, clean: CleanSlipSample, holds: np.ndarray) -> Scalar:
+        """True where all driven wheels and motors are measured, and all are at rest.
+
+        holds: (wheels,) conditions that an encoder which is not measured is only slower than the samples.
+        """
         n = self.model.driven
         still = [within(speed, self.rest_wheel_rad_s) for speed in clean.wheel_speed_rad_s[:n]]
         idle = [within(current, self.rest_current_A) for current in clean.current_A]
-        return every([*still, *idle, *clean.wheel_measured[:n], *clean.current_measured])
+        return every([*still, *idle, *(clean.wheel_measured | holds)[:n], *clean.current_measured])
 
-    def predict(self, before: Belief, clean: CleanSlipSample) -> Prediction:
+    def predict(self, state: ObserverState, before: Belief, clean: CleanSlipSample) -> Prediction:
         """Predict the belief over one step."""
         step = self.model.slip_step(before.mean, clean)
         Q = self.model.process_noise(step, clean)
         start_m_s = step.slip_m_s if self.method == "ukf" else None
         belief = METHODS[self.method].predict(before, lambda x: self.model.next_state(x, clean, start_m_s), Q)
-        return Prediction(belief, step, self.model.encoder_lag(before.mean, belief.mean, step))
+        lag_rad_s = state.lag_rad_s + self.model.encoder_lag(before.mean, belief.mean, step)
+        return Prediction(belief, step, lag_rad_s * clean.lag_share, lag_rad_s)
 
-    def correct_turn(self, prediction: Prediction, sample: SlipSample) -> Prediction:
+    def correct_turn(
+        self, state: ObserverState, prediction: Prediction, sample: SlipSample, clean: CleanSlipSample
+    ) -> BodyCorrection:
         """Correct with the gyro before the wheels, where nothing is learnt of the ground."""
-        if not self.gyro_first:
-            return prediction
-        body = use_gyro(BodyCorrection(prediction.belief), sample, self.model, self.gate)
-        return prediction._replace(belief=body.belief)
+        body = BodyCorrection(prediction.belief, state.body_rejected)
+        return use_gyro(body, sample, clean, self.model, self.sensor_gate) if self.gyro_first else body
 
-    def correct_wheels(self, state: ObserverState, prediction: Prediction, clean: CleanSlipSample) -> EncoderCorrection:
+    def correct_wheels(
+        self, state: ObserverState, before: Belief, prediction: Prediction, clean: CleanSlipSample
+    ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.gyro_first
         gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_teach)
-        belief, step, lag_rad_s = prediction
-        return correct_wheels(belief, lag_rad_s, step, clean, state.matched, state.rejected_s, self.model, gate)
+        belief, step, lag_rad_s, _ = prediction
+        return correct_wheels(before, belief, lag_rad_s, step, clean, state.matched, state.rejected, self.model, gate)
 
     def correct_body(
         self,
-        state: ObserverState,
-        wheels: EncoderCorrection,
+        body: BodyCorrection,
         prediction: Prediction,
         sample: SlipSample,
         clean: CleanSlipSample,
         history: History,
     ) -> BodyCorrection:
-        """Correct with every sensor of the body, and with a standstill."""
-        model, gate = self.model, self.gate
-        body = BodyCorrection(wheels.belief, speed_rejected_s=state.speed_rejected_s)
+        """Correct with every other sensor of the body, and with a standstill."""
+        model, gate = self.model, self.sensor_gate
         body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
         if not self.gyro_first:
-            body = use_gyro(body, sample, model, gate)
+            body = use_gyro(body, sample, clean, model, gate)
         body = use_pitch(body, sample, model, gate)
         body = use_accelerometer(body, sample, clean, model, gate)
-        body = use_speed(body, sample, clean, history, model, gate, self.reset_after_s)
+        body = use_speed(body, sample, clean, history, model, gate)
         return use_standstill(body, clean.resting, model)
 
     def compare_hypotheses(
@@ -310,7 +325,7 @@ class SpeedObserver:
         gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
         observable = some([*gripping, body.observable])
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
-        timers = advance(timers, driven, observable, clean.dt_s, self.alarm)
+        timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
         return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
 
     def flags(
@@ -321,21 +336,24 @@ class SpeedObserver:
         body: BodyCorrection,
         slip_test: SlipTest,
         timers: MotionTimers,
+        lost: Scalar,
     ) -> Scalar:
         """Flags of a sample."""
         return flags_of({
             SlipFlag.BAD_TIME: logical_not(clean.time_credible),
             SlipFlag.GAP: clean.gap,
-            SlipFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
+            SlipFlag.NO_CURRENT: some([logical_not(every(clean.current_measured)), clean.current_refused]),
             SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven])),
             SlipFlag.GROUND_CHANGED: some([wheels.ground_changed, slip_test.gross_slip]),
-            SlipFlag.ENCODER_DOUBTED: wheels.doubted,
+            SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
+            SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
             SlipFlag.GYRO_REJECTED: body.gyro_rejected,
             SlipFlag.SPEED_REJECTED: body.speed_rejected,
             SlipFlag.SPEED_TAKEN_ANEW: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
             SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > UNOBSERVED_S,
             SlipFlag.NOT_POSITIVE_DEFINITE: is_healthy(before) <= 0.5,
+            SlipFlag.RESTARTED: lost,
         })  # fmt: skip
 
 

@@ -13,6 +13,7 @@ Ratios of the ground are logarithms: positive whatever the filter does, and thei
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,9 +21,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.checks import require_one_of
+from ohmward.trace import clip
 from ohmward.traction.robot.robot import Robot
 
 FRICTION = ("known", "one", "each")
+
+#: Bounds of the mean of a state: beyond these nothing of the kind exists, whatever a filter has made of its
+#: measurements. Ground gives between a hundredth and a hundred times what was believed (wet ice to rubber is 30 times),
+#: rolling resistance never pushes, a slope of 0.5 rad is beyond what wheels climb, no tyre has half or twice its size.
+#: Sigma points may lie beyond: a mean over them would be biased if they did not.
+BOUNDS: dict[str, tuple[float, float]] = {
+    "log_friction": (-math.log(100.0), math.log(100.0)),
+    "log_stiffness": (-math.log(100.0), math.log(100.0)),
+    "grade_rad": (-0.5, 0.5),
+    "rolling_excess": (-1.0, 100.0),
+    "radius_ratio": (0.5, 2.0),
+    "accelerometer_offset_m_s2": (-2.0, 2.0),
+}
 
 
 @dataclass(frozen=True)
@@ -120,6 +135,17 @@ class StateLayout:
     def friction_name(self, k: int) -> str:
         """Name of the friction of driven wheel k; empty where it is known."""
         return self.names[self.friction(k)] if self.friction_names else ""
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Least and greatest value of a state; infinite for one of the robot's own."""
+        kind = "log_friction" if name in self.friction_names else name
+        return BOUNDS.get(kind, (-math.inf, math.inf))
+
+    def bounded(self, x: np.ndarray) -> np.ndarray:
+        """The state vector (n,) with the states of ground and sensors inside their bounds."""
+        own = self.robot_states
+        inside = [clip(value, *self.bounds(name)) for name, value in zip(self.names[own:], x[own:], strict=True)]
+        return np.array([*x[:own], *inside])
 
     def split(self, x: np.ndarray) -> Parts:
         """Parts of a state vector (n,)."""

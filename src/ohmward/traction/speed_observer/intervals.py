@@ -1,0 +1,77 @@
+"""Usual interval of each channel of a sensor, learnt as its values come: what is slower than the samples, not missing.
+
+A sensor that comes at its own rate leaves samples without a value. For its usual interval the last value still holds;
+later it is missing. The interval follows the gaps between values: quickly up to the longest of them, slowly down, so
+that jitter makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.trace import clip, maximum, minimum, where
+from ohmward.trace.expression import Scalar
+
+#: Age [s] of a channel that has never had a value.
+NEVER_S = 1e9
+
+#: Factors by which one gap between two values shortens and lengthens the usual interval at most.
+SHORTER, LONGER = 0.99, 1.25
+
+#: Share of the usual interval for which a value holds; below 1, so that a value that fails is missing.
+HOLD_SHARE = 0.99
+
+#: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
+FIRST_S = 0.25
+
+#: Keeps a time of no length from dividing by zero [s].
+TINY_S = 1e-9
+
+
+class Intervals(NamedTuple):
+    """Clocks of channels, each (channels,).
+
+    age_s: time since the last value; `NEVER_S` and more before the first.
+    usual_s: usual time between two values; 0 before the second.
+    """
+
+    age_s: np.ndarray
+    usual_s: np.ndarray
+
+
+def never(channels: int) -> Intervals:
+    """Clocks of channels that have not had a value."""
+    return Intervals(np.full(channels, NEVER_S), np.zeros(channels))
+
+
+def advance(before: Intervals, measured: np.ndarray, dt_s: Scalar) -> Intervals:
+    """The clocks after a step; measured: (channels,) conditions that there is a value at its end."""
+    gap_s = before.age_s + dt_s
+    followed = clip(gap_s, SHORTER * before.usual_s, LONGER * before.usual_s)
+    learnt = where(np.array([usual > 0.0 for usual in before.usual_s]), followed, gap_s)
+    return Intervals(
+        age_s=where(measured, 0.0, gap_s),
+        usual_s=where(measured & was_seen(before), learnt, before.usual_s),
+    )
+
+
+def was_seen(intervals: Intervals) -> np.ndarray:
+    """Conditions (channels,) that there has been a value."""
+    return np.array([age < NEVER_S for age in intervals.age_s])
+
+
+def holds(intervals: Intervals) -> np.ndarray:
+    """Conditions (channels,) that the last value still holds."""
+    usual_s = where(np.array([usual > 0.0 for usual in intervals.usual_s]), intervals.usual_s, FIRST_S)
+    return np.array([age < HOLD_SHARE * usual for age, usual in zip(intervals.age_s, usual_s, strict=True)])
+
+
+def share_of_usual(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndarray:
+    """Usual interval over the time since the last value (channels,), at most 1; 0 before the second value.
+
+    before, after: clocks before and after the step.
+    """
+    gap_s = maximum(before.age_s + dt_s, TINY_S)
+    return minimum(1.0, after.usual_s / gap_s)

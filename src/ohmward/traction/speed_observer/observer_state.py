@@ -1,0 +1,71 @@
+"""State of the speed observer from sample to sample."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.filters.belief import Belief, PackedBelief, pack
+from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.body_sensors import BodyTimers
+from ohmward.traction.speed_observer.encoders import MatchedNoise, RejectedFor
+from ohmward.traction.speed_observer.intervals import Intervals, never
+from ohmward.traction.speed_observer.late import History, empty_history
+from ohmward.traction.speed_observer.model import Model
+from ohmward.traction.speed_observer.restart import Reach
+
+
+class ObserverState(NamedTuple):
+    """State of the observer from sample to sample: plain numbers.
+
+    belief: mean (n,) and lower triangle of the covariance.
+    matched: residuals that R of the encoders is matched to.
+    current_A: (driven,) last credible ones.
+    current_intervals: of the motor currents, each (driven,).
+    encoder_intervals: of the encoders, each (wheels,).
+    lag_rad_s: (wheels,) `Model.encoder_lag` since each encoder's last value.
+    history: predicted changes of the speed of late, for speeds that come late.
+    rest_s: time for which wheels and motors have been at rest.
+    rejected: for how long each encoder has been outside its gate, (driven,).
+    body_rejected: the same of the sensors of the body.
+    unexplained_m_s: change of the speed of late without a force, see `gross_slip`.
+    unobserved_s, stuck_s: as in `MotionTimers`.
+    reach: speeds that the body can have reached.
+    """
+
+    belief: PackedBelief
+    matched: MatchedNoise
+    current_A: np.ndarray
+    current_intervals: Intervals
+    encoder_intervals: Intervals
+    lag_rad_s: np.ndarray
+    history: History
+    rest_s: Scalar
+    rejected: RejectedFor
+    body_rejected: BodyTimers
+    unexplained_m_s: Scalar
+    unobserved_s: Scalar
+    stuck_s: Scalar
+    reach: Reach
+
+
+def started(belief: Belief, model: Model, late_steps: int, before: ObserverState | None = None) -> ObserverState:
+    """State of an observer that has this belief and no past, but for the clocks of the sensors in the state before."""
+    n, wheels = model.driven, len(model.scene.robot.places)
+    return ObserverState(
+        belief=pack(belief),
+        matched=MatchedNoise(np.zeros(n), np.zeros(n)),
+        current_A=before.current_A if before else np.zeros(n),
+        current_intervals=before.current_intervals if before else never(n),
+        encoder_intervals=before.encoder_intervals if before else never(wheels),
+        lag_rad_s=np.zeros(wheels),
+        history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
+        rest_s=0.0,
+        rejected=RejectedFor(np.zeros(n), np.zeros(n)),
+        body_rejected=BodyTimers(0.0, 0.0, np.zeros(wheels - n)),
+        unexplained_m_s=0.0,
+        unobserved_s=0.0,
+        stuck_s=0.0,
+        reach=Reach(0.0, 0.0),
+    )
