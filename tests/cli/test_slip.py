@@ -17,7 +17,7 @@ KEYS = {
     "command", "log", "robot", "terrain", "filter", "steps", "seconds", "duration_s", "distance_m", "speed_min_m_s",
     "speed_max_m_s", "speed_final_m_s", "speed_std_final_m_s", "slip_episodes", "immobilised_episodes",
     "unobserved_share", "friction_ratio", "friction_std", "grade_rad", "grade_std_rad", "radius_ratio", "radius_std",
-    "flags", "truth", "notes", "output", "report", "travel_slip_mean", "travel_slip_std", "floor_share",
+    "fits", "flags", "truth", "notes", "output", "report", "travel_slip_mean", "travel_slip_std", "floor_share",
     "floor_crossings",
 }  # fmt: skip
 SCORES = {

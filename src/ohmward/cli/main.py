@@ -49,7 +49,7 @@ with your own logs (CSV, Parquet or BDF):
   ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive
   ohmward mission drive.csv --robot robot.toml --battery battery.toml
 
-exit status: 0 done, 1 a log has errors (doctor), 2 refused: the message says what to change
+exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip), 2 refused: the message says what to change
 """
 
 

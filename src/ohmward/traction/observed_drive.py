@@ -17,6 +17,7 @@ from ohmward.logs.log import Note
 from ohmward.traction.drive_checks import check_drive
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.episodes import ImmobilisedEpisode, SlipEpisode, immobilised_episodes, slip_episodes
+from ohmward.traction.fit_checks import fit_notes, misfits
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -49,12 +50,14 @@ class ObservedDrive(NamedTuple):
     robot: the robot that drove.
     track: speed and slip.
     notes: faults of the log, and everything that was assumed.
+    fits: the model fits the log, so that the estimates can be trusted.
     on_floors: None without learnt floors.
     """
 
     robot: Robot
     track: SlipRun
     notes: tuple[Note, ...]
+    fits: bool = True
     on_floors: OnFloors | None = None
 
 
@@ -119,7 +122,7 @@ def observe_drive(
     faults = check_drive(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
-    return ObservedDrive(robot, track, (*faults, *log.notes, *chosen.notes))
+    return ObservedDrive(robot, track, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track))
 
 
 def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = "ukf") -> ObservedDrive:
@@ -136,7 +139,7 @@ def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = 
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors))
-    return ObservedDrive(robot, track, notes, OnFloors(on_floors, estimator.recognition.names))
+    return ObservedDrive(robot, track, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
 
 def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:

@@ -16,7 +16,7 @@ from ohmward.traction.terrain.file import load_floors
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Observe, compare with the truth, write the estimates."""
+    """Observe, compare with the truth, write the estimates; the exit status is 1 if the model does not fit the log."""
     check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.robot])
     task = make_task(args)
     observed = observe(task, args)
@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> Outcome:
     figures = summary(task, args.filter, observed)
     page = partial(make_page, task, observed, figures)
     written = {"output": args.output, "report": args.report}
-    return Outcome(figures | written, describe(task, figures), figures["notes"], page)
+    return Outcome(figures | written, describe(task, figures), figures["notes"], page, status=int(not observed.fits))
 
 
 def make_task(args: argparse.Namespace) -> SlipTask:

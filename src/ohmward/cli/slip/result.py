@@ -43,6 +43,7 @@ def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any
         "seconds": observed.track.seconds,
         "duration_s": task.log.duration_s,
         **drive,
+        "fits": observed.fits,
         "flags": observed.track.counts(),
         **_scores(task, observed),
         "truth": task.reference.note if task.reference else None,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.trace import clip, maximum, minimum, where
+from ohmward.trace import clip, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Age [s] of a channel that has never had a value.
@@ -22,6 +22,9 @@ SHORTER, LONGER = 0.99, 1.25
 
 #: Share of the usual interval for which a value holds; below 1, so that a value that fails is missing.
 HOLD_SHARE = 0.99
+
+#: So many values in a row may be lost on a link from a sensor that works.
+LOST = 3
 
 #: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
 FIRST_S = 0.25
@@ -68,10 +71,13 @@ def holds(intervals: Intervals) -> np.ndarray:
     return np.array([age < HOLD_SHARE * usual for age, usual in zip(intervals.age_s, usual_s, strict=True)])
 
 
-def share_of_usual(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndarray:
-    """Usual interval over the time since the last value (channels,), at most 1; 0 before the second value.
+def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndarray:
+    """Share of the time since the last value over which a mean is taken (channels,); 0 before the second value.
+
+    All of it where up to LOST values were lost on the way, as counts run on; beyond, the usual interval.
 
     before, after: clocks before and after the step.
     """
-    gap_s = maximum(before.age_s + dt_s, TINY_S)
-    return minimum(1.0, after.usual_s / gap_s)
+    gap_s = before.age_s + dt_s
+    lost = np.array([gap <= (LOST + 1) * usual for gap, usual in zip(gap_s, after.usual_s, strict=True)])
+    return where(lost, 1.0, after.usual_s / maximum(gap_s, TINY_S))

@@ -70,7 +70,7 @@ from ohmward.traction.speed_observer.encoders import (
 )
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.intervals import advance, holds, share_of_usual
+from ohmward.traction.speed_observer.intervals import advance, holds, share_measured
 from ohmward.traction.speed_observer.late import History, remember
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -234,7 +234,7 @@ class SpeedObserver:
         clean = hold_currents(clean, state.current_A, current_intervals)
         at_rest = self.is_at_rest(clean, holds(encoder_intervals))
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
-        clean = clean._replace(lag_share=share_of_usual(state.encoder_intervals, encoder_intervals, clean.dt_s))
+        clean = clean._replace(lag_share=share_measured(state.encoder_intervals, encoder_intervals, clean.dt_s))
         state = state._replace(
             current_A=clean.current_A,
             current_intervals=current_intervals,
