@@ -24,6 +24,8 @@ from ohmward.battery.learning.voltage_model import VoltageModel
 
 #: An empty battery has given all; the logarithm of what is left of its capacity needs a little.
 _LEAST_GIVEN = 1e-3
+#: A logarithm that is known worse than within 1 says nothing of its quantity.
+_LEAST_INFORMATION = 1.0
 _SAYS_NOTHING = Normal(float("nan"), float("inf"))
 
 
@@ -79,7 +81,7 @@ def _direction(p: Parameters, *groups: slice) -> np.ndarray:
 def own_share(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
     """A quantity that is `now` in the corrected file, whose logarithm grows along d."""
     of_part = float(d @ information @ d)
-    if not of_part > 0.0:
+    if not of_part > _LEAST_INFORMATION:
         return _SAYS_NOTHING
     mean = now * float(np.exp(d @ pull / of_part))
     return Normal(mean, mean * of_part**-0.5)
