@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cli import test_calibrate, test_slip, test_twin
+from cli import test_calibrate, test_health, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
 from ohmward.cli.main import COMMANDS, main
@@ -56,6 +56,10 @@ def test_keys_of_soc_are_all_listed():
 
 def test_keys_of_slip_are_all_listed():
     assert listed("slip") >= test_slip.KEYS | test_slip.SCORES
+
+
+def test_keys_of_health_are_all_listed():
+    assert listed("health") >= test_health.KEYS | test_health.LOG_KEYS
 
 
 def test_keys_of_twin_are_all_listed():

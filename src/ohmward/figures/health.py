@@ -71,7 +71,7 @@ def _figure(
     title: str, label: str, series: Sequence[Series], bands: Sequence[Band], health: Health, span_days: float
 ) -> Figure:
     name, unit = _unit(span_days)
-    markers = [Marker(step.days / unit, f"sudden: {step.cause}", "alert") for step in health.steps]
+    markers = [Marker(step.days / unit, f"sudden: {step.cause}", "alert") for step in health.changes]
     return Figure(title, f"{name} since the first log", label, series, bands, markers=markers, height_px=320)
 
 

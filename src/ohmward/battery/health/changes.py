@@ -68,7 +68,7 @@ class Outlier(NamedTuple):
     cause: Cause
 
 
-def find_step(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange | None:
+def find_change(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange | None:
     """The most evident step of the capacity; None where there is none.
 
     points: those that say something of the capacity, one for each sample of the track.
@@ -83,7 +83,7 @@ def find_step(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange | N
     return SuddenChange(points[at - 1].log, points[at].log, days, capacity, resistance, cause)
 
 
-def without_step(track: Track, step: SuddenChange) -> Track:
+def without_change(track: Track, step: SuddenChange) -> Track:
     """The track as it would be without the step: one of the battery is taken from the logs before it."""
     after = track.days >= step.days
     shift = np.where(after, 0.0, step.capacity.mean) if step.is_of_battery else np.where(after, -step.capacity.mean, 0)

@@ -12,12 +12,12 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_fit import AgeingFit, CapacityDoubt, fit_ageing
 from ohmward.battery.health.ageing_laws import WORN_SHARE, ageing_laws, no_law
-from ohmward.battery.health.changes import Outlier, SuddenChange, find_step, outliers, without_step
+from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
 from ohmward.battery.health.end_of_life import LifeAhead, life_ahead
 from ohmward.battery.health.point import DAY_S, HealthPoint, Track
 
 #: Steps that are looked for, the most evident first.
-_MOST_STEPS = 3
+_MOST_CHANGES = 3
 #: Cells of one type leave the factory within this of each other (1 sigma); a label promises the least of them.
 NEW_CAPACITY_STD = 0.03
 #: Resistance of one log to the next that comes and goes: other currents and another range of SoC.
@@ -31,14 +31,14 @@ class Health(NamedTuple):
 
     points: every log in order of time.
     capacity, resistance: trends of ln(capacity) and ln(resistance) over those when new.
-    steps, outliers: what is no ageing, or may not be.
+    changes, outliers: what is no ageing, or may not be.
     ahead: what may become of the capacity, and when the battery will be worn out.
     """
 
     points: tuple[HealthPoint, ...]
     capacity: AgeingFit
     resistance: AgeingFit
-    steps: tuple[SuddenChange, ...]
+    changes: tuple[SuddenChange, ...]
     outliers: tuple[Outlier, ...]
     ahead: LifeAhead
 
@@ -75,10 +75,10 @@ def health_of(
     """
     points = tuple(sorted(points, key=lambda point: point.time_s))
     usable = [point for point in points if point.shows_capacity]
-    capacity, steps = _without_steps(battery, usable, points, common_std)
+    capacity, changes = _without_changes(battery, usable, points, common_std)
     resistance = _resistance(battery, points)
     ahead = life_ahead(capacity, *_span(points), rng, share)
-    return Health(points, capacity, resistance, tuple(steps), tuple(outliers(capacity, usable)), ahead)
+    return Health(points, capacity, resistance, tuple(changes), tuple(outliers(capacity, usable)), ahead)
 
 
 def _span(points: Sequence[HealthPoint]) -> tuple[float, float]:
@@ -86,19 +86,19 @@ def _span(points: Sequence[HealthPoint]) -> tuple[float, float]:
     return (points[-1].time_s - points[0].time_s) / DAY_S, sum(point.cycles for point in points)
 
 
-def _without_steps(
+def _without_changes(
     battery: Battery, usable: Sequence[HealthPoint], points: Sequence[HealthPoint], common_std: float | None
 ) -> tuple[AgeingFit, list[SuddenChange]]:
     """Trend of the capacity without its sudden changes, and these."""
     laws, doubt = ageing_laws(battery.chemistry), _doubt(battery, common_std)
     track = Track.of(points, "log_capacity")
-    steps: list[SuddenChange] = []
+    changes: list[SuddenChange] = []
     fit = fit_ageing(laws, track, doubt)
-    while len(steps) < _MOST_STEPS and (step := find_step(fit, usable)):
-        steps.append(step)
-        track = without_step(track, step)
+    while len(changes) < _MOST_CHANGES and (change := find_change(fit, usable)):
+        changes.append(change)
+        track = without_change(track, change)
         fit = fit_ageing(laws, track, doubt)
-    return fit, sorted(steps, key=lambda step: step.days)
+    return fit, sorted(changes, key=lambda change: change.days)
 
 
 def _doubt(battery: Battery, common_std: float | None) -> CapacityDoubt:

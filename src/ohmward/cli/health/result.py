@@ -68,7 +68,7 @@ def summary(task: HealthTask) -> dict[str, Any]:
         "worn_share": health.ahead.share,
         "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()},
         "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()},
-        "sudden_changes": [_step(step) for step in health.steps],
+        "sudden_changes": [_step(step) for step in health.changes],
         "off_trend": [_outlier(outlier) for outlier in health.outliers],
         "notes": task.notes,
     }

@@ -1,0 +1,65 @@
+"""Capacity of a discharge: where discharges end, which of them count, and which were broken off."""
+
+import math
+
+import pytest
+
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.health.discharge_capacity import used_capacities
+from ohmward.battery.learning.learn import Lesson
+
+NOTHING = Normal(math.nan, math.inf)
+
+
+def lesson(log: str, soc_min: float, capacity_Ah: float = 10.0) -> Lesson:
+    given = Normal(capacity_Ah * (1 - soc_min), 0.01 * capacity_Ah * (1 - soc_min))
+    return Lesson(
+        log=log,
+        verdict="learnt",
+        reason="",
+        hours=3.0,
+        soc_min=soc_min,
+        soc_max=1.0,
+        capacity_Ah=Normal(capacity_Ah, 0.3),
+        resistance_ohm=Normal(0.1, 0.01),
+        offset_A=Normal(0.0, 0.01),
+        information={},
+        residual_rms_V=0.005,
+        soc_start=Normal(soc_min, 0.02),
+        soc_end=Normal(1.0, 0.01),
+        own_capacity_Ah=NOTHING,
+        own_resistance_ohm=NOTHING,
+        given_Ah=given,
+    )
+
+
+def given(*lows: float) -> list[float]:
+    found = used_capacities([lesson(f"log {k}", low) for k, low in enumerate(lows)])
+    return [pytest.approx(each.capacity_Ah.mean) for each in found]
+
+
+def test_a_discharge_gives_all_above_its_end():
+    (found,) = used_capacities([lesson("one", 0.1)])
+    assert found.low is not None and found.low.log == "one"
+    assert found.capacity_Ah.mean == pytest.approx(9.0)
+    assert found.capacity_Ah.std == pytest.approx(9.0 * math.hypot(0.01, 0.01))
+
+
+def test_a_battery_that_is_not_emptied_has_all_of_its_capacity():
+    (found,) = used_capacities([lesson("one", 0.5)])
+    assert found.low is None
+    assert found.capacity_Ah == Normal(10.0, 0.3)
+
+
+def test_discharges_that_were_broken_off_do_not_count():
+    assert given(0.1, 0.6, 0.3, 0.1) == [9.0, 9.0, 9.0, 9.0]
+
+
+def test_an_end_that_rises_slowly_is_followed():
+    """As the resistance of an old battery grows, its cut-off comes earlier from cycle to cycle."""
+    assert given(0.10, 0.14, 0.55, 0.18, 0.22, 0.26) == [9.0, 8.6, 8.6, 8.2, 7.8, 7.4]
+
+
+def test_a_log_that_was_set_aside_changes_nothing():
+    lessons = [lesson("one", 0.1), lesson("two", math.nan)]
+    assert [each.low.log for each in used_capacities(lessons) if each.low] == ["one", "one"]
