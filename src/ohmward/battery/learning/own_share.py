@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.fold import resistance_normal
+from ohmward.battery.learning.fold import ageing_direction, resistance_normal
 from ohmward.battery.learning.parameters import Parameters
 from ohmward.battery.learning.solve import Normals, Solution
 from ohmward.battery.learning.voltage_model import VoltageModel
@@ -53,8 +53,8 @@ def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Batt
     now_ohm = resistance_normal(after, found.covariance[:K, :K]).mean
     lowest_soc, given_Ah = _given(model, found, after)
     return OwnShares(
-        own_share(after.capacity_Ah, _direction(p, p.group("capacity")), pull, information),
-        own_share(now_ohm, _direction(p, p.group("ohmic"), p.group("pair")), pull, information),
+        own_share(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
+        own_share(now_ohm, _resistances(p), pull, information),
         lowest_soc,
         given_Ah,
     )
@@ -70,11 +70,10 @@ def combined(shares: Sequence[Normal]) -> Normal:
     return Normal(mean, mean * float(weights.sum() ** -0.5))
 
 
-def _direction(p: Parameters, *groups: slice) -> np.ndarray:
-    """(K,) 1 for the corrections of these groups."""
+def _resistances(p: Parameters) -> np.ndarray:
+    """(K,) 1 for the logarithms of all resistances."""
     d = np.zeros(p.size)
-    for group in groups:
-        d[group] = 1.0
+    d[np.r_[p.group("ohmic"), p.group("pair")]] = 1.0
     return d
 
 
@@ -89,7 +88,7 @@ def own_share(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarr
 
 def _given(model: VoltageModel, found: Solution, after: Battery) -> tuple[float, Normal]:
     """Lowest SoC s of a part, and D = Q (1 - s): d ln D = d ln Q - ds / (1 - s)."""
-    soc = model.predict(found.x).soc_anywhere
+    soc = found.soc
     lowest = int(np.argmin(soc))
     given = max(1.0 - float(soc[lowest]), _LEAST_GIVEN)
     columns = -model.soc_columns(found.x, np.array([lowest]))[0] / given
