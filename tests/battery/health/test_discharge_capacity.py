@@ -33,7 +33,7 @@ def lesson(log: str, soc_min: float, capacity_Ah: float = 10.0) -> Lesson:
     )
 
 
-def given(*lows: float) -> list[float]:
+def given(*lows: float) -> list:
     found = used_capacities([lesson(f"log {k}", low) for k, low in enumerate(lows)])
     return [pytest.approx(each.capacity_Ah.mean) for each in found]
 
