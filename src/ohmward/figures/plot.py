@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, slip, terrain
+from ohmward.figures import battery, cells, slip, terrain
 from ohmward.report import TIME, Band, Figure, Plot, Series
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
@@ -31,6 +32,11 @@ def plot(result: Any) -> Plot:
 @plot.register
 def _(result: SocRun) -> Plot:
     return Plot("State of charge", battery.run_figures(result))
+
+
+@plot.register
+def _(result: PackRun) -> Plot:
+    return Plot("Cells of the pack", [cells.cells_soc_figure(result), cells.cells_difference_figure(result)])
 
 
 @plot.register

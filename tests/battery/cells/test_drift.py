@@ -36,7 +36,7 @@ def test_a_cell_that_is_better_is_no_warning():
 
 
 def test_a_difference_that_is_not_certain_is_no_warning():
-    sure, unsure = (cells(difference=(0.0, 0.0, -0.06), std=std) for std in (0.01, 0.02))
+    sure, unsure = (cells(difference=(0.0, 0.0, -0.07), std=std) for std in (0.01, 0.02))
     assert drifted(sure)["state of charge"].tolist() == [False, False, True]
     assert cell_warnings(unsure, NAMES) == ()
 

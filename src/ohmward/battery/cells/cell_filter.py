@@ -148,8 +148,7 @@ class CellFilter:
 
     def step(self, state: CellState, sample: CellSample) -> tuple[CellState, CellEstimate]:
         """State and estimate after a sample."""
-        before = CircuitInput(state.current_A, state.temperature_degC)
-        clean = sanitize(_of_pack(sample), before, self.limits, state.unknown_s)
+        clean = self.sanitize(state, sample)
         typical = sample.typical
         moved = self.moved(clean, typical)
         prior = self.follow(unpack(state.belief), typical, typical.soc - state.soc - moved / self.soh(typical))
@@ -174,6 +173,15 @@ class CellFilter:
             }
         )
         return after, self.estimate(posterior, typical, clean.now, flags)
+
+    def sanitize(self, state: CellState, sample: CellSample) -> CleanSocSample:
+        """The sample with what cannot be true replaced and flagged; without a typical cell or in gas, no voltage."""
+        before = CircuitInput(state.current_A, state.temperature_degC)
+        clean = sanitize(_of_pack(sample), before, self.limits, state.unknown_s)
+        usable = clean.voltage_measured & (sample.typical.voltage_V > 0.0)
+        if self.model.gassing_V is not None:
+            usable = usable & (clean.voltage_V < self.model.gassing_V)
+        return clean._replace(voltage_measured=usable)
 
     def soh(self, typical: TypicalCell) -> Scalar:
         """Capacity of the typical cell over the battery file's."""

@@ -10,9 +10,12 @@ import numpy as np
 from ohmward.battery.cells.cell_sample import CellEstimate
 from ohmward.filters.consistency import BAND_95
 
-#: Differences to the typical cell that a healthy pack of some age may have: three standard deviations of packs in use
-#: (see `CellSpread`), of the resistance twice as much upwards, since an end of the row may be colder than its middle.
+#: Differences to the typical cell that a healthy pack may have: three standard deviations of packs in use, 1 point of
+#: charge where a monitor balances them, 2 % of capacity, 5 % of resistance and 5 % more at the cold end of the row.
 SOC_TOLERANCE, CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE = 0.03, 0.06, 0.2
+#: A warning is given once the difference lies beyond its tolerance by this many standard deviations: three quantities
+#: of up to a hundred cells are looked at, at every sample.
+CERTAIN = 3.0
 
 
 class CellWarning(NamedTuple):
@@ -32,13 +35,13 @@ class CellWarning(NamedTuple):
 
 
 def drifted(cells: CellEstimate) -> dict[str, np.ndarray]:
-    """(..., n) conditions that a cell has certainly drifted: its 95 % band lies beyond the tolerance.
+    """(..., n) conditions that a cell has certainly drifted beyond the tolerance.
 
     cells: every field (..., n).
     """
-    soc = np.abs(cells.soc_difference) - BAND_95 * cells.soc_difference_std > SOC_TOLERANCE
-    capacity = 1.0 - cells.capacity_ratio - BAND_95 * cells.capacity_ratio_std > CAPACITY_TOLERANCE
-    resistance = cells.resistance_ratio - 1.0 - BAND_95 * cells.resistance_ratio_std > RESISTANCE_TOLERANCE
+    soc = np.abs(cells.soc_difference) - CERTAIN * cells.soc_difference_std > SOC_TOLERANCE
+    capacity = 1.0 - cells.capacity_ratio - CERTAIN * cells.capacity_ratio_std > CAPACITY_TOLERANCE
+    resistance = cells.resistance_ratio - 1.0 - CERTAIN * cells.resistance_ratio_std > RESISTANCE_TOLERANCE
     return {"state of charge": soc, "capacity": capacity, "resistance": resistance}
 
 
