@@ -22,6 +22,7 @@ class SeenLog:
         start_unix_s, end_unix_s: Unix time of its first and its last sample, None without a wall clock.
         hours: its length.
         taught: what it taught, in a line.
+        anchors: number of times at which something else than the voltage told its state of charge.
     """
 
     name: str
@@ -30,6 +31,7 @@ class SeenLog:
     end_unix_s: float | None = None
     hours: float = 0.0
     taught: str = ""
+    anchors: int = 0
 
 
 @dataclass(frozen=True)

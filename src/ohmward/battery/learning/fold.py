@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import CELL_V, Normal
+from ohmward.battery.chemistries import CELL_V, Normal, chemistry_prior
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
@@ -41,6 +41,9 @@ _CAPACITY_STD, _RESISTANCE_STD, _SHARE, _HYSTERESIS_STD = 0.01, 0.05, 0.1, 0.15
 _ACTIVATION_STD_K = 700.0
 #: Least errors of the change of the curve with temperature and of its slip, over those before any log.
 _ENTROPY_SHARE = 0.5
+#: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
+#: chemistry's curves have is left.
+_UNANCHORED_SHARE = 0.5
 #: Grid of the error along SoC in the noise, and of resistances that were constant before.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
 #: Time constants stay apart by this factor at least.
@@ -202,6 +205,13 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
         ocv_std_V_per_K=_between(_ENTROPY_SHARE * noise.ocv_std_V_per_K, entropy, noise.ocv_std_V_per_K),
         hysteresis_std=_between(_HYSTERESIS_STD, float(std[p.group("hysteresis")].sum()), noise.hysteresis_std),
     )
+
+
+def never_anchored(battery: Battery, before: Battery) -> Battery:
+    """The battery whose SoC axis is known no better than curves tell it, as no log has shown it full or empty."""
+    least = _UNANCHORED_SHARE * chemistry_prior(battery.chemistry).curve.soc_std
+    axis_std = max(battery.noise.soc_axis_std, min(before.noise.soc_axis_std, least))
+    return replace(battery, noise=replace(battery.noise, soc_axis_std=axis_std))
 
 
 def capacity_normal(battery: Battery, covariance: np.ndarray) -> Normal:

@@ -20,7 +20,14 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.capacity_marginal import capacity_marginal, with_marginal
 from ohmward.battery.learning.fingerprint import fingerprint, unseen
-from ohmward.battery.learning.fold import ageing_direction, capacity_normal, fold, model_floor_V, resistance_normal
+from ohmward.battery.learning.fold import (
+    ageing_direction,
+    capacity_normal,
+    fold,
+    model_floor_V,
+    never_anchored,
+    resistance_normal,
+)
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
@@ -156,7 +163,10 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     misfit = max(part.solution.misfit for part in parts)
     if contradiction := _other_battery(aged, log, lesson, misfit):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
-    seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason)
+    told = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
+    if not told + sum(seen.anchors for seen in known):
+        after = never_anchored(after, battery)
+    seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason, told)
     return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
 
 
