@@ -164,10 +164,10 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     if contradiction := _other_battery(aged, log, lesson, misfit):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     told = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    if not told + sum(seen.anchors for seen in known):
-        after = never_anchored(after, battery)
     seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason, told)
-    return replace(after, knowledge=replace(after.knowledge, logs=(*known, seen))), lesson
+    learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, seen)))
+    anchored = any(log.anchors for log in (*known, seen))
+    return (learnt if anchored else never_anchored(learnt, battery)), lesson
 
 
 def _hours(logs: Sequence[Log]) -> float:
