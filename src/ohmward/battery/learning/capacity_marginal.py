@@ -9,16 +9,19 @@ Mean and variance of that distribution take the place of those at the mode.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve_at
+from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.voltage_model import VoltageModel
 
-#: Points of the grid in standard deviations at the mode, the least of them, and steps of the search at each.
-_GRID, _LEAST_STD, _STEPS = np.arange(-4, 5), 0.01, 3
+#: Steps of the grid to either side: the first in standard deviations at the mode, each longer than the one before by a
+#: factor, at most so many, and none beyond so large a -2 ln of the density over that of the mode.
+_FIRST, _LONGER, _MOST, _FAR = 0.8, 1.5, 7, 12.0
+#: Least first step, and steps of the search at each point.
+_LEAST_STEP, _STEPS = 0.002, 4
 #: Every so many rows are enough for it, and never fewer than so many.
 _COARSE, _ROWS = 10, 300
 
@@ -26,27 +29,48 @@ _COARSE, _ROWS = 10, 300
 def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Normal:
     """Mean and standard deviation of the correction of the logarithm of the capacity."""
     q = model.parameters.group("capacity").start
-    every = max(1, min(_COARSE, model.rows.size // _ROWS))
-    coarse = model.linear_about(found.x, every)
-    std = max(float(np.sqrt(found.covariance[q, q])), _LEAST_STD)
-    grid = found.x[q] + std * _GRID
-    costs = np.zeros(grid.size)
-    middle = grid.size // 2
-    for side in (range(middle, grid.size), range(middle - 1, -1, -1)):
-        x = found.x
-        for k in side:
-            x, costs[k] = solve_at(coarse, prior, anchors, x, q, float(grid[k]), found.misfit, _STEPS)
-    density = np.exp(-0.5 * (costs - costs.min()))
-    density /= density.sum()
-    mean = float(density @ grid)
-    return Normal(mean, float(np.sqrt(density @ (grid - mean) ** 2)))
+    coarse = model.linear_about(found.x, max(1, min(_COARSE, model.rows.size // _ROWS)))
+    step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
+    x, cost = _profile(coarse, prior, anchors, found.x, float(found.x[q]), found.misfit)
+    points = {float(found.x[q]): cost}
+    for side in (1.0, -1.0):
+        value, width, here = float(found.x[q]), step, x
+        for _ in range(_MOST):
+            value += side * width
+            here, points[value] = _profile(coarse, prior, anchors, here, value, found.misfit)
+            width *= _LONGER
+            if points[value] > min(points.values()) + _FAR:
+                break
+    return _moments(points)
 
 
-def with_marginal(found: Solution, q: int, marginal: Normal) -> Solution:
-    """The solution with this distribution of the unknown q; all others follow as their covariance with it says."""
-    slope = found.covariance[:, q] / found.covariance[q, q]
-    variance = marginal.std**2 - found.covariance[q, q]
-    return found._replace(
-        x=found.x + slope * (marginal.mean - found.x[q]),
-        covariance=found.covariance + variance * np.outer(slope, slope),
-    )
+def _profile(
+    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], start: np.ndarray, value: float, misfit: float
+) -> tuple[np.ndarray, float]:
+    """The most likely unknowns at a capacity, and -2 ln of its marginal density up to a constant."""
+    q = model.parameters.group("capacity").start
+    there = solve(model, prior, anchors, start, _STEPS, {q: value}, misfit)
+    others = np.delete(np.arange(start.size), q)
+    return there.x, there.cost + float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
+
+
+def _moments(points: Mapping[float, float]) -> Normal:
+    """Mean and standard deviation of a density by -2 ln of it at some points, by trapezoids."""
+    grid = np.array(sorted(points))
+    cost = np.array([points[value] for value in grid])
+    widths = 0.5 * (np.diff(grid, prepend=grid[0]) + np.diff(grid, append=grid[-1]))
+    weight = widths * np.exp(-0.5 * (cost - cost.min()))
+    weight /= weight.sum()
+    mean = float(weight @ grid)
+    return Normal(mean, float(np.sqrt(weight @ (grid - mean) ** 2)))
+
+
+def with_marginal(
+    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution, marginal: Normal
+) -> Solution:
+    """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
+    q = model.parameters.group("capacity").start
+    there = solve(model, prior, anchors, found.x, _STEPS, {q: marginal.mean})
+    slope = there.covariance[:, q] / there.covariance[q, q]
+    variance = marginal.std**2 - there.covariance[q, q]
+    return there._replace(covariance=there.covariance + variance * np.outer(slope, slope))

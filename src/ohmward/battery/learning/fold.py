@@ -18,6 +18,7 @@ from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_a
 from ohmward.battery.identification.ocv_from_low_rate import monotone
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
+from ohmward.battery.learning.open_circuit import OpenCircuit
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
@@ -68,12 +69,9 @@ def fold(
     lowest_soc: that the log has shown, by the new capacity; logs: all that it has learnt from.
     """
     p = parameters_of(battery)
-    log_ratio = float(theta[p.group("capacity")].sum())
-    before = CurvePlace(1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc, log_ratio)
-    seen_from = float(np.clip(min(lowest_soc, float(true_soc(np.array(before.seen_from_soc), log_ratio))), 0.0, 1.0))
-    covariance = covariance_of_folded(battery, p, theta, covariance, before, seen_from)
-    model = folded_model(battery, p, theta, before)
-    sensor, offset = battery.sensor, p.group("offset")
+    curve, offset, sensor = OpenCircuit(battery, theta), p.group("offset"), battery.sensor
+    model, log_ratio = folded_model(curve), curve.place.log_ratio
+    seen_from_soc = min(lowest_soc, float(true_soc(np.array(curve.place.seen_from_soc), log_ratio)))
     if theta[offset].size:
         std_A = float(np.sqrt(covariance[offset, offset][0, 0]))
         sensor = replace(sensor, offset_A=sensor.offset_A + float(theta[offset][0]), offset_std_A=std_A)
@@ -83,42 +81,35 @@ def fold(
         thevenin=model,
         rc=None if battery.rc is None else rc_of_thevenin(model),
         sensor=sensor,
-        knowledge=Knowledge.of(p.names, covariance, logs, seen_from),
+        knowledge=Knowledge.of(p.names, covariance, logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
     )
+    covariance = covariance_of_folded(curve, folded, covariance)
+    assert folded.knowledge is not None
     noise = folded_noise(folded, p, covariance)
-    return replace(folded, noise=noise, rc_noise=_like(noise, battery.rc_noise))
+    knowledge = Knowledge.of(p.names, covariance, logs, folded.knowledge.seen_from_soc)
+    return replace(folded, noise=noise, rc_noise=_like(noise, battery.rc_noise), knowledge=knowledge)
 
 
-def covariance_of_folded(
-    battery: Battery,
-    p: Parameters,
-    theta: np.ndarray,
-    covariance: np.ndarray,
-    before: CurvePlace,
-    seen_from_soc: float,
-) -> np.ndarray:
+def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.ndarray) -> np.ndarray:
     """(K, K) covariance of the corrections of the new file, whose knots lie elsewhere along the charge below full.
 
-    The stretch of the curve that was seen now no longer moves with the capacity, and that which slipped no longer
-    slips: both errors are now those of the knots.
+    The error of the voltage at a charge is the same before and after: what moved it with the capacity, and now does
+    not, is an error of the knots.
     """
+    p, battery = curve.parameters, curve.battery
     ocv, slip, capacity = p.group("ocv"), p.group("slip"), p.group("capacity")
-    model, old = thevenin_of(battery), file_charge(OCV_KNOTS, before.log_ratio)
-    z = before.at(old)
-    steep_V = mean_slope_V(model.ocv, np.clip(z, 0.0, 1.0))
+    old, degC = file_charge(OCV_KNOTS, curve.place.log_ratio), curve.model.ocv.reference_degC
+    before = curve.columns(old, degC)
+    after = OpenCircuit(folded, np.zeros(p.size)).columns(OCV_KNOTS, degC)
     T = np.eye(p.size)
-    T[ocv, ocv] = hat(old, OCV_KNOTS)
-    moved = before.by_log_ratio(old) - CurvePlace(seen_from_soc, 0.0).by_log_ratio(OCV_KNOTS)
-    if battery.knowledge is None:
-        shape = slip_shape(z, model.ocv_slip)
-        moved -= (model.ocv_slip + theta[slip].sum()) * shape * np.exp(-before.log_ratio)
-        T[ocv, slip] = (steep_V * shape * np.expm1(-before.log_ratio))[:, None]
-    T[ocv, capacity] = (steep_V * moved)[:, None]
-    carried_over = T @ covariance @ T.T
+    T[ocv, ocv] = before[:, ocv]
+    T[ocv, slip] = before[:, slip]
+    T[ocv, capacity] = before[:, capacity] - after[:, capacity]
+    moved = T @ covariance @ T.T
     std_V = battery.noise.model_std_V[0]
     beyond = np.maximum(-old, 0.0)  # beyond the old empty nothing is known but how fast such curves change
-    carried_over[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
-    return carried_over
+    moved[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
+    return moved
 
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
@@ -132,16 +123,16 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     return direction
 
 
-def folded_model(battery: Battery, p: Parameters, theta: np.ndarray, before: CurvePlace) -> Thevenin:
+def folded_model(curve: OpenCircuit) -> Thevenin:
     """The circuit with the corrections made."""
-    model = thevenin_of(battery)
-    capacity_Ah = model.capacity_Ah * float(np.exp(theta[p.group("capacity")].sum()))
+    model, p, theta = curve.model, curve.parameters, curve.theta
+    capacity_Ah = model.capacity_Ah * float(np.exp(curve.place.log_ratio))
     activation, empty = theta[p.group("activation")], theta[p.group("empty_activation")]
     pair_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
     return replace(
         model,
         capacity_Ah=capacity_Ah,
-        ocv=folded_curve(model, p, theta, before, battery.knowledge is not None),
+        ocv=folded_curve(curve),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
         r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
         r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
@@ -154,19 +145,11 @@ def folded_model(battery: Battery, p: Parameters, theta: np.ndarray, before: Cur
     )
 
 
-def folded_curve(model: Thevenin, p: Parameters, theta: np.ndarray, before: CurvePlace, learnt: bool) -> OcvCurve:
-    """The open-circuit curve with the corrections made, as far as they leave it rising.
-
-    before: places on the old curve; learnt: False for a curve whose electrodes may have slipped since its test.
-    """
-    ocv = model.ocv
+def folded_curve(curve: OpenCircuit) -> OcvCurve:
+    """The open-circuit curve with the corrections made, as far as they leave it rising."""
+    ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
-    old = file_charge(soc, before.log_ratio)
-    z = before.at(old)
-    if not learnt:
-        slip = model.ocv_slip + float(theta[p.group("slip")].sum())
-        z = z + slip * slip_shape(z, model.ocv_slip) * np.expm1(-before.log_ratio)
-    voltage_V = np.asarray(ocv.mean_V(z, ocv.reference_degC)) + hat(old, OCV_KNOTS) @ theta[p.group("ocv")]
+    voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
     larger = float(np.exp(theta[p.group("hysteresis")].sum()))
     slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
     if theta[p.group("entropy")].size:

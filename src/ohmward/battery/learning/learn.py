@@ -251,11 +251,10 @@ def _soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Lesson of one part."""
     model = VoltageModel(battery, samples, samples.rows)
-    q = model.parameters.group("capacity").start
     prior = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
-    found = with_marginal(found, q, capacity_marginal(model, prior, anchors, found))
+    found = with_marginal(model, prior, anchors, found, capacity_marginal(model, prior, anchors, found))
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
     lowest_soc = float(found.soc.min())

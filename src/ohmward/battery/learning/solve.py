@@ -8,7 +8,7 @@ Samples that do not fit count less (pseudo-Huber), and all count less where they
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +51,7 @@ class Normals(NamedTuple):
 class Solution(NamedTuple):
     """The most likely unknowns of a part.
 
-    x, covariance: (n,) and (n, n) of parameters and nuisances.
+    x, hessian: (n,) parameters and nuisances, and (n, n) that of half the cost; covariance: (n, n).
     cost: sum of squares at the minimum.
     residual_V: (N,) measured minus expected voltage in the rows; variance_V2: (N,) what was expected of its square.
     weight: (N,) of each row.  misfit: factor by which the residuals exceed their variance, 1 where they do not.
@@ -59,6 +59,7 @@ class Solution(NamedTuple):
     """
 
     x: np.ndarray
+    hessian: np.ndarray
     covariance: np.ndarray
     cost: float
     residual_V: np.ndarray
@@ -81,40 +82,33 @@ class _Rows(NamedTuple):
 
 
 def solve(
-    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], start: np.ndarray, most_steps: int = _MOST_STEPS
-) -> Solution:
-    """The solution from a start (n,), its rows counting less where they err by more than their variance."""
-    precision = np.linalg.inv(prior.covariance)
-    search = _Search(model, prior.mean, precision, anchors)
-    x, misfit = start, 1.0
-    for _ in range(_ROUNDS):
-        x, H, there = search.minimise(x, misfit, most_steps)
-        residual_V, variance_V2, weight = search.errors(there.prediction)
-        found = misfit_of(residual_V, variance_V2)
-        if found <= _SAME_MISFIT * misfit:
-            break
-        misfit = found
-    soc = there.prediction.soc_anywhere
-    return Solution(x, np.linalg.inv(H), there.cost, residual_V, variance_V2, weight / misfit, misfit, soc)
-
-
-def solve_at(
     model: VoltageModel,
     prior: Normals,
     anchors: Sequence[SocAnchor],
     start: np.ndarray,
-    fixed: int,
-    value: float,
-    misfit: float,
-    most_steps: int,
-) -> tuple[np.ndarray, float]:
-    """The most likely unknowns with one of them fixed, and -2 ln of its marginal density up to a constant."""
-    search = _Search(model, prior.mean, np.linalg.inv(prior.covariance), anchors, fixed)
+    most_steps: int = _MOST_STEPS,
+    fixed: Mapping[int, float] | None = None,
+    misfit: float | None = None,
+) -> Solution:
+    """The solution from a start (n,), its rows counting less where they err by more than their variance.
+
+    fixed: values of unknowns that are not sought, by their place.
+    misfit: factor on the variance of the rows; None finds it.
+    """
     x = start.copy()
-    x[fixed] = value
-    x, H, there = search.minimise(x, misfit, most_steps)
-    free = np.delete(np.arange(x.size), fixed)
-    return x, there.cost + float(np.linalg.slogdet(H[np.ix_(free, free)])[1])
+    for k, value in (fixed or {}).items():
+        x[k] = value
+    search = _Search(model, prior.mean, np.linalg.inv(prior.covariance), anchors, tuple(fixed or ()))
+    factor = misfit or 1.0
+    for _ in range(_ROUNDS if misfit is None else 1):
+        x, H, there = search.minimise(x, factor, most_steps)
+        residual_V, variance_V2, weight = search.errors(there.prediction)
+        found = misfit_of(residual_V, variance_V2)
+        if misfit is not None or found <= _SAME_MISFIT * factor:
+            break
+        factor = found
+    soc = there.prediction.soc_anywhere
+    return Solution(x, H, np.linalg.inv(H), there.cost, residual_V, variance_V2, weight / factor, factor, soc)
 
 
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
@@ -134,10 +128,10 @@ class _Search:
         mean: np.ndarray,
         precision: np.ndarray,
         anchors: Sequence[SocAnchor],
-        fixed: int | None = None,
+        fixed: Sequence[int] = (),
     ):
         self.model, self.mean, self.precision, self.anchors = model, mean, precision, anchors
-        self.free = np.array([k for k in range(mean.size) if k != fixed])
+        self.free = np.array([k for k in range(mean.size) if k not in fixed])
         self.measured_V = model.samples.voltage_V[model.rows]
         noise: BatteryNoise = model.battery.noise
         self.white_V2 = noise.voltage_std_V**2

@@ -2,10 +2,9 @@
 
     c(t)  = c_0 + jumps + (counted(t) - integral of the offset) / Q_file         charge, by the capacity of the file
     s(t)  = 1 - (1 - c(t)) Q_file / Q                                            state of charge
-    V     = OCV(z, T) + c_ocv(c) + (T - T_0) e(c) + M(c, T) h + v_0 + sum v_j
+    V     = V_ocv(c, T) + M(c, T) h + v_0 + sum v_j
 
-The corrections stand along the charge c, since that is what a log shows. The place z on the curve is that of
-`curve_place`, and for a battery that has not learnt and may have aged since its test, the slip of its electrodes.
+The corrections stand along the charge c, since that is what a log shows; `open_circuit` has the voltage V_ocv.
 
 The corrections theta of the battery act as `parameters` says; those of the log are its `nuisances`. SoC acts on the
 voltage through the slope of the curve; what it does to resistances is of second order and left to the iteration.
@@ -23,18 +22,16 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.learning.curve_place import CurvePlace, true_soc
+from ohmward.battery.learning.curve_place import true_soc
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, hours_since, nuisances_of
+from ohmward.battery.learning.open_circuit import OpenCircuit
 from ohmward.battery.learning.parameters import (
-    ENTROPY_KNOTS,
-    OCV_KNOTS,
     RESISTANCE_KNOTS,
     Parameters,
     parameters_of,
     thevenin_of,
 )
 from ohmward.battery.learning.samples import Samples
-from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import (
     CircuitInput,
@@ -45,9 +42,6 @@ from ohmward.battery.models.thevenin import (
     transfer_share,
 )
 
-#: Half step of SoC for the slope of the curve: nearly a distance of its knots, so that the slope has no steps there.
-#: They would tell the capacity from where the knots lie.
-_HALF_STEP = 0.02
 #: Relative step of a time constant for the derivative.
 _TAU_STEP = 0.02
 #: Half step of the hysteresis at the start for its derivative, since a state that saturates is not linear in it.
@@ -154,13 +148,13 @@ class VoltageModel:
         theta, nu = x[:K], x[K:]
         charge = _ChargeAlong(self, theta, nu)
         soc = charge.soc[rows]
-        curve = _Curve(self, theta, soc)
+        curve, degC = OpenCircuit(self.battery, theta), self.samples.temperature_degC[rows]
         circuit = self.circuit(x, charge) if self.about is None else self.about.at(x)
-        columns = circuit.columns + curve.slope[:, None] * charge.columns(rows)
-        curve.add_columns(columns)
+        columns = circuit.columns + curve.slope_V(soc, degC)[:, None] * charge.columns(rows)
+        columns[:, :K] += curve.columns(soc, degC)
         misfit = hat(soc, MISFIT_KNOTS)
         columns[:, K:][:, self.nuisances.misfit] = misfit
-        voltage_V = curve.voltage_V + circuit.voltage_V + misfit @ nu[self.nuisances.misfit]
+        voltage_V = curve.at(soc, degC) + circuit.voltage_V + misfit @ nu[self.nuisances.misfit]
         return VoltagePrediction(soc, voltage_V, circuit.over_V2, columns, charge.true_soc)
 
     def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
@@ -337,53 +331,6 @@ class _ChargeAlong:
         columns = self.gain * self.columns(at)
         columns[:, self.of.parameters.group("capacity")] = (1.0 - self.true_soc[at])[:, None]
         return columns
-
-
-class _Curve:
-    """Open-circuit voltage in the rows, its slope along the charge c and its derivatives."""
-
-    def __init__(self, of: VoltageModel, theta: np.ndarray, soc: np.ndarray):
-        self.of, self.theta, self.soc = of, theta, soc
-        self.temperature_degC = of.samples.temperature_degC[of.rows]
-        group = of.parameters.group
-        knowledge = of.battery.knowledge
-        self.learnt = knowledge is not None
-        log_ratio = float(theta[group("capacity")].sum())
-        self.gain = float(np.exp(-log_ratio))
-        self.curve_place = CurvePlace(1.0 if knowledge is None else knowledge.seen_from_soc, log_ratio)
-        self.slip = of.model.ocv_slip + float(theta[group("slip")].sum())
-        self.voltage_V = self.at(soc)
-        self.slope = (self.at(soc + _HALF_STEP) - self.at(soc - _HALF_STEP)) / (2 * _HALF_STEP)
-
-    def place(self, soc: np.ndarray) -> np.ndarray:
-        """Place z on the curve of the file at the charge c."""
-        z = self.curve_place.at(soc)
-        return z if self.learnt else z + self.slip * slip_shape(z, self.of.model.ocv_slip) * (self.gain - 1.0)
-
-    def at(self, soc: np.ndarray) -> np.ndarray:
-        """Open-circuit voltage [V] without hysteresis."""
-        group, curve = self.of.parameters.group, self.of.model.ocv
-        voltage_V = np.asarray(curve.mean_V(self.place(soc), self.temperature_degC))
-        voltage_V = voltage_V + hat(soc, OCV_KNOTS) @ self.theta[group("ocv")]
-        entropy = self.theta[group("entropy")]
-        if not entropy.size:
-            return voltage_V
-        return voltage_V + (self.temperature_degC - curve.reference_degC) * (hat(soc, ENTROPY_KNOTS) @ entropy)
-
-    def add_columns(self, columns: np.ndarray) -> None:
-        """Add the derivatives by the corrections of the curve; that by SoC is the slope."""
-        group, curve, T = self.of.parameters.group, self.of.model.ocv, self.temperature_degC
-        columns[:, group("ocv")] += hat(self.soc, OCV_KNOTS)
-        z = self.place(self.soc)
-        steep_V = (curve.mean_V(z + _HALF_STEP, T) - curve.mean_V(z - _HALF_STEP, T)) / (2 * _HALF_STEP)
-        moved = self.curve_place.by_log_ratio(self.soc)
-        if not self.learnt:
-            shape = slip_shape(self.curve_place.at(self.soc), self.of.model.ocv_slip)
-            moved -= self.slip * shape * self.gain
-            columns[:, group("slip")] += (steep_V * shape * (self.gain - 1.0))[:, None]
-        columns[:, group("capacity")] += (steep_V * moved)[:, None]
-        if columns[:, group("entropy")].size:
-            columns[:, group("entropy")] += (T - curve.reference_degC)[:, None] * hat(self.soc, ENTROPY_KNOTS)
 
 
 def _saturating(moved: np.ndarray, starts: np.ndarray, values: np.ndarray) -> np.ndarray:
