@@ -78,6 +78,12 @@ def test_a_log_that_was_learnt_is_not_counted_again(label, as_json):
     assert Path("twice.toml").read_text() == Path("once.toml").read_text()
 
 
+def test_a_test_that_identified_the_battery_does_not_teach_it_once_more(label, as_json):
+    as_json("identify", "test.csv", "--capacity-ah", "12", "--n-series", "3", "--chemistry", "nmc", "-o", "tested.toml")
+    found = as_json("learn", "test.csv", "day.csv", "--battery", "tested.toml")
+    assert [log["verdict"] for log in found["logs"]] == ["seen", "learnt"]
+
+
 def test_a_dry_run_writes_no_battery_file(label, capsys):
     assert main(["learn", "day.csv", "--battery", "label.toml", "-o", "new.toml", "--dry-run"]) == 0
     assert "No battery file written: --dry-run." in capsys.readouterr().out

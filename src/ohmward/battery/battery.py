@@ -57,6 +57,7 @@ class Provenance:
         logs: one entry for each log.
         confidence: 95 % intervals of the parameters.
         notes: assumptions and findings, warnings included.
+        fingerprints: of the logs, see `battery.fingerprint`; none of them teaches the battery once more.
     """
 
     capacity_given_Ah: float
@@ -64,6 +65,7 @@ class Provenance:
     logs: tuple[LogFit, ...] = ()
     confidence: tuple[ConfidenceInterval, ...] = ()
     notes: tuple[str, ...] = ()
+    fingerprints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, LogFit
+from ohmward.battery.battery import Battery
 from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
@@ -23,6 +23,7 @@ from ohmward.battery.chemistries import (
     start_model,
     start_noise,
 )
+from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.charge_transfer import try_bent
 from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
@@ -33,7 +34,7 @@ from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, k
 from ohmward.battery.identification.fit_samples import FitSamples, thin, thin_branch
 from ohmward.battery.identification.label_check import label_notes
 from ohmward.battery.identification.load_temperature import load_temperature
-from ohmward.battery.identification.log_details import LogDetails, details_of, log_fit
+from ohmward.battery.identification.log_details import LogDetails, branch_fits, details_of, log_fit
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.open_loop import simulate
@@ -228,7 +229,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     hysteresis = any(ocv.hysteresis_V)
     provenance = replace(
         _provenance(prepared, settings),
-        logs=(*(d.quality for d in details), *_branch_fits(prepared.branches)),
+        logs=(*(d.quality for d in details), *branch_fits(prepared.branches)),
         confidence=confidence_intervals(fit, hysteresis, problem.fit_activation),
         notes=tuple(
             str(note) for note in (*prepared.notes, *choice, *edge_notes([e for d in details for e in d.edges]))
@@ -375,13 +376,10 @@ def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Prov
     return Provenance(
         settings.capacity_Ah,
         float(np.mean(complete_Ah)) if complete_Ah else 0.0,
-        logs=_branch_fits(prepared.branches),
+        logs=branch_fits(prepared.branches),
         notes=tuple(str(note) for note in prepared.notes),
+        fingerprints=tuple(fingerprint(record.log) for record in prepared.records),
     )
-
-
-def _branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
-    return tuple(log_fit(b.log_name, f"low-rate {b.direction}", b.soc) for b in branches)
 
 
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ohmward.battery.battery import LogFit
 from ohmward.battery.identification.edges import Edge, find_edges
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
+from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
 from ohmward.battery.identification.ocv_from_rests import RestPoint, rest_points
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
@@ -71,3 +73,8 @@ def details_of(
 def log_fit(name: str, test: str, soc: np.ndarray, rms_V: float = 0.0, largest_V: float = 0.0) -> LogFit:
     """Entry of a log in the provenance of a battery; soc: (T,) along it."""
     return LogFit(name, test, float(soc.min()), float(soc.max()), rms_V, largest_V)
+
+
+def branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
+    """Entries of the low-rate tests that gave the OCV curve."""
+    return tuple(log_fit(b.log_name, f"low-rate {b.direction}", b.soc) for b in branches)

@@ -19,7 +19,6 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.capacity_marginal import capacity_marginal, with_marginal
-from ohmward.battery.learning.fingerprint import fingerprint, unseen
 from ohmward.battery.learning.fold import (
     ageing_direction,
     capacity_normal,
@@ -28,7 +27,7 @@ from ohmward.battery.learning.fold import (
     never_anchored,
     resistance_normal,
 )
-from ohmward.battery.learning.log_faults import usable_log
+from ohmward.battery.learning.new_parts import new_parts
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
@@ -145,43 +144,38 @@ def learn(
 
 def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> tuple[Battery, Lesson]:
     """The battery after one log, and what it taught; the battery as it was where the log is set aside."""
-    known = () if battery.knowledge is None else battery.knowledge.logs
     try:
-        usable = usable_log(log, battery)
-        new = unseen(usable, [seen.fingerprint for seen in known])
-        if not new:
-            return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
-        anchors = tuple(anchor for stretch in new for anchor in find_anchors(stretch, battery))
-        aged = aged_by(battery, hours_since_last(battery, log), log)
-        parts = _learn_parts(aged, new, anchors, initial_soc if new[0].time_s[0] == log.time_s[0] else None)
+        new = new_parts(battery, log)
     except InputError as refusal:
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
+    if not new.parts:
+        return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
+    try:
+        anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, battery))
+        aged = aged_by(battery, hours_since_last(battery, log), log)
+        told_soc = initial_soc if new.parts[0].time_s[0] == log.time_s[0] else None
+        parts = _learn_parts(aged, new.parts, anchors, told_soc)
+    except (InputError, np.linalg.LinAlgError) as refusal:
+        if new.mostly_seen:
+            return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
+        return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
-    assert after.knowledge is not None
-    lesson = _lesson(battery, after, log, parts, anchors)
-    lesson = lesson._replace(hours=_hours(new), left_out=_left_out(log, usable, new))
+    lesson = _lesson(battery, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     misfit = max(part.solution.misfit for part in parts)
     if contradiction := _other_battery(aged, log, lesson, misfit):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     told = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    seen = SeenLog(log.name, fingerprint(usable), *_span(log), lesson.hours, lesson.reason, told)
-    learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, seen)))
-    anchored = any(log.anchors for log in (*known, seen))
-    return (learnt if anchored else never_anchored(learnt, battery)), lesson
+    seen = SeenLog(log.name, new.fingerprint, *_span(log), lesson.hours, lesson.reason, told)
+    return _remember(battery, after, seen), lesson
 
 
-def _hours(logs: Sequence[Log]) -> float:
-    """Length of the logs together."""
-    return sum(log.duration_s for log in logs) / SECONDS_PER_HOUR
-
-
-def _left_out(log: Log, usable: Log, new: Sequence[Log]) -> tuple[str, ...]:
-    """Sentences on what is not used of a log: faults of its sensors, and what was seen before."""
-    faults = tuple(note.text for note in usable.notes if note not in log.notes)
-    seen_h = log.duration_s / SECONDS_PER_HOUR - _hours(new)
-    if new == (usable,):
-        return faults
-    return (*faults, f"{seen_h:.2g} of {_hours([log]):.2g} h: the battery has learnt from them before")
+def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
+    """The battery with the log among those that it has learnt."""
+    assert after.knowledge is not None
+    known = () if before.knowledge is None else before.knowledge.logs
+    learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, log)))
+    anchored = any(seen.anchors for seen in (*known, log))
+    return learnt if anchored else never_anchored(learnt, before)
 
 
 def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) -> str:
@@ -234,6 +228,8 @@ def _learn_parts(
     parts: list[_Part] = []
     for log in logs:
         for samples in samples_of(log, battery):
+            if not samples.rows.size:
+                continue
             told = () if initial_soc is None or parts else (SocAnchor(0, initial_soc, _TOLD_STD),)
             now = parts[-1].battery if parts else battery
             parts.append(_learn_part(now, samples, (*told, *_soc_anchors(anchors, samples))))

@@ -98,7 +98,7 @@ def overlap_s(log: Log, text: str) -> tuple[float, float] | None:
     if not text or log.duration_s <= 0:
         return None
     seen, integrals = _unpacked(text), _integrals(log)
-    shifts = _refine(integrals, seen, _likely_shifts(integrals, seen))
+    shifts = [*_refine(integrals, seen, _likely_shifts(integrals, seen)), *_clock_shift(seen, log)]
     odds = [_log_odds(integrals, seen, log, shift) for shift in shifts]
     if not odds or max(odds) < _CERTAIN:
         return None
@@ -236,11 +236,16 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
     return np.stack([exact, np.hypot(exact, sampling * np.sqrt(intervals_s[1] / seen.bin_s))])
 
 
+def _clock_shift(seen: LogProfile, log: Log) -> list[float]:
+    """The shift that the wall clocks tell, where both have one."""
+    if log.start_unix_s is None or not np.isfinite(seen.start_unix_s):
+        return []
+    return [seen.start_unix_s - log.start_unix_s - float(log.time_s[0])]
+
+
 def _clocks_differ(seen: LogProfile, log: Log, shift_s: float) -> bool:
     """True where both have a wall clock, and these contradict the shift."""
-    if log.start_unix_s is None or not np.isfinite(seen.start_unix_s):
-        return False
-    return abs(log.start_unix_s + log.time_s[0] + shift_s - seen.start_unix_s) > _SAME_CLOCK_S
+    return any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
 
 
 def _change_in_bins(log: Log, values: np.ndarray, lag: int, edges_s: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.learning.fingerprint import fingerprint, overlap_s, unseen
+from ohmward.battery.fingerprint import fingerprint, overlap_s, unseen
 from ohmward.logs import Log
 
 HOUR_S = 3600.0
@@ -97,6 +97,14 @@ def test_a_mission_of_another_day_is_another_log_at_any_rate():
     day = replace(mission(0), start_unix_s=1.7e9)
     again = replace(mission(0, noise_seed=1).select(slice(0, None, 5)), start_unix_s=1.7e9 + 86400.0)
     assert unseen(again, [fingerprint(day)]) == (again,)
+
+
+def test_wall_clocks_find_a_log_that_was_thinned_too_much_to_be_found_by_its_content():
+    """Loads that change every half minute, sampled every 20 s."""
+    day = replace(mission(0), start_unix_s=1.7e9)
+    thin = from_zero(day.select(slice(600, None, 20)))
+    thin = replace(thin, start_unix_s=1.7e9 + 600.0)
+    assert unseen(thin, [fingerprint(day)]) == ()
 
 
 def test_a_rest_says_nothing_about_the_day():
