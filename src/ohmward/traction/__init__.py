@@ -5,6 +5,7 @@ from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, next_state
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
+from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
 from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.robot.motor import Motor
@@ -22,6 +23,7 @@ __all__ = [
     "Robot",
     "RobotInput",
     "RollingResistance",
+    "SensorInbox",
     "SkidSteer",
     "Terrain",
     "Wheel",

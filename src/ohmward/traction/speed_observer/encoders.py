@@ -60,6 +60,17 @@ class MatchedNoise(NamedTuple):
     samples: np.ndarray
 
 
+class FreeWheels(NamedTuple):
+    """Wheels that only their motors turn, each (driven,) [rad/s].
+
+    start_rad_s: speed at the last value of the encoder.
+    motor_rad_s: change since then, the sum of dt tau / J_w.
+    """
+
+    start_rad_s: np.ndarray
+    motor_rad_s: np.ndarray
+
+
 class RejectedFor(NamedTuple):
     """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes.
 
@@ -115,7 +126,7 @@ class PossibleSpeeds(NamedTuple):
 
 
 def correct_wheels(
-    before: Belief,
+    free: FreeWheels,
     prior: Belief,
     lag: np.ndarray,
     step: SlipStep,
@@ -127,7 +138,7 @@ def correct_wheels(
 ) -> EncoderCorrection:
     """The prior corrected with the speeds of the driven wheels, one after the other.
 
-    before: belief before the step.
+    free: the wheels as their motors alone would turn them, this step included.
     lag: (wheels,) [rad/s], `Model.encoder_lag`.
     step: that the mean of the belief made.
     rejected: before the step.
@@ -138,7 +149,7 @@ def correct_wheels(
     for k in range(model.driven):
         y = clean.wheel_speed_rad_s[k] + lag[k]
         R = maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
-        possible = possible_speeds(k, before, belief, R, torque_noise[k], clean, model)
+        possible = possible_speeds(k, free, belief, R, torque_noise[k], model)
         earlier = RejectedFor(rejected.gate_s[k], rejected.impossible_s[k])
         wheels.append(correct_wheel(belief, k, y, R, possible, torque_noise[k], earlier, clean, model, gate))
         belief = wheels[-1].belief
@@ -227,21 +238,21 @@ def with_part_of_gain(before: Belief, after: Belief, i: int, share: Scalar) -> B
 
 
 def possible_speeds(
-    k: int, before: Belief, prior: Belief, R: Scalar, torque_noise: Scalar, clean: CleanSlipSample, model: Model
+    k: int, free: FreeWheels, prior: Belief, R: Scalar, torque_noise: Scalar, model: Model
 ) -> PossibleSpeeds:
     """Speeds [rad/s] that driven wheel k can have at the end of a step, with room for their uncertainty.
 
-    A ground that gives nothing lets the motor turn the wheel alone, to omega + dt tau/J_w; one that gives all that it
-    takes lets the wheel roll, at v/r. Every other ground, and the one that is believed, ends in between.
+    A ground that gives nothing lets the motor turn the wheel alone, by dt tau/J_w in each step since its encoder's last
+    value; one that gives all that it takes lets the wheel roll, at v/r. Every other ground, and the one that is
+    believed, ends in between.
 
-    before, prior: beliefs before the step and at its end.
+    prior: belief at the end of the step.
     R: variance of the encoder.
     torque_noise: standard deviation of the predicted speed by the error of the torque.
     """
     robot, i = model.scene.robot, model.layout.wheel(k)
-    gain = clean.dt_s / robot.inertia[robot.freedoms + k]
-    motor = gain * robot.motor.wheel_constant_Nm_per_A * clean.current_A[k]
-    alone = before.mean[i] + motor
+    motor = free.motor_rad_s[k]
+    alone = free.start_rad_s[k] + motor
     G = robot.rolling[k]
     rolling = G @ prior.mean[: robot.freedoms] / robot.wheel.radius_m
     rolling_variance = G @ prior.cov[: robot.freedoms, : robot.freedoms] @ G / robot.wheel.radius_m**2
@@ -250,6 +261,20 @@ def possible_speeds(
     least = minimum(minimum(alone, rolling), prior.mean[i])
     most = maximum(maximum(alone, rolling), prior.mean[i])
     return PossibleSpeeds(least - room, most + room)
+
+
+def turned(free: FreeWheels, clean: CleanSlipSample, model: Model) -> FreeWheels:
+    """The free wheels at the end of a step."""
+    robot = model.scene.robot
+    gain = robot.motor.wheel_constant_Nm_per_A / robot.inertia[robot.freedoms :]
+    return free._replace(motor_rad_s=free.motor_rad_s + clean.dt_s * gain * clean.current_A)
+
+
+def released(free: FreeWheels, belief: Belief, clean: CleanSlipSample, model: Model) -> FreeWheels:
+    """The free wheels for the next step: from the belief on where an encoder has had a value."""
+    layout = model.layout
+    measured, omega = clean.wheel_measured[: model.driven], belief.mean[layout.wheel(0) : layout.robot_states]
+    return FreeWheels(where(measured, omega, free.start_rad_s), where(measured, 0.0, free.motor_rad_s))
 
 
 def rejected_for(wheels: list[WheelCorrection]) -> RejectedFor:

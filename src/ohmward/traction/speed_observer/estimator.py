@@ -83,6 +83,9 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
     ) -> SlipEstimate:
         """Estimate after one live sample. A bad one is survived and flagged, see `SlipFlag`; None and nan are missing.
 
+        What is slower than the samples holds for its usual interval. Samples best end with the speeds of the wheels:
+        `ohmward.traction.SensorInbox` makes such samples of messages that come one by one, late and out of order.
+
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
             where it is earlier by more than a minute, the clock was set, and time goes on from there.
         wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.

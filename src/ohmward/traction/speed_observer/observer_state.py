@@ -9,7 +9,7 @@ import numpy as np
 from ohmward.filters.belief import Belief, PackedBelief, pack
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
-from ohmward.traction.speed_observer.encoders import MatchedNoise, RejectedFor
+from ohmward.traction.speed_observer.encoders import FreeWheels, MatchedNoise, RejectedFor
 from ohmward.traction.speed_observer.intervals import Intervals, never
 from ohmward.traction.speed_observer.late import History, empty_history
 from ohmward.traction.speed_observer.model import Model
@@ -25,6 +25,7 @@ class ObserverState(NamedTuple):
     current_intervals: of the motor currents, each (driven,).
     encoder_intervals: of the encoders, each (wheels,).
     lag_rad_s: (wheels,) `Model.encoder_lag` since each encoder's last value.
+    free: the wheels as their motors alone would turn them.
     history: predicted changes of the speed of late, for speeds that come late.
     rest_s: time for which wheels and motors have been at rest.
     rejected: for how long each encoder has been outside its gate, (driven,).
@@ -40,6 +41,7 @@ class ObserverState(NamedTuple):
     current_intervals: Intervals
     encoder_intervals: Intervals
     lag_rad_s: np.ndarray
+    free: FreeWheels
     history: History
     rest_s: Scalar
     rejected: RejectedFor
@@ -60,6 +62,7 @@ def started(belief: Belief, model: Model, late_steps: int, before: ObserverState
         current_intervals=before.current_intervals if before else never(n),
         encoder_intervals=before.encoder_intervals if before else never(wheels),
         lag_rad_s=np.zeros(wheels),
+        free=FreeWheels(belief.mean[model.layout.wheel(0) : model.layout.robot_states], np.zeros(n)),
         history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
         rest_s=0.0,
         rejected=RejectedFor(np.zeros(n), np.zeros(n)),

@@ -64,9 +64,12 @@ from ohmward.traction.speed_observer.conclusions import (
 from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
     EncoderGate,
+    FreeWheels,
     correct_wheels,
     match,
     rejected_for,
+    released,
+    turned,
 )
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
@@ -195,7 +198,8 @@ class SpeedObserver:
         prediction = self.predict(state, before, clean)
         turn = self.correct_turn(state, prediction, sample, clean)
         prediction = prediction._replace(belief=turn.belief)
-        wheels = self.correct_wheels(state, before, prediction, clean)
+        free = turned(state.free, clean, self.model)
+        wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
         body = self.correct_body(turn._replace(belief=wheels.belief), prediction, sample, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
@@ -210,6 +214,7 @@ class SpeedObserver:
             belief=pack(belief),
             matched=match(state.matched, wheels.wheels, self.window) if self.matching else state.matched,
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
+            free=released(free, belief, clean, self.model),
             history=history,
             rejected=rejected,
             body_rejected=body.rejected,
@@ -270,13 +275,13 @@ class SpeedObserver:
         return use_gyro(body, sample, clean, self.model, self.sensor_gate) if self.gyro_first else body
 
     def correct_wheels(
-        self, state: ObserverState, before: Belief, prediction: Prediction, clean: CleanSlipSample
+        self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSlipSample
     ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.gyro_first
         gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_teach)
         belief, step, lag_rad_s, _ = prediction
-        return correct_wheels(before, belief, lag_rad_s, step, clean, state.matched, state.rejected, self.model, gate)
+        return correct_wheels(free, belief, lag_rad_s, step, clean, state.matched, state.rejected, self.model, gate)
 
     def correct_body(
         self,

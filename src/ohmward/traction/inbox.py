@@ -1,0 +1,193 @@
+"""Inbox of a robot: stamped messages of each sensor at its own rate, late and out of order, become samples in order.
+
+A message waits until no earlier one can come any more, `delay_s`. A sample ends with the speeds of the wheels; what
+other sensors sent since the sample before goes with it: the mean of the motor currents over the step, the newest of
+everything else, an external speed with its age. Where no wheel reports, samples go on without.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Mapping
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from ohmward.checks import require_between, require_positive
+from ohmward.errors import InputError
+from ohmward.filters.estimator import PerWheel, number, numbers
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.encoder import differences
+
+#: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` names them.
+BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+
+
+class SensorInbox:
+    """Messages in, samples out.
+
+    >>> inbox = SensorInbox(robot, delay_s=0.02)                                                     # doctest: +SKIP
+    >>> inbox.put(0.010, current_A=[1.2, 1.1])                                                       # doctest: +SKIP
+    >>> inbox.put(0.012, wheel_counts=[4711, 4698])                                                  # doctest: +SKIP
+    >>> for sample in inbox.take(): estimator.update(**sample)                                       # doctest: +SKIP
+
+    Args:
+        robot: that the sensors are on.
+        delay_s: a message may arrive so much later than one with a later stamp, >= 0; a later one is left out.
+        gather_s: speeds of single wheels whose stamps lie so close together are one sample, >= 0.
+        silence_s: where no wheel reports for so long, a sample without wheels is made, > 0.
+        counts_per_turn: of the encoders; needed for `wheel_counts`.
+        bits: of their counters, which start again after as many.
+
+    Attributes:
+        left_out: number of messages that came too late.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        delay_s: float = 0.05,
+        gather_s: float = 0.002,
+        silence_s: float = 0.25,
+        counts_per_turn: float | None = None,
+        bits: int = 32,
+    ):
+        require_between("delay_s", delay_s, 0.0, math.inf)
+        require_between("gather_s", gather_s, 0.0, math.inf)
+        require_positive("silence_s", silence_s)
+        self.delay_s, self.gather_s, self.silence_s = delay_s, gather_s, silence_s
+        self.counts_per_turn, self.bits = counts_per_turn, bits
+        self.left_out = 0
+        self._wheels, self._driven = len(robot.places), robot.driven
+        self._waiting: list[tuple[float, int, dict[str, Any]]] = []
+        self._order = count()
+        self._newest_s = -math.inf
+        self._taken_s = -math.inf
+        self._counts: dict[int, tuple[float, int]] = {}
+        self._start_s = self._sample_s = self._speed_s = math.nan
+        self._sample_speeds = np.full(self._wheels, math.nan)
+        self._currents: list[np.ndarray] = []
+        self._body: dict[str, float] = {}
+
+    def put(
+        self,
+        stamp_s: float,
+        *,
+        wheel_speed_rad_s: PerWheel | None = None,
+        wheel_counts: PerWheel | None = None,
+        current_A: PerWheel | None = None,
+        **body: float | None,
+    ) -> None:
+        """Take in a message.
+
+        stamp_s: time of its measurement.
+        wheel_speed_rad_s, wheel_counts: (wheels,) or (driven,), nan or None for wheels that it does not tell of.
+        current_A: (driven,), the same.
+        body: any of `BODY`.
+
+        Raises:
+            InputError: something else than numbers, of another number of wheels, or a name that there is not.
+        """
+        stamp_s = number("stamp_s", stamp_s)
+        if unknown := [name for name in body if name not in BODY]:
+            raise InputError(f"a message has no {', '.join(unknown)}; there are {', '.join(BODY)}")
+        if wheel_counts is not None and self.counts_per_turn is None:
+            raise InputError("wheel_counts need counts_per_turn of the inbox; give it, or put speeds")
+        wheels = self._wheels, self._driven
+        message = {
+            "speeds": numbers("wheel_speed_rad_s", wheel_speed_rad_s, *wheels),
+            "counts": numbers("wheel_counts", wheel_counts, *wheels),
+            "currents": numbers("current_A", current_A, self._driven),
+            **{name: number(name, value) for name, value in body.items()},
+        }
+        if not stamp_s >= self._taken_s:
+            self.left_out += 1
+            return
+        self._newest_s = max(self._newest_s, stamp_s)
+        heapq.heappush(self._waiting, (stamp_s, next(self._order), message))
+
+    def take(self) -> list[dict[str, Any]]:
+        """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`."""
+        return self._take(self._newest_s - self.delay_s)
+
+    def flush(self) -> list[dict[str, Any]]:
+        """All samples that are left, at the end of a drive."""
+        return [*self._take(math.inf), *self._close()]
+
+    def _take(self, until_s: float) -> list[dict[str, Any]]:
+        samples: list[dict[str, Any]] = []
+        while self._waiting and self._waiting[0][0] <= until_s:
+            stamp_s, _, message = heapq.heappop(self._waiting)
+            self._taken_s = stamp_s
+            speeds = self._speeds(stamp_s, message)
+            if self._is_over(stamp_s, speeds):
+                samples += self._close()
+            self._add(stamp_s, speeds, message)
+        return samples
+
+    def _speeds(self, stamp_s: float, message: Mapping[str, Any]) -> np.ndarray:
+        """Speeds (wheels,) [rad/s] of a message, those of counts as means since the wheel's count before."""
+        speeds = message["speeds"].copy()
+        for k in map(int, np.flatnonzero(np.isfinite(message["counts"]))):
+            now = stamp_s, int(message["counts"][k])
+            if k in self._counts and stamp_s > self._counts[k][0]:
+                before_s, before = self._counts[k]
+                (turned,) = differences(np.array([[before], [now[1]]]), self.bits)[:, 0]
+                speeds[k] = 2 * math.pi * turned / self.counts_per_turn / (stamp_s - before_s)
+            self._counts[k] = now
+        return speeds
+
+    def _is_over(self, stamp_s: float, speeds: np.ndarray) -> bool:
+        """True where a message belongs to the next sample."""
+        told = np.isfinite(self._sample_speeds)
+        if told.any():
+            again = bool((told & np.isfinite(speeds)).any())
+            return again or stamp_s > self._sample_s + self.gather_s
+        return stamp_s > self._start_s + self.silence_s
+
+    def _add(self, stamp_s: float, speeds: np.ndarray, message: Mapping[str, Any]) -> None:
+        """The message in the sample that is open."""
+        if math.isnan(self._start_s):
+            self._start_s = stamp_s
+        told = np.isfinite(speeds)
+        if not np.isfinite(self._sample_speeds).any() or told.any():
+            self._sample_s = stamp_s
+        self._sample_speeds[told] = speeds[told]
+        if np.isfinite(message["currents"]).any():
+            self._currents.append(message["currents"])
+        for name in BODY:
+            if math.isfinite(message.get(name, math.nan)):
+                self._body[name] = message[name]
+                if name == "speed_m_s":
+                    self._speed_s = stamp_s
+
+    def _close(self) -> list[dict[str, Any]]:
+        """The sample that is open, if there is anything in it; the next one begins where it ends."""
+        empty = not (self._body or self._currents or np.isfinite(self._sample_speeds).any())
+        if empty:
+            return []
+        sample: dict[str, Any] = {"time_s": self._sample_s, "wheel_speed_rad_s": self._sample_speeds, **self._body}
+        if self._currents:
+            sample["current_A"] = _means(np.array(self._currents))
+        if "speed_m_s" in sample:
+            waited_s = max(self._sample_s - self._speed_s, 0.0)
+            sample["speed_age_s"] = waited_s + self._body.get("speed_age_s", 0.0)
+        self._clear(self._sample_s)
+        return [sample]
+
+    def _clear(self, start_s: float) -> None:
+        """An empty sample that begins at `start_s`."""
+        self._start_s = self._sample_s = start_s
+        self._sample_speeds = np.full(self._wheels, math.nan)
+        self._currents = []
+        self._body = {}
+        self._speed_s = math.nan
+
+
+def _means(values: np.ndarray) -> np.ndarray:
+    """Mean (N,) of each column's numbers, nan where there is none."""
+    known = np.isfinite(values)
+    sums = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), sums / np.maximum(known.sum(axis=0), 1), math.nan)

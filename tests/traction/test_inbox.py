@@ -1,0 +1,145 @@
+"""Messages that come at their own rates, late and out of order; live samples against a log of the same."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog
+from ohmward.traction import RLMA
+from ohmward.traction.inbox import SensorInbox
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimator import SlipEstimator
+
+from .speed_observer.test_nothing_diverges import drive
+
+NAN = math.nan
+
+
+def messages(seed=0, steps=600):
+    """(stamp, message) of a drive: wheels and motors at 100 Hz, out of step, a gyro at 60 Hz, a speed at 7 Hz."""
+    rng = np.random.default_rng(seed)
+    wheels, current_A, x = drive()
+    found = []
+    for k in range(steps):
+        time_s = 0.01 * (k + 1)
+        found.append((time_s + 0.0002 * rng.random(), {"wheel_speed_rad_s": wheels[k]}))
+        found.append((time_s - 0.004 + 0.001 * rng.random(), {"current_A": current_A[k]}))
+    for time_s in np.arange(0.0033, 0.01 * steps, 1 / 60):
+        found.append((time_s, {"yaw_rate_rad_s": np.interp(time_s, 0.01 * np.arange(len(x)), x[:, 1])}))
+    for time_s in np.arange(0.0057, 0.01 * steps, 1 / 7):
+        found.append((time_s, {"speed_m_s": np.interp(time_s, 0.01 * np.arange(len(x)), x[:, 0])}))
+    return sorted(found, key=lambda message: message[0])
+
+
+def samples_of(arriving, **options):
+    inbox, samples = SensorInbox(RLMA, **options), []
+    for stamp_s, message in arriving:
+        inbox.put(stamp_s, **message)
+        samples += inbox.take()
+    return samples + inbox.flush(), inbox
+
+
+def arriving_late(sent, most_s, seed=1):
+    """The messages in the order in which they arrive."""
+    delays_s = np.random.default_rng(seed).uniform(0.0, most_s, len(sent))
+    order = np.argsort([stamp_s + delay_s for (stamp_s, _), delay_s in zip(sent, delays_s, strict=True)])
+    return [sent[k] for k in order]
+
+
+def equal(a, b):
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
+
+
+def test_messages_that_are_late_within_the_delay_give_the_same_samples():
+    sent = messages()
+    in_order, _ = samples_of(sent, delay_s=0.0)
+    mixed, inbox = samples_of(arriving_late(sent, 0.05), delay_s=0.05)
+    assert inbox.left_out == 0
+    assert len(mixed) == len(in_order) == 600
+    assert all(equal(a, b) for a, b in zip(mixed, in_order, strict=True))
+
+
+def test_a_message_that_is_later_is_left_out_and_counted():
+    inbox = SensorInbox(RLMA, delay_s=0.01)
+    inbox.put(0.00, wheel_speed_rad_s=[1.0, 1.0])
+    inbox.put(0.10, wheel_speed_rad_s=[1.0, 1.0])
+    inbox.take()
+    inbox.put(-0.01, current_A=[1.0, 1.0])
+    assert inbox.left_out == 1
+
+
+def test_live_samples_of_the_inbox_are_a_run_on_the_log_of_the_same_messages():
+    samples, _ = samples_of(arriving_late(messages(), 0.03), delay_s=0.03)
+    live = SlipEstimator("rlma", terrain="gravel")
+    updates = SlipEstimate(*map(np.array, zip(*(live.update(**sample) for sample in samples), strict=True)))
+
+    def column(name, missing):
+        return np.array([sample.get(name, missing) for sample in samples], dtype=float)
+
+    log = DriveLog(
+        "messages",
+        column("time_s", NAN),
+        column("wheel_speed_rad_s", np.full(4, NAN)),
+        column("current_A", np.full(2, NAN)),
+        yaw_rate_rad_s=column("yaw_rate_rad_s", NAN),
+        speed_m_s=column("speed_m_s", NAN),
+        speed_age_s=column("speed_age_s", 0.0),
+    )
+    run = SlipEstimator("rlma", terrain="gravel").run(log)
+    for name in SlipEstimate._fields:
+        assert_allclose(getattr(updates, name), getattr(run.estimates, name), rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_each_wheel_may_send_its_own_message():
+    inbox = SensorInbox(RLMA, delay_s=0.0, gather_s=0.002)
+    for time_s in (0.0, 0.01, 0.02):
+        inbox.put(time_s, wheel_speed_rad_s=[1.0, NAN])
+        inbox.put(time_s + 0.001, wheel_speed_rad_s=[NAN, 2.0])
+    samples = [*inbox.take(), *inbox.flush()]
+    assert [sample["time_s"] for sample in samples] == pytest.approx([0.001, 0.011, 0.021])
+    assert all(sample["wheel_speed_rad_s"][:2].tolist() == [1.0, 2.0] for sample in samples)
+
+
+def test_currents_are_the_mean_over_the_step_and_a_speed_has_its_age():
+    inbox = SensorInbox(RLMA, delay_s=0.0)
+    inbox.put(0.000, wheel_speed_rad_s=[0.0, 0.0])
+    for time_s, current_A in ((0.003, 1.0), (0.006, 2.0), (0.009, 6.0)):
+        inbox.put(time_s, current_A=[current_A, NAN])
+    inbox.put(0.004, speed_m_s=0.3, speed_age_s=0.05)
+    inbox.put(0.010, wheel_speed_rad_s=[0.1, 0.1])
+    _, sample = [*inbox.take(), *inbox.flush()]
+    assert sample["current_A"] == pytest.approx([3.0, NAN], nan_ok=True)
+    assert sample["speed_age_s"] == pytest.approx(0.056)
+
+
+def test_counts_are_mean_speeds_through_the_overflow():
+    inbox, step = SensorInbox(RLMA, delay_s=0.0, counts_per_turn=4096, bits=16), 100
+    for k in range(2000):
+        inbox.put(0.01 * k, wheel_counts=[(step * k) % 2**16, (-step * k) % 2**16])
+    speeds = np.array([sample["wheel_speed_rad_s"][:2] for sample in [*inbox.take(), *inbox.flush()]])
+    true = 2 * math.pi * step / 4096 / 0.01
+    assert_allclose(speeds[-1900:], np.tile([true, -true], (1900, 1)), rtol=1e-9)
+
+
+def test_without_wheels_samples_go_on():
+    inbox = SensorInbox(RLMA, delay_s=0.0, silence_s=0.25)
+    for k in range(100):
+        inbox.put(0.01 * k, yaw_rate_rad_s=0.1)
+    samples = [*inbox.take(), *inbox.flush()]
+    assert len(samples) == 4
+    assert np.diff([sample["time_s"] for sample in samples]) == pytest.approx(0.25, abs=0.02)
+
+
+def test_bad_messages_are_refused():
+    inbox = SensorInbox(RLMA)
+    with pytest.raises(InputError, match="a message has no yaw_rate; there are yaw_rate_rad_s"):
+        inbox.put(0.0, yaw_rate=0.1)
+    with pytest.raises(InputError, match="wheel_counts need counts_per_turn"):
+        inbox.put(0.0, wheel_counts=[1, 2])
+    with pytest.raises(InputError, match="wheel_speed_rad_s must have the shape"):
+        inbox.put(0.0, wheel_speed_rad_s=[1.0])
+    with pytest.raises(InputError, match="delay_s"):
+        SensorInbox(RLMA, delay_s=-1.0)
