@@ -54,7 +54,8 @@ def taught():
 def test_a_third_day_of_the_same_battery_is_learnt(taught):
     (lesson,) = learn(taught, [day(MODEL, 3)]).lessons
     assert lesson.verdict == "learnt"
-    assert lesson.capacity_Ah.mean == pytest.approx(MODEL.capacity_Ah, rel=0.04)
+    # three days down to a fifth leave the knee at empty open
+    assert abs(lesson.capacity_Ah.mean - MODEL.capacity_Ah) < 2 * lesson.capacity_Ah.std < 0.2 * MODEL.capacity_Ah
 
 
 def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):

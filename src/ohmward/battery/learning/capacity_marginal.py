@@ -41,7 +41,7 @@ def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[Soc
             width *= _LONGER
             if points[value] > min(points.values()) + _FAR:
                 break
-    return _moments(points)
+    return moments(points)
 
 
 def _profile(
@@ -54,7 +54,7 @@ def _profile(
     return there.x, there.cost + float(np.linalg.slogdet(there.hessian[np.ix_(others, others)])[1])
 
 
-def _moments(points: Mapping[float, float]) -> Normal:
+def moments(points: Mapping[float, float]) -> Normal:
     """Mean and standard deviation of a density by -2 ln of it at some points, by trapezoids."""
     grid = np.array(sorted(points))
     cost = np.array([points[value] for value in grid])

@@ -38,8 +38,8 @@ _NEAR = 0.25
 _MOST_UNKNOWN = 0.5
 #: The charge that samples leave open between them is followed in so many steps.
 _PATH_STEPS = 20
-#: A shorter rest may be the zero crossing of a drive [s].
-_REST_S = 60.0
+#: A shorter rest may be the zero crossing of a drive; a longer one is taken in pieces of so long [s].
+_REST_S, _PIECE_S = 60.0, 600.0
 #: Less than this of SoC is not worth following.
 _LEAST_PATH = 1e-3
 
@@ -240,5 +240,10 @@ def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery)
     excess_A = current_A - battery.idle_current_A
     resting = np.abs(excess_A - sensor.offset_A) < 3.0 * sensor.noise_std_A + 2.0 * sensor.offset_std_A
     for first, stop in runs(resting):
-        if time_s[stop - 1] - time_s[first] >= _REST_S:
-            yield DeclaredRest(stop - 1, float(excess_A[first:stop].mean()))
+        pieces = max(1, int((time_s[stop - 1] - time_s[first]) / _PIECE_S))
+        for piece in np.array_split(np.arange(first, stop), pieces):
+            earlier, later = np.array_split(excess_A[piece], 2)
+            # the taper at the end of a charge is as small, but it falls
+            steady = later.size > 0 and abs(later.mean() - earlier.mean()) < sensor.noise_std_A
+            if steady and time_s[piece[-1]] - time_s[piece[0]] >= _REST_S:
+                yield DeclaredRest(int(piece[-1]), float(excess_A[piece].mean()))

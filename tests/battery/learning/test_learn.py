@@ -1,0 +1,182 @@
+"""Learning against independent solutions: a Kalman filter, finite differences, and the same logs in other orders."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from battery.learning.test_another_battery import day, worn
+from cli.examples import MODEL
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import load_battery, save_battery
+from ohmward.battery.learning import learn
+from ohmward.battery.learning.capacity_marginal import moments
+from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
+from ohmward.battery.learning.fold import fold
+from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance, thevenin_of
+from ohmward.battery.learning.samples import samples_of
+from ohmward.battery.learning.solve import Normals, SocAnchor, solve
+from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.models.noise import BatteryNoise
+from ohmward.logs import Log
+
+TESTED = Battery("tested", 12.0, "nmc", 3, 5.0, 14.0, thevenin=MODEL, noise=BatteryNoise(capacity_std=0.1))
+
+
+def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Normals]:
+    (samples,) = samples_of(log, battery)
+    model = VoltageModel(battery, samples, samples.rows)
+    K, M = model.parameters.size, model.nuisances.size
+    covariance = np.zeros((K + M, K + M))
+    covariance[:K, :K] = prior_covariance(battery)
+    covariance[K:, K:] = nuisance_covariance(model.nuisances, samples, battery, 0.5, 0.005)
+    mean = np.zeros(K + M)
+    mean[K + model.nuisances.soc] = 1.0
+    return model, Normals(mean, covariance)
+
+
+def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
+    model, prior = problem(TESTED, day(MODEL, 1))
+    anchors = [SocAnchor(0, 1.0, 0.01)]
+    found = solve(model, prior, anchors, prior.mean, most_steps=40)
+    p = model.predict(found.x)
+    # linear about the solution, the robust factor of each row as the solution has it
+    robust = np.sqrt(1.0 + found.residual_V**2 / (found.variance_V2 * found.misfit) / 2.5**2)
+    rows = [*zip(p.voltage_columns, found.residual_V, found.variance_V2 / found.weight * robust, strict=True)]
+    rows.append((model.soc_columns(found.x, np.array([0]))[0], 1.0 - p.soc_anywhere[0], 0.01**2))
+    highest = int(np.argmax(p.soc_anywhere))
+    if p.soc_anywhere[highest] > 1.0:
+        of_highest = model.soc_columns(found.x, np.array([highest]))[0]
+        rows.append((of_highest, 1.0 - p.soc_anywhere[highest], 0.01**2))
+    mean, P = prior.mean.copy(), prior.covariance.copy()
+    for column, residual, variance in rows:
+        gain = P @ column / (column @ P @ column + variance)
+        mean += gain * (residual + column @ (found.x - mean))
+        P -= np.outer(gain, column @ P)
+    std = np.sqrt(np.diag(P))
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(std, rel=1e-3)
+    assert np.max(np.abs(mean - found.x) / std) < 0.1
+
+
+def test_the_columns_are_the_derivatives_of_the_voltage():
+    model, prior = problem(TESTED, day(MODEL, 1))
+    rng = np.random.default_rng(0)
+    x = prior.mean + 0.1 * np.sqrt(np.diag(prior.covariance)) * rng.standard_normal(prior.mean.size)
+    columns = model.predict(x).voltage_columns
+    p, nuisances = model.parameters, model.nuisances
+    exact = [*range(p.group("ohmic").start, p.group("pair").stop), *range(p.group("ocv").start, p.group("ocv").stop)]
+    exact += [p.size + k for k in range(nuisances.misfit.start, nuisances.misfit.stop)]
+    for k in exact:
+        step = np.zeros(x.size)
+        step[k] = 1e-4
+        difference = (model.predict(x + step).voltage_V - model.predict(x - step).voltage_V) / 2e-4
+        assert columns[:, k] == pytest.approx(difference, rel=1e-3, abs=1e-5)
+    step = np.zeros(x.size)
+    step[p.group("tau").start] = 1e-3
+    difference = (model.predict(x + step).voltage_V - model.predict(x - step).voltage_V) / 2e-3
+    assert columns[:, p.group("tau").start] == pytest.approx(difference, rel=0.05, abs=2e-4)
+
+
+def test_a_file_without_corrections_stays_as_it_is():
+    p = parameters_of(TESTED)
+    folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
+    soc = np.linspace(0.0, 1.0, 101)
+    assert folded.capacity_Ah == TESTED.capacity_Ah
+    assert thevenin_of(folded).ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
+    assert thevenin_of(folded).tau_s == MODEL.tau_s
+    assert folded.noise.capacity_std <= TESTED.noise.capacity_std
+
+
+def test_a_learnt_curve_is_the_same_over_the_charge_below_full():
+    p = parameters_of(TESTED)
+    theta = np.zeros(p.size)
+    theta[p.group("capacity")] = np.log(0.9)
+    once = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 0.0, ())
+    smaller = fold(once, theta, prior_covariance(TESTED), 0.0, ())
+    charge = np.linspace(0.2, 1.0, 50)
+    soc = true_soc(charge, np.log(0.9))
+    assert thevenin_of(smaller).ocv.mean_V(soc, 25.0) == pytest.approx(
+        thevenin_of(once).ocv.mean_V(charge, 25.0), abs=2e-3
+    )
+
+
+def test_the_curve_stretches_only_where_no_log_has_been():
+    charge = np.linspace(-0.2, 1.0, 25)
+    assert CurvePlace(1.0, 0.05).at(charge) == pytest.approx(true_soc(charge, 0.05))
+    assert file_charge(true_soc(charge, 0.05), 0.05) == pytest.approx(charge)
+    part = CurvePlace(0.4, 0.05)
+    assert part.at(charge[charge >= 0.4]) == pytest.approx(charge[charge >= 0.4])
+    assert part.at(np.array([part.empty])) == pytest.approx([0.0])
+    difference = (CurvePlace(0.4, 0.0501).at(charge) - CurvePlace(0.4, 0.0499).at(charge)) / 2e-4
+    assert part.by_log_ratio(charge) == pytest.approx(difference, abs=1e-3)
+
+
+def test_moments_of_a_normal_density_are_its_own():
+    grid = 0.3 + 0.02 * np.linspace(-5, 5, 41)
+    found = moments({float(x): ((x - 0.3) / 0.02) ** 2 for x in grid})
+    assert found.mean == pytest.approx(0.3)
+    assert found.std == pytest.approx(0.02, rel=0.01)
+
+
+def test_a_smaller_capacity_is_found_and_covered():
+    older = worn(MODEL, 0.85, 1.3)
+    tested = replace(TESTED, noise=replace(TESTED.noise, resistance_std=0.3, ocv_slip_std=0.0))
+    tested = replace(tested, thevenin=replace(MODEL, ocv_slip=0.0))
+    learnt = learn(tested, [day(older, 1), day(older, 2)])
+    lesson = learnt.lessons[-1]
+    assert lesson.capacity_Ah.mean == pytest.approx(0.85 * 12.0, rel=0.02)
+    assert abs(lesson.capacity_Ah.mean - 0.85 * 12.0) < 2 * lesson.capacity_Ah.std
+    assert lesson.resistance_ohm.std < 0.1 * lesson.resistance_ohm.mean
+
+
+def difference_in_sigmas(one: Battery, two: Battery) -> float:
+    """Largest difference of capacity, time constants and curve in the standard deviations of their errors."""
+    p = parameters_of(one)
+    std = np.sqrt(np.diag(prior_covariance(one)))
+    log_ratio = np.log(two.capacity_Ah / one.capacity_Ah)
+    curves = [np.asarray(thevenin_of(b).ocv.mean_V(np.linspace(0.3, 1.0, 8), 25.0)) for b in (one, two)]
+    model_V = np.interp(np.linspace(0.3, 1.0, 8), np.linspace(0, 1, 21), one.noise.model_std_V)
+    slope_V = np.gradient(curves[0], 0.1)
+    of_curve = np.abs(curves[0] - curves[1]) / np.hypot(model_V, one.noise.soc_axis_std * slope_V)
+    return float(max(abs(log_ratio) / std[p.group("capacity")].sum(), of_curve.max()))
+
+
+def test_the_order_of_the_logs_does_not_matter():
+    label = generic_battery("nmc", 12.0, 3)
+    one = learn(label, [day(MODEL, 1), day(MODEL, 2)]).battery
+    two = learn(label, [day(MODEL, 2), day(MODEL, 1)]).battery
+    assert difference_in_sigmas(one, two) < 1.0
+
+
+def test_a_log_that_is_cut_in_two_teaches_the_same():
+    label, log = generic_battery("nmc", 12.0, 3), day(MODEL, 1)
+    middle_s = float(log.time_s[len(log) // 2])
+    parts = [log.between(0.0, middle_s), log.between(middle_s, np.inf)]
+    parts = [replace(part, name=f"part {k}") for k, part in enumerate(parts)]
+    whole, cut = learn(label, [log]).battery, learn(label, parts).battery
+    assert difference_in_sigmas(whole, cut) < 1.0
+
+
+def test_the_same_log_does_not_count_twice(tmp_path):
+    label = generic_battery("nmc", 12.0, 3)
+    once = learn(label, [day(MODEL, 1)]).battery
+    save_battery(once, tmp_path / "battery.toml")
+    stored = load_battery(tmp_path / "battery.toml")
+    twice = learn(stored, [day(MODEL, 1)])
+    assert [lesson.verdict for lesson in twice.lessons] == ["seen"]
+    assert twice.battery is stored
+    assert prior_covariance(stored) == pytest.approx(prior_covariance(once), rel=1e-3, abs=1e-8)
+
+
+def test_a_declared_rest_shows_the_offset_and_a_taper_does_not():
+    rng = np.random.default_rng(0)
+    time_s = np.arange(3000.0)
+    current_A = np.where(time_s < 1800, 0.15, 0.15 + 0.3 * np.exp(-(time_s - 1800) / 900))
+    current_A[:600] = -3.0
+    noisy_A = current_A + 0.01 * rng.standard_normal(time_s.size)
+    battery = replace(generic_battery("nmc", 12.0, 3), idle_current_A=0.0)
+    (samples,) = samples_of(Log("rest", time_s, noisy_A, np.full(time_s.size, 11.4)), battery)
+    assert len(samples.rests) >= 1
+    assert [rest.excess_A for rest in samples.rests] == pytest.approx([0.15] * len(samples.rests), abs=0.005)
