@@ -198,11 +198,15 @@ def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
 
     Its knowledge has the walk of its noise, and the walk of the capacity by use.
     """
+    moved_Ah = float(np.nansum(np.abs(log.current_A[1:]) * np.diff(log.time_s))) / SECONDS_PER_HOUR
+    return aged(battery, hours, 0.5 * moved_Ah / battery.capacity_Ah)
+
+
+def aged(battery: Battery, hours: float, cycles: float) -> Battery:
+    """The battery that has aged for so long and by so many full cycles."""
     if battery.knowledge is None:
         return battery
     p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours
-    moved_Ah = float(np.nansum(np.abs(log.current_A[1:]) * np.diff(log.time_s))) / SECONDS_PER_HOUR
-    cycles = 0.5 * moved_Ah / battery.capacity_Ah
     covariance, direction = battery.knowledge.matrix, ageing_direction(battery, p)
     capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance += capacity_variance * np.outer(direction, direction)
@@ -210,8 +214,8 @@ def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
     resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance[np.ix_(together, together)] += resistance_variance
     covariance[p.group("offset"), p.group("offset")] += battery.sensor.offset_walk_variance(span_s)
-    aged = Knowledge.of(p.names, covariance, battery.knowledge.logs, battery.knowledge.seen_from_soc)
-    return replace(battery, knowledge=aged)
+    of_aged = Knowledge.of(p.names, covariance, battery.knowledge.logs, battery.knowledge.seen_from_soc)
+    return replace(battery, knowledge=of_aged)
 
 
 def hours_since_last(battery: Battery, log: Log) -> float:

@@ -1,0 +1,146 @@
+"""Knowledge that a live estimator has gained on board, folded into the battery file when it is asked for.
+
+The filter carries the corrections z that it can see while it runs: the levels of capacity and resistances, activations,
+hysteresis and the sensor's offset. Its belief N(m, C) began as N(0, C_0), so the samples have taught the information
+
+    J = C^-1 - C_0^-1 >= 0,        b = C^-1 m,
+
+and the parameters theta of the file, of which it sees z = H theta, with their prior N(0, P), become
+
+    P' = P - P H' J (1 + H P H' J)^-1 H P,        theta' = P' H' b.
+
+It learns levels, not curves: what depends on SoC is learnt from logs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.knowledge import SeenLog
+from ohmward.battery.learning.fold import fold
+from ohmward.battery.learning.learn import aged
+from ohmward.battery.learning.parameters import Parameters, parameters_of, prior_covariance
+from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.soc.augmented_thevenin import AugmentedThevenin
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
+from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.errors import InputError
+from ohmward.filters.belief import Belief, unpack
+
+#: No correction goes beyond so many standard deviations of what the file knew: a fault of a sensor is no ageing.
+MOST_STD = 3.0
+_SECONDS_PER_HOUR = 3600.0
+#: SoC about which the errors of the file are taken; they do not depend on it.
+_ANY_SOC = 0.5
+
+
+class Taught(NamedTuple):
+    """Likelihood of what the samples have taught of z: information J (n, n) and vector b (n,)."""
+
+    information: np.ndarray
+    vector: np.ndarray
+
+
+def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
+    """The battery file with what its live estimator has learnt since it began; the estimator stays as it is.
+
+    battery: that the estimator was made with. The result is complete each time; it is not added to one before it.
+
+    Raises:
+        InputError: there was no sample yet, the filter carries no such corrections, or it is of another battery.
+    """
+    system, belief = _belief(estimator)
+    if (system.model, system.noise, system.sensor) != (battery.thevenin, battery.noise, battery.sensor):
+        raise InputError(
+            f"battery {battery.name!r} is not the one that this estimator was made with; give that one, its knowledge "
+            "is where the estimator began"
+        )
+    hours = max(estimator.time_s - estimator.memory.start_s, 0.0) / _SECONDS_PER_HOUR
+    p = parameters_of(battery)
+    names, H = seen_by_filter(p, system)
+    taught = _taught(system, belief, names)
+    before = aged(battery, hours if math.isfinite(hours) else 0.0, 0.0)
+    theta, covariance = _posterior(prior_covariance(before), H, taught)
+    logs = () if battery.knowledge is None else battery.knowledge.logs
+    told = SeenLog("on board", hours=hours, taught="capacity, resistances and offset, as the filter found them")
+    return fold(before, theta, covariance, 1.0, (*logs, told))
+
+
+def seen_by_filter(p: Parameters, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:
+    """Names of the filter's states that correct the file, and H (n, K): each as a mean of parameters."""
+    activation = p.group("activation")
+    places = {
+        "charge_gain": p.group("capacity"),
+        "ohmic_log_ratio": p.group("ohmic"),
+        "pair_log_ratio": p.group("pair"),
+        "offset_A": p.group("offset"),
+        "ohmic_activation_error_K": slice(activation.start, activation.start + 1),
+        "pair_activation_error_K": slice(activation.stop - 1, activation.stop),
+        "hysteresis_log_ratio": p.group("hysteresis"),
+    }
+    names = [name for name in system.error_names if name in places and places[name].stop > places[name].start]
+    H = np.zeros((len(names), p.size))
+    for row, name in zip(H, names, strict=True):
+        row[places[name]] = 1.0 / (places[name].stop - places[name].start)
+    return names, H
+
+
+def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
+    """Model and belief of the estimator; those of a Gaussian sum as one Gaussian."""
+    settings: Any = estimator.settings
+    if not isinstance(settings, GaussianSumFilter | TheveninFilter):
+        raise InputError(f"{estimator!r} carries no corrections of a battery file; the filters gsf, ekf and ukf do")
+    if estimator.state is None:
+        raise InputError("nothing was learnt before the first sample; give update() samples first")
+    state = estimator.state
+    if isinstance(settings, GaussianSumFilter):
+        state = settings.merged(state)
+    return settings.system, unpack(state.belief)
+
+
+def _taught(system: AugmentedThevenin, belief: Belief, names: list[str]) -> Taught:
+    """Likelihood of these states by the samples, from the belief before them and now.
+
+    A direction in which the belief has not narrowed, for it walks, has taught nothing.
+    """
+    room = CircuitInput(0.0, system.model.reference_degC)
+    began = system.start(_ANY_SOC, 1.0, room)
+    at = [system.state_names.index(name) for name in names]
+    m, C, C0 = _corrections(belief, began.mean, at, names.index("charge_gain"), began.cov)
+    L = np.linalg.cholesky(C0)
+    narrowed, axes = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, C).T))
+    narrower = np.where(narrowed < 1.0, narrowed, np.inf)
+    whitened = axes.T @ np.linalg.solve(L, m)
+    back = np.linalg.solve(L.T, axes)  # L^-T V
+    information = np.where(np.isfinite(narrower), 1.0 / narrower - 1.0, 0.0)
+    return Taught((back * information) @ back.T, back @ (whitened / narrower))
+
+
+def _corrections(
+    belief: Belief, began: np.ndarray, at: list[int], gain: int, began_cov: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean and covariance of z now, and its covariance at the beginning; the gain g as ln Q = -ln g."""
+    m = belief.mean[at] - began[at]
+    C, C0 = belief.cov[np.ix_(at, at)].copy(), began_cov[np.ix_(at, at)].copy()
+    g = float(belief.mean[at[gain]])
+    m[gain] = -math.log(g)
+    for covariance, slope in ((C, -1.0 / g), (C0, -1.0)):
+        covariance[gain, :] *= slope
+        covariance[:, gain] *= slope
+    return m, C, C0
+
+
+def _posterior(P: np.ndarray, H: np.ndarray, taught: Taught) -> tuple[np.ndarray, np.ndarray]:
+    """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_STD`."""
+    seen = H @ P
+    J = taught.information
+    gain = seen.T @ J @ np.linalg.inv(np.eye(len(J)) + seen @ H.T @ J)
+    covariance = P - gain @ seen
+    theta = covariance @ H.T @ taught.vector
+    beyond = np.abs(H @ theta) / np.sqrt(np.diag(seen @ H.T))
+    return theta / max(float(beyond.max()) / MOST_STD, 1.0), 0.5 * (covariance + covariance.T)
