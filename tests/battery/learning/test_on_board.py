@@ -50,6 +50,7 @@ def estimator() -> SocEstimator:
 
 def test_the_file_has_the_capacity_and_the_resistance_that_the_filter_has_found(estimator):
     learnt, now = learnt_on_board(LABEL, estimator), estimator.last
+    assert learnt.thevenin is not None and now is not None
     assert learnt.capacity_Ah == pytest.approx(now.soh_capacity * LABEL.capacity_Ah, rel=0.02)
     assert 8.5 < learnt.capacity_Ah < 9.7
     model = learnt.thevenin
