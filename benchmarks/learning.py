@@ -57,7 +57,8 @@ Telemetry at one sample a minute, lead-acid; the sensor has an offset.
     "nasa": """## Capacity over a life
 
 Charges and the first half of each discharge teach; the truth is the charge of the whole discharge. Second halves are
-never shown.
+never shown. The capacity is that of a [discharge](../docs/health.md), from full to where those before it have ended: at
+4 A the resistance of these cells ends them while 5 to 20 % of the charge are left.
 """,
     "i3": """## A car in summer and winter
 

@@ -24,6 +24,7 @@ from learning_score import (
 from measured_lives import TRIP_SETTLE_S, TUE_SPLITS, short
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal, generic_battery
+from ohmward.battery.health.discharge_capacity import used_capacities
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.filters.consistency import BAND_95
@@ -192,13 +193,11 @@ def nasa_live(name: str) -> dict[int, Normal]:
 
 
 def nasa_learnt(name: str) -> dict[int, Normal]:
-    """Capacity after each half discharge, as the file has learnt it."""
-    battery, found = generic_battery("nca", cells.NASA_AH), {}
-    for operation, kind, log in nasa_shown(name):
-        battery, (lesson,) = learn(battery, [log])
-        if kind == "discharge":
-            found[operation] = lesson.capacity_Ah
-    return found
+    """Capacity of a discharge after the first half of each: from full to where those before it have ended."""
+    shown = nasa_shown(name)
+    lessons = learn(generic_battery("nca", cells.NASA_AH), [log for _, _, log in shown]).lessons
+    found = zip(shown, used_capacities(lessons), strict=True)
+    return {operation: used.capacity_Ah for (operation, kind, _), used in found if kind == "discharge"}
 
 
 def bboxx_label() -> Battery:
