@@ -44,19 +44,19 @@ def interrupt_after(count: int, monkeypatch) -> None:
 
 
 def test_a_log_narrows_the_file_and_the_file_before_stays(label, as_json):
-    shutil.copy("label.toml", "battery.toml")
-    found = as_json("learn", "day.csv", "--battery", "battery.toml", "-o", "battery.toml", "--report", "learn.html")
+    shutil.copy("label.toml", "mine.toml")
+    found = as_json("learn", "day.csv", "--battery", "mine.toml", "-o", "mine.toml", "--report", "learn.html")
     assert (found["learnt"], found["seen"], found["set_aside"]) == (1, 0, 0)
     (file,) = found["files"]
-    assert file["backup"] == "battery.toml.bak"
-    assert Path("battery.toml.bak").read_text() == Path("label.toml").read_text()
+    assert file["backup"] == "mine.toml.bak"
+    assert Path("mine.toml.bak").read_text() == Path("label.toml").read_text()
     before, after = file["before"], file["after"]
     assert after["resistance_ohm"]["std"] < 0.5 * before["resistance_ohm"]["std"]
     assert after["ocv_std_V"] < before["ocv_std_V"]
     assert after["logs"] == 1 and after["hours"] == pytest.approx(2.0, abs=0.01)
     truth = battery().thevenin
     assert truth is not None
-    known = load_battery("battery.toml")
+    known = load_battery("mine.toml")
     assert known.capacity_Ah == pytest.approx(truth.capacity_Ah, rel=0.05)
     assert sorted(path.name for path in label.iterdir() if path.name.startswith(".")) == []
 
@@ -82,6 +82,11 @@ def test_a_test_that_identified_the_battery_does_not_teach_it_once_more(label, a
     as_json("identify", "test.csv", "--capacity-ah", "12", "--n-series", "3", "--chemistry", "nmc", "-o", "tested.toml")
     found = as_json("learn", "test.csv", "day.csv", "--battery", "tested.toml")
     assert [log["verdict"] for log in found["logs"]] == ["seen", "learnt"]
+
+
+def test_a_start_for_a_log_that_is_not_there_is_named(label, as_json):
+    found = as_json("learn", "day.csv", "--battery", "label.toml", "--initial-soc", "dya=0.9")
+    assert found["notes"] == ["warning: --initial-soc dya: there is no log of this name"]
 
 
 def test_a_dry_run_writes_no_battery_file(label, capsys):
@@ -125,9 +130,9 @@ def bad_logs(folder: Path) -> None:
 
 def test_bad_logs_are_set_aside_with_their_reasons_and_the_file_stays(label, capsys, as_json):
     bad_logs(label)
-    shutil.copy("label.toml", "battery.toml")
+    shutil.copy("label.toml", "mine.toml")
     logs = ["sign.csv", "cells.csv", "stuck.csv", "clock.csv", "words.csv"]
-    options = ["--current-sign", "charge", "--battery", "battery.toml", "-o", "battery.toml"]
+    options = ["--current-sign", "charge", "--battery", "mine.toml", "-o", "mine.toml"]
     assert main(["learn", *logs, *options]) == 1
     text = " ".join(capsys.readouterr().out.split())
     for reason in (
@@ -137,11 +142,11 @@ def test_bad_logs_are_set_aside_with_their_reasons_and_the_file_stays(label, cap
         "stuck, set aside: the sensor of the voltage was stuck for 1.8 of 2 h",
         "clock, set aside: clock.csv holds several recordings: the time falls",
         "words, set aside:",
-        "battery file: battery.toml, nothing new",
+        "battery file: mine.toml, nothing new",
     ):
         assert reason in text
-    assert Path("battery.toml").read_text() == Path("label.toml").read_text()
-    assert not Path("battery.toml.bak").exists()
+    assert Path("mine.toml").read_text() == Path("label.toml").read_text()
+    assert not Path("mine.toml.bak").exists()
     found = as_json("learn", *logs, "day.csv", *options)
     assert found["set_aside"] == 5 and found["learnt"] == 1
 
@@ -200,6 +205,17 @@ def test_a_log_of_two_batteries_needs_a_choice(label, as_json):
     assert "choose one with --where battery_serial=A1, or give a folder" in found["logs"][0]["reason"]
     found = as_json("learn", "both.csv", "--battery", "label.toml", "--where", "battery_serial=B2")
     assert found["files"][0]["serial_number"] == "B2"
+
+
+def test_the_file_no_longer_says_what_it_has_learnt_since(label, as_json, capsys):
+    as_json("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o", "new.toml")
+    everything, capacity, resistances, *_ = load_battery("new.toml").not_identified
+    assert everything.startswith("everything that no log has shown: start values that cells of lithium nickel")
+    assert capacity.endswith("(1 sigma) from 2 logs") and resistances.startswith("resistances: learnt within")
+    assert main(["doctor", "new.toml"]) == 0
+    assert "learnt from     2 logs, 6.0 h" in capsys.readouterr().out
+    as_json("learn", "test.csv", "--battery", "battery.toml", "-o", "tested.toml")
+    assert load_battery("tested.toml").not_identified == load_battery("battery.toml").not_identified
 
 
 def test_only_what_is_new_of_a_log_is_learnt(label, as_json):

@@ -42,6 +42,7 @@ from ohmward.battery.learning.same_battery import (
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts
+from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
@@ -174,8 +175,9 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     assert after.knowledge is not None
     known = () if before.knowledge is None else before.knowledge.logs
     learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, log)))
-    anchored = any(seen.anchors for seen in (*known, log))
-    return learnt if anchored else never_anchored(learnt, before)
+    if not any(seen.anchors for seen in (*known, log)):
+        learnt = never_anchored(learnt, before)
+    return replace(learnt, not_identified=untaught_sentences(learnt))
 
 
 def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) -> str:

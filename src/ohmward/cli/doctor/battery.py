@@ -88,8 +88,10 @@ def sources(battery: Battery) -> dict[str, str]:
     models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
     idle = battery.idle_current_A
     exact = taken_as_exact(battery)
+    learnt = battery.knowledge.logs if battery.knowledge else ()
     rows = {
         "tests": "; ".join(logs) or "none",
+        "learnt from": f"{len(learnt)} logs, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
         "models": ", ".join(models),
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "

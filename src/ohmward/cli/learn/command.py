@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Outcome:
     figures = summary(args, files, rows, written) | {
         "resumed": resumed,
         "seconds": time.perf_counter() - began,
-        "notes": [f"warning: {text}" for text in contradictions] + _notes(rows),
+        "notes": [f"warning: {text}" for text in contradictions] + _unused(args, rows) + _notes(rows),
     }
     nothing = not any(row["verdict"] != "set aside" for row in rows)
     return Outcome(figures, describe(figures), figures["notes"], partial(make_page, files, figures), int(nothing))
@@ -50,6 +50,13 @@ def _job(battery: str, args: argparse.Namespace) -> str:
     """Digest of the battery file and of the options that the lessons depend on."""
     options = {name: getattr(args, name) for name in _OF_THE_JOB}
     return hashlib.sha256(json.dumps([battery, options]).encode()).hexdigest()[:16]
+
+
+def _unused(args: argparse.Namespace, rows: list[dict]) -> list[str]:
+    """Warnings on states of charge that were given for logs that are not there."""
+    names = {row["log"] for row in rows}
+    unused = [name for name, _ in args.initial_soc if name and name not in names]
+    return [f"warning: --initial-soc {name}: there is no log of this name" for name in unused]
 
 
 def _notes(rows: list[dict]) -> list[str]:
