@@ -42,7 +42,7 @@ def believed(ahead_rad, speed_rad_s=0.0, ahead_std_rad=1e-5):
     x, P = np.zeros(len(model.names)), 1e-6 * np.eye(len(model.names))
     x[model.ahead(0)], x[model.wheel(0)], x[model.force(0)] = ahead_rad, speed_rad_s, FORCE
     P[model.ahead(0), model.ahead(0)] = ahead_std_rad**2
-    return model, Belief(x, P), model.drive(np.zeros(2), np.full(2, TORQUE), 0.0)
+    return model, Belief(x, P), model.drive(x, np.full(2, TORQUE), 0.0)
 
 
 def spinning(rng=None, until_s=0.2):

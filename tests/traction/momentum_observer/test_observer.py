@@ -32,7 +32,7 @@ def rolling_N(v):
     return sum(t.rolling.force_N(v, n) for t, n in zip(SCENE.terrains, observer().model.load_N, strict=True))
 
 
-def world(force_N, disturbance_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0):
+def world(force_N, disturbance_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1.0, payload=0.0):
     """Rest, then both wheels with a force of (T,): torque, angle, speed of rim and body, acceleration.
 
     The rim slips by a tenth of a second's worth of the force, so torque, wheel and body fit together exactly.
@@ -42,7 +42,11 @@ def world(force_N, disturbance_m_s2=0.0, grade_rad=0.0, rest_s=0.3, duration_s=1
     v, rim, angle, rows = 0.0, 0.0, 0.0, []
     for k, force in enumerate(F):
         moving = time[k] >= rest_s
-        a = (2 * force + rolling_N(v)) / M - disturbance_m_s2 - GRAVITY * math.sin(grade_rad) if moving else 0.0
+        a = (
+            (2 * force / (1 + payload) + rolling_N(v)) / M - disturbance_m_s2 - GRAVITY * math.sin(grade_rad)
+            if moving
+            else 0.0
+        )
         slipping = v + 0.01 * (time[k] - rest_s) * force / 10.0 if moving else 0.0
         torque = (R * force + J / R * (slipping - rim) / DT) if moving else 0.0
         v, before, rim = v + DT * a, rim, slipping
@@ -122,8 +126,10 @@ def test_without_an_accelerometer_the_pitch_is_the_slope():
 
 def test_an_unknown_disturbance_is_found_by_the_accelerometer_and_not_without():
     truth = world(lambda t: 25.0, disturbance_m_s2=0.2)
-    with_it = follow(observer(), samples(truth))[-1]
-    without = follow(observer(MomentumNoise(STD, gyro_std_rad_s=0.005)), samples(truth, acceleration=False))[-1]
+    weighed = observer(replace(ACCELEROMETER, mass_std=1e-6))
+    with_it = follow(weighed, samples(truth))[-1]
+    blind = observer(MomentumNoise(STD, gyro_std_rad_s=0.005, mass_std=1e-6))
+    without = follow(blind, samples(truth, acceleration=False))[-1]
     assert with_it.speed_m_s == pytest.approx(truth[3][-1], abs=0.006)
     assert with_it.disturbance_m_s2 == pytest.approx(0.2, abs=0.05)
     assert without.speed_m_s - truth[3][-1] == pytest.approx(0.2, abs=0.02)
@@ -133,14 +139,41 @@ def test_an_unknown_disturbance_is_found_by_the_accelerometer_and_not_without():
 def test_the_sigma_of_the_speed_is_true():
     errors, stds = [], []
     rng = np.random.default_rng(7)
+    exact = replace(ACCELEROMETER, accelerometer_gain_std=1e-6, accelerometer_tilt_std=1e-6)
     for _ in range(12):
         disturbance_m_s2 = rng.normal(0.0, 0.17)
-        truth = world(lambda t: 30.0, disturbance_m_s2=disturbance_m_s2, duration_s=0.4)
-        *_, last = follow(observer(), samples(truth, rng, offset=rng.normal(0.0, 0.1)))
+        payload = rng.normal(0.0, ACCELEROMETER.mass_std)
+        truth = world(lambda t: 30.0, disturbance_m_s2=disturbance_m_s2, duration_s=0.4, payload=payload)
+        *_, last = follow(observer(exact), samples(truth, rng, offset=rng.normal(0.0, 0.1)))
         errors.append(last.speed_m_s - truth[3][-1])
         stds.append(last.speed_std_m_s)
     nees = np.mean(np.square(np.array(errors) / stds))
     assert 0.2 < nees < 2.0  # chi-square with 12 degrees of freedom over 12: 99.8 % within 0.19 and 2.7
+
+
+@pytest.mark.parametrize("payload", [-0.3, 0.3])
+def test_a_payload_is_weighed_by_the_accelerometer(payload):
+    truth = world(lambda t: 30.0 + 25.0 * math.sin(8.0 * t), payload=payload)
+    *_, last = follow(observer(), samples(truth))
+    assert abs(last.speed_m_s - truth[3][-1]) < 2 * last.speed_std_m_s
+    assert last.speed_m_s == pytest.approx(truth[3][-1], abs=0.02)
+
+
+def test_without_a_pitch_a_slope_is_part_of_the_doubt():
+    level, unknown = (observer(MomentumNoise(STD, gyro_std_rad_s=0.005, mass_std=1e-6)) for _ in range(2))
+    rows = list(samples(world(lambda t: 25.0), acceleration=False))
+    told = follow(level, rows)[-1].speed_std_m_s
+    doubted = follow(unknown, [row._replace(pitch_rad=math.nan) for row in rows])[-1].speed_std_m_s
+    assert told == pytest.approx(0.17, rel=0.2)
+    assert doubted == pytest.approx(math.hypot(0.17, 0.05 * GRAVITY), rel=0.2)
+
+
+def test_a_glitch_of_the_accelerometer_moves_nothing():
+    rows = list(samples(world(lambda t: 25.0)))
+    glitched = [row._replace(acceleration_m_s2=35.0) if k == 700 else row for k, row in enumerate(rows)]
+    clean, spiked = follow(observer(), rows), follow(observer(), glitched)
+    assert spiked[-1].speed_m_s == pytest.approx(clean[-1].speed_m_s, abs=0.01)
+    assert spiked[-1].disturbance_m_s2 == pytest.approx(clean[-1].disturbance_m_s2, abs=0.1)
 
 
 def test_a_standing_robot_stands_and_its_offset_does_not_move_it():

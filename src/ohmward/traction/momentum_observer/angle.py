@@ -61,11 +61,11 @@ def edge_angle(model: MomentumModel, k: int, belief: Belief, sample: AngleSample
     moved = turned != 0.0
     timed = moved & between(age_s, 0.0, sample.dt_s)
     back_s = where(timed, -age_s, 0.0)
-    at_edge = -half * sign(turned) - model.added(b, back_s)[model.ahead(k)]
+    at_edge = -half * sign(turned) - model.added(belief.mean, b, back_s)[model.ahead(k)]
     nearest_in_count = where(abs(ahead) > half, clip(ahead, -half, half), math.nan)
     edge_variance = (2.0 * half * (model.noise.edge_std_counts or 0.0)) ** 2
     return Angle(
-        row=model.transition(back_s)[model.ahead(k)],
+        row=model.transition(belief.mean, back_s)[model.ahead(k)],
         angle_rad=where(timed, at_edge, where(moved, 0.0, nearest_in_count)),
         variance=where(timed, edge_variance, count.variance),
     )

@@ -19,6 +19,7 @@ class CleanAngleSample(NamedTuple):
     dt_s: step [s], >= 0.
     time_credible: the condition that the clock can have shown the step.
     pitch_rad: 0 where it is not measured.
+    pitch_measured: the condition that it is.
     torque_Nm: (driven,) at the wheels over the step, the last one where no current came.
     currents_measured: the condition that all currents came.
     rest_s: time for which counts and motors have been still.
@@ -28,6 +29,7 @@ class CleanAngleSample(NamedTuple):
     dt_s: Scalar
     time_credible: Scalar
     pitch_rad: Scalar
+    pitch_measured: Scalar
     torque_Nm: np.ndarray
     currents_measured: Scalar
     rest_s: Scalar = 0.0
@@ -58,6 +60,7 @@ def sanitize(
         dt_s=where(time_credible, sample.dt_s, 0.0),
         time_credible=time_credible,
         pitch_rad=where(isfinite(sample.pitch_rad), sample.pitch_rad, 0.0),
+        pitch_measured=isfinite(sample.pitch_rad),
         torque_Nm=np.array(torque_Nm),
         currents_measured=every(measured),
     )

@@ -26,11 +26,18 @@ class MomentumNoise:
         accelerometer_std_m_s2: of an accelerometer along x; offset and slope are learnt at rest.
         gyro_std_rad_s: of a yaw gyro, offset included.
         speed_std_m_s: of an external speed.
-        force_walk_N: of the ground's force while the torque does not change.
+        force_walk_N, force_walk_share: of the ground's force while the torque does not change: in N, and as a share of
+            the force, which loads and ground make.
+        mass_std: share of the mass that may be payload, or missing.
+        accelerometer_gain_std: share by which the accelerometer shows too much.
+        accelerometer_tilt_std: m/s^2 that it shows for each N m of the motors, by which the body tilts on its tyres.
+        passive_radius_std: share of the radius of the wheels that are not driven.
+        passive_creep_std_m_s, passive_creep_walk: speed by which these wheels lag behind the robot.
         speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s].
         disturbance_std_m_s2, disturbance_walk: of the unmodelled acceleration: 0.17 m/s^2 for each degree of unknown
-            slope, 0.1 m/s^2 for a rolling resistance that is unknown by 1 % of the weight, and the share of the mass
-            that is unknown times the acceleration.
+            slope and 0.1 m/s^2 for a rolling resistance that is unknown by 1 % of the weight. Where no pitch is
+            measured, a slope of `slope_std_rad` comes on top.
+        slope_std_rad: of the ground where no pitch is measured.
         accelerometer_offset_std_m_s2, accelerometer_offset_walk: before the first rest, and after it.
         standstill_std_m_s: of the zero speed of a robot at rest.
     """
@@ -43,10 +50,18 @@ class MomentumNoise:
     gyro_std_rad_s: float | None = None
     speed_std_m_s: float | None = None
     force_walk_N: float = 1.0
+    force_walk_share: float = 0.1
+    mass_std: float = 0.2
+    accelerometer_gain_std: float = 0.01
+    accelerometer_tilt_std: float = 0.001
+    passive_radius_std: float = 0.003
+    passive_creep_std_m_s: float = 0.004
+    passive_creep_walk: float = 0.008
     speed_walk: float = 0.001
-    yaw_rate_walk: float = 0.3
+    yaw_rate_walk: float = 3.0
     disturbance_std_m_s2: float = 0.17
     disturbance_walk: float = 0.1
+    slope_std_rad: float = 0.05
     accelerometer_offset_std_m_s2: float = 0.5
     accelerometer_offset_walk: float = 0.002
     standstill_std_m_s: float = 0.001

@@ -22,7 +22,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, correct_gated, inflate
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import isfinite, logical_not, sin, where
+from ohmward.trace import exp, isfinite, logical_not, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio
@@ -51,6 +51,13 @@ SEEN_LATE_S = 0.003
 #: Standard deviation [N] of the force on a wheel of a robot that stands.
 RESTING_FORCE_N = 2.0
 
+#: A body on its tyres swings out within this time [s] after a change of torque, and its accelerometer shows so much
+#: [m/s^2] for each N m: MuJoCo's RLMA, 60 kN/m under each wheel.
+SHAKING_S, SHAKING_M_S2_PER_NM = 0.02, 0.03
+
+#: No robot shows more than this acceleration [m/s^2], gravity included: the sensor is at fault.
+FASTEST_M_S2 = 100.0
+
 #: Standard deviation [m/s, rad/s] of the speed after a gap.
 GAP_STD = 1.0
 
@@ -61,11 +68,13 @@ class MomentumState(NamedTuple):
     belief: mean (n,) and lower triangle of the covariance.
     torque_Nm: (driven,) last torques.
     rest_s: time for which counts and motors have been still.
+    shaken_Nm: changes of the motors' torque, fading out as the body comes to rest on its tyres.
     """
 
     belief: PackedBelief
     torque_Nm: np.ndarray
     rest_s: Scalar
+    shaken_Nm: Scalar = 0.0
 
 
 class CountCorrection(NamedTuple):
@@ -127,10 +136,10 @@ class MomentumObserver:
         """State of a robot that stands."""
         names, noise = self.model.names, self.noise
         stds = {name: FOLLOWING_STD for name in names if name.startswith("following")}
-        stds["accelerometer_offset_m_s2"] = noise.accelerometer_offset_std_m_s2
+        stds |= {"accelerometer_offset_m_s2": noise.accelerometer_offset_std_m_s2, **self.model.initial_stds}
         initial_std = [stds.get(name, noise.encoder_std_rad) for name in names]
         mean = np.array([FOLLOWING if name.startswith("following") else 0.0 for name in names])
-        belief = self.standing(Belief(mean, np.diag(np.square(initial_std))))
+        belief = self.standing(Belief(mean, np.diag(np.square(initial_std))), self.slope_unknown_m_s2)
         return MomentumState(pack(belief), np.zeros(self.scene.robot.driven), 2 * self.rest_hold_s)
 
     def step(self, state: MomentumState, sample: AngleSample) -> tuple[MomentumState, MomentumEstimate]:
@@ -139,7 +148,9 @@ class MomentumObserver:
         clean = self.sanitize(state, before, sample)
         prior = self.predict(before, state.torque_Nm, clean)
         counts = self.correct_counts(prior, sample, clean)
-        belief = self.correct_accelerometer(counts.belief, sample, clean)
+        changed_Nm = sum(abs(change) for change in clean.torque_Nm - state.torque_Nm)
+        shaken_Nm = state.shaken_Nm * exp(-clean.dt_s / SHAKING_S) + changed_Nm
+        belief = self.correct_accelerometer(counts.belief, sample, clean, shaken_Nm)
         belief = self.correct_body(belief, sample)
         flags = flags_of({
             MomentumFlag.BAD_TIME: logical_not(clean.time_credible),
@@ -147,7 +158,7 @@ class MomentumObserver:
             MomentumFlag.GROUND_CHANGED: counts.ground_changed,
             MomentumFlag.STANDSTILL: clean.resting,
         })  # fmt: skip
-        after = MomentumState(pack(belief), clean.torque_Nm, clean.rest_s)
+        after = MomentumState(pack(belief), clean.torque_Nm, clean.rest_s, shaken_Nm)
         return after, self.conclude(belief, clean)._replace(flags=flags)
 
     def sanitize(self, state: MomentumState, before: Belief, sample: AngleSample) -> CleanAngleSample:
@@ -163,19 +174,23 @@ class MomentumObserver:
 
     def predict(self, before: Belief, last_Nm: np.ndarray, clean: CleanAngleSample) -> Belief:
         """Belief at the end of the step: of a robot that moves, that stands, or of which a gap hides the speed."""
-        Q = self.model.process_noise(clean.dt_s)
+        Q = self.model.process_noise(before.mean, clean.dt_s)
         moving = self.predict_motion(before, last_Nm, clean, Q)
         belief = choose(clean.time_credible, moving, self.speed_unknown(moving))
-        standing = self.standing(Belief(before.mean, before.cov + Q))
+        slope_m_s2 = where(clean.pitch_measured, 0.0, self.slope_unknown_m_s2)
+        standing = self.standing(Belief(before.mean, before.cov + Q), slope_m_s2)
         return choose(clean.resting, standing, belief)
 
     def predict_motion(self, before: Belief, last_Nm: np.ndarray, clean: CleanAngleSample, Q: np.ndarray) -> Belief:
-        """x+ = Phi follow(x) + added,  P+ = (Phi S) P (Phi S)' + Q."""
-        model, freedoms = self.model, self.scene.robot.freedoms
+        """x+ = Phi follow(x) + added,  P+ = (Phi S) P (Phi S)' + Q, and what late forces may have done."""
+        model = self.model
         change_N = (clean.torque_Nm - last_Nm) / self.scene.robot.wheel.radius_m
         followed, S = model.follow(before.mean, change_N, clean.dt_s)
-        Phi = model.transition(clean.dt_s)
-        added = model.added(model.drive(before.mean[:freedoms], clean.torque_Nm, clean.pitch_rad), clean.dt_s)
+        Phi = model.transition(followed, clean.dt_s)
+        added = model.added(followed, model.drive(followed, clean.torque_Nm, clean.pitch_rad), clean.dt_s)
+        for k, change in enumerate(change_N):
+            late = model.late_force(followed, k, change)
+            Q = Q + np.outer(late, late)
         return Belief(Phi @ followed + added, kalman.predict(before, Phi @ S, Q).cov)
 
     def speed_unknown(self, belief: Belief) -> Belief:
@@ -184,12 +199,21 @@ class MomentumObserver:
             belief = inflate(belief, i, GAP_STD**2)
         return belief
 
-    def standing(self, belief: Belief) -> Belief:
-        """Belief in a robot that stands: motion, forces and disturbance start again; other states stay as they are."""
+    @property
+    def slope_unknown_m_s2(self) -> float:
+        """Standard deviation [m/s^2] of gravity along the robot where no pitch is measured."""
+        return GRAVITY * self.noise.slope_std_rad
+
+    def standing(self, belief: Belief, slope_m_s2: Scalar) -> Belief:
+        """Belief in a robot that stands: motion, forces and disturbance start again; other states stay as they are.
+
+        slope_m_s2: standard deviation of gravity along the robot.
+        """
         model, noise, n = self.model, self.noise, self.scene.robot.driven
         stds = [noise.standstill_std_m_s] * model.wheel(0)
         stds += [noise.standstill_std_m_s / self.scene.robot.wheel.radius_m] * n + [RESTING_FORCE_N] * n
-        started = dict(enumerate(stds)) | {model.disturbance: noise.disturbance_std_m_s2}
+        disturbance_m_s2 = sqrt(noise.disturbance_std_m_s2**2 + slope_m_s2**2)
+        started: dict[int, Any] = dict(enumerate(stds)) | {model.disturbance: disturbance_m_s2}
         stays = np.diag([0.0 if i in started else 1.0 for i in range(len(model.names))])
         variances = vector(len(model.names), started) ** 2
         return Belief(stays @ belief.mean, stays @ belief.cov @ stays + np.diag(variances))
@@ -197,7 +221,7 @@ class MomentumObserver:
     def correct_counts(self, prior: Belief, sample: AngleSample, clean: CleanAngleSample) -> CountCorrection:
         """Correct with the encoders; the force on a driven wheel outside its gate is unknown."""
         model, robot = self.model, self.scene.robot
-        b = model.drive(prior.mean[: robot.freedoms], clean.torque_Nm, clean.pitch_rad)
+        b = model.drive(prior.mean, clean.torque_Nm, clean.pitch_rad)
         belief, changed = prior, []
         for k in range(model.counted):
             turned_rad = sample.turned_rad[k]
@@ -225,21 +249,36 @@ class MomentumObserver:
 
     def force_unknown(self, belief: Belief, k: int) -> Belief:
         """Belief after the force on a wheel may have changed by anything up to its load, `SEEN_LATE_S` ago."""
-        column = self.model.transition(SEEN_LATE_S)[:, self.model.force(k)] * self.model.load_N[k]
+        column = self.model.transition(belief.mean, SEEN_LATE_S)[:, self.model.force(k)] * self.model.load_N[k]
         return Belief(belief.mean, belief.cov + np.outer(column, column))
 
-    def correct_accelerometer(self, belief: Belief, sample: AngleSample, clean: CleanAngleSample) -> Belief:
-        """Correct with the acceleration beyond gravity: at rest it is the offset, else the body's and the offset."""
+    def correct_accelerometer(
+        self, belief: Belief, sample: AngleSample, clean: CleanAngleSample, shaken_Nm: Scalar
+    ) -> Belief:
+        """Correct with the accelerometer: at rest it shows gravity and its offset, else the body's acceleration too.
+
+        A change of torque shakes the body on its tyres, and the accelerometer with it. A sample outside of its gate is
+        not used, but the disturbance may be anything from then on: the next one is believed.
+        """
         accelerometer_std = self.noise.accelerometer_std_m_s2
         if accelerometer_std is None:
             return belief
-        model = self.model
+        model, x = self.model, belief.mean
+        gain, tilt = model.index("accelerometer_gain"), model.index("accelerometer_tilt_m_s2_per_Nm")
         moving = where(clean.resting, 0.0, 1.0)
-        known = model.drive(belief.mean[: self.scene.robot.freedoms], clean.torque_Nm, clean.pitch_rad)[0]
-        y = sample.acceleration_m_s2 - GRAVITY * sin(clean.pitch_rad) - moving * known
-        rates = {i: moving * value for i, value in enumerate(model.rate[0]) if value}
-        row = vector(len(belief.mean), {**rates, model.offset: 1.0})
-        return correct_row(belief, row, y, accelerometer_std**2, self.gate)
+        gravity = GRAVITY * sin(clean.pitch_rad)
+        rates = model.rate(x)[0]
+        specific = gravity + moving * (rates @ x + model.drive(x, clean.torque_Nm, clean.pitch_rad)[0])
+        reaction_Nm = sum(clean.torque_Nm)
+        row = moving * (1.0 + x[gain]) * rates
+        row = row + vector(len(x), {gain: moving * specific, tilt: moving * reaction_Nm, model.offset: 1.0})
+        expected = (1.0 + moving * x[gain]) * specific + moving * x[tilt] * reaction_Nm + x[model.offset]
+        y = within_or_nan(sample.acceleration_m_s2, FASTEST_M_S2) - expected + row @ x
+        nu = y - row @ x
+        variance = accelerometer_std**2 + (SHAKING_M_S2_PER_NM * shaken_Nm) ** 2
+        unlike = nu**2 > self.gate * (row @ belief.cov @ row + variance)
+        doubted = inflate(belief, model.disturbance, nu**2)
+        return choose(unlike, doubted, correct_row(belief, row, y, variance))
 
     def correct_body(self, belief: Belief, sample: AngleSample) -> Belief:
         """Correct with yaw gyro and external speed."""
@@ -257,7 +296,7 @@ class MomentumObserver:
         x, P = belief
         free, n, r = robot.freedoms, robot.driven, robot.wheel.radius_m
         G = robot.rolling[:n]
-        rates = model.rate[:free] @ x + model.drive(x[:free], clean.torque_Nm, clean.pitch_rad)[:free]
+        rates = model.rate(x)[:free] @ x + model.drive(x, clean.torque_Nm, clean.pitch_rad)[:free]
         H = np.hstack([-G, r * np.eye(n)])
         slip = H @ x[: free + n]
         travel = G @ x[:free]
@@ -275,6 +314,11 @@ class MomentumObserver:
             disturbance_m_s2=x[model.disturbance],
             flags=0.0,
         )
+
+
+def within_or_nan(value: Scalar, limit: float) -> Scalar:
+    """The value, nan where it is none or larger than the limit."""
+    return where(within(value, limit), value, math.nan)
 
 
 def correct_row(belief: Belief, row: np.ndarray, y: Scalar, variance: Scalar, gate: float = math.inf) -> Belief:
