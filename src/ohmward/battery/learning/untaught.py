@@ -23,7 +23,7 @@ def untaught_sentences(battery: Battery) -> tuple[str, ...]:
     kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
     sentences = [
         f"everything that no log has shown: start values that {kind} have in common",
-        f"capacity: learnt within {capacity:.1%} (1 sigma) from {found.logs} logs",
+        f"capacity: learnt within {capacity:.1%} (1 sigma) from {found.logs} log{'s' * (found.logs != 1)}",
         f"resistances: learnt within {resistance:.0%} (1 sigma)",
     ]
     if seen_soc > _SEEN_TO_THE_END:

@@ -16,6 +16,7 @@ from ohmward.battery.soc.band_forecast import (
 )
 from ohmward.cli import wording
 from ohmward.filters.consistency import BAND_95
+from ohmward.logs.note import counted
 from ohmward.report import Page
 
 #: A test that narrows the bands by less than this share is not listed.
@@ -91,7 +92,7 @@ def sources(battery: Battery) -> dict[str, str]:
     learnt = battery.knowledge.logs if battery.knowledge else ()
     rows = {
         "tests": "; ".join(logs) or "none",
-        "learnt from": f"{len(learnt)} logs, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
+        "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
         "models": ", ".join(models),
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "

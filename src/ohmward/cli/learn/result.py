@@ -15,6 +15,7 @@ from ohmward.cli.learn.files import BatteryFiles
 from ohmward.cli.learn.journal import Row
 from ohmward.cli.outcome import plain
 from ohmward.filters.consistency import BAND_95
+from ohmward.logs.note import counted
 
 #: Columns of the logs.
 LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "taught"]
@@ -84,7 +85,7 @@ def title(figures: Mapping[str, Any]) -> str:
     """Number of logs by their verdict, in a line."""
     parts = [f"{figures[verdict.replace(' ', '_')]} {verdict}" for verdict in _VERDICTS]
     before = f", {figures['resumed']} of them before the interruption" if figures["resumed"] else ""
-    return f"{len(figures['logs'])} logs: {', '.join(parts)}{before}; {figures['hours']:.1f} h learnt from"
+    return f"{counted(len(figures['logs']), 'log')}: {', '.join(parts)}{before}; {figures['hours']:.1f} h learnt from"
 
 
 def headline(file: Mapping[str, Any]) -> str:
@@ -117,7 +118,7 @@ def change_rows(file: Mapping[str, Any]) -> list[list[str]]:
         ["current offset", *(normal(one["current_offset_A"], "mA", 1e3) for one in (old, new))],
     ]
     curve = [wording.quantity(one["ocv_std_V"], "mV", BAND_95 * 1e3, 2) for one in (old, new)]
-    learnt_from = [f"{one['logs']} logs, {one['hours']:.1f} h" for one in (old, new)]
+    learnt_from = [f"{counted(one['logs'], 'log')}, {one['hours']:.1f} h" for one in (old, new)]
     return [*table, ["open-circuit curve", *(f"± {text}" for text in curve)], ["learnt from", *learnt_from]]
 
 
