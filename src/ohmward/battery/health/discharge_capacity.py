@@ -3,8 +3,8 @@
     D = Q (1 - s_low)
 
 Q is the charge down to the empty end of the open-circuit curve; a high current, or a resistance that has grown, ends a
-discharge earlier, at s_low. Q and s_low are found together from the same charge, and their errors cancel in D: it is
-known as well as that charge was counted and as the battery was full before or after it.
+discharge earlier, at s_low. Q and s_low are found together from the same log, and their errors cancel in D: it is known
+as well as that charge was counted and as the battery was full before or after it.
 """
 
 from __future__ import annotations
@@ -17,56 +17,56 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_fit import REVERSIBLE_STD
 from ohmward.battery.learning.learn import Lesson
 
-#: A battery that has been below this is one that is emptied in use.
+#: A battery that has been below this SoC is one that is emptied in use.
 _EMPTIED_BELOW = 0.25
-#: Its discharges still end alike where they end at most so much higher than the one before; others were broken off.
-_ALIKE = 0.05
+#: A discharge that gave this share of the one before was not broken off: from one to the next a battery loses less.
+_WHOLE = 0.95
 
 
-class Low(NamedTuple):
-    """The end of the latest discharge that was not broken off.
+class FullDischarge(NamedTuple):
+    """The latest discharge that was not broken off, or the charge after it.
 
-    soc: lowest SoC of its log.
-    log: name of that log.
-    given_std: relative error of the charge from full down to it.
+    log: its name.
+    soc: at its end.
+    given_Ah: charge from full down to there, as the battery's own sensor counts it.
     """
 
-    soc: float
     log: str
-    given_std: float
-
-
-def next_low(low: Low | None, lesson: Lesson) -> Low | None:
-    """The end of discharges after one more lesson; None where the battery was not emptied yet."""
-    highest = _EMPTIED_BELOW if low is None else low.soc + _ALIKE
-    if not lesson.soc_min < highest:
-        return low
-    return Low(max(lesson.soc_min, 0.0), lesson.log, lesson.given_Ah.std / lesson.given_Ah.mean)
+    soc: float
+    given_Ah: Normal
 
 
 class UsedCapacity(NamedTuple):
     """Capacity of a battery as it is used, after a lesson.
 
-    low: the end of its latest discharge that was not broken off; None where it was not emptied yet.
-    capacity_Ah: of a discharge from full to there, as the battery's own sensor counts it; the whole capacity where
-        nobody has seen where its discharges would end.
+    latest: the discharge that shows it; None where the battery was not emptied yet.
+    capacity_Ah: of a discharge; the whole capacity where nobody has seen where discharges would end.
     """
 
-    low: Low | None
+    latest: FullDischarge | None
     capacity_Ah: Normal
 
 
 def used_capacities(lessons: Sequence[Lesson]) -> list[UsedCapacity]:
     """Capacity of a discharge after each lesson."""
     found = []
-    low = None
+    latest = None
     for lesson in lessons:
-        low = next_low(low, lesson)
-        found.append(UsedCapacity(low, lesson.capacity_Ah if low is None else _given(lesson, low)))
+        latest = _next(latest, lesson)
+        found.append(UsedCapacity(latest, lesson.capacity_Ah if latest is None else _of_next(latest)))
     return found
 
 
-def _given(lesson: Lesson, low: Low) -> Normal:
-    """D after one lesson, given where discharges end."""
-    given_Ah = lesson.capacity_Ah.mean * (1.0 - low.soc)
-    return Normal(given_Ah, given_Ah * math.hypot(REVERSIBLE_STD, low.given_std))
+def _next(latest: FullDischarge | None, lesson: Lesson) -> FullDischarge | None:
+    """The latest full discharge after one more lesson."""
+    if latest is None:
+        whole = lesson.soc_min < _EMPTIED_BELOW
+    else:
+        whole = lesson.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
+    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), lesson.given_Ah) if whole else latest
+
+
+def _of_next(latest: FullDischarge) -> Normal:
+    """Capacity of the discharge that follows: as the latest, but for what comes and goes."""
+    given_Ah = latest.given_Ah.mean
+    return Normal(given_Ah, math.hypot(latest.given_Ah.std, REVERSIBLE_STD * given_Ah))

@@ -115,7 +115,7 @@ def points_of(dated: DatedLogs, lessons: Sequence[Lesson], new: Newness) -> list
     its first discharge; where it is never emptied, all of its capacity.
     """
     used = used_capacities(lessons)
-    first = next((each.low for each in used if each.low), None)
+    first = next((each.latest for each in used if each.latest), None)
     new_Ah = new.capacity_Ah * (1.0 if first is None else 1.0 - first.soc)
     points = []
     for log, start_s, lesson, each in zip(dated.logs, dated.start_s, lessons, used, strict=True):
@@ -132,13 +132,13 @@ def points_of(dated: DatedLogs, lessons: Sequence[Lesson], new: Newness) -> list
 
 def common_error(battery: Battery, lessons: Sequence[Lesson]) -> float:
     """Relative error that all logs share: of the sensor's gain, and of the curve's empty end where no log shows it."""
-    emptied = used_capacities(lessons)[-1].low is not None
+    emptied = used_capacities(lessons)[-1].latest is not None
     return math.hypot(battery.sensor.gain_std, 0.0 if emptied else battery.noise.soc_axis_std)
 
 
 def _own_discharge(lesson: Lesson, used: UsedCapacity) -> Normal:
     """Capacity of a discharge, where this log is the one that shows its end."""
-    shows = used.low is not None and used.low.log == lesson.log
+    shows = used.latest is not None and used.latest.log == lesson.log
     return used.capacity_Ah if shows else Normal(used.capacity_Ah.mean, math.inf)
 
 

@@ -62,7 +62,7 @@ def summary(task: HealthTask) -> dict[str, Any]:
         "resistance_new_ohm": task.new.resistance_ohm,
         "capacity_Ah": _plain(lessons[-1].capacity_Ah),
         "discharge_Ah": _plain(used[-1].capacity_Ah),
-        "emptied": used[-1].low is not None,
+        "emptied": used[-1].latest is not None,
         "soh_capacity": _ratio(health.capacity_now),
         "resistance_ratio": _ratio(health.resistance_now),
         "worn_share": health.ahead.share,
