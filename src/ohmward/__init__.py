@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ohmward.battery.battery import Battery as Battery
+    from ohmward.battery.cells.pack_estimator import PackEstimator as PackEstimator
     from ohmward.battery.chemistries import generic_battery as generic_battery
     from ohmward.battery.file import load_battery as load_battery
     from ohmward.battery.file import save_battery as save_battery
@@ -72,6 +73,7 @@ _HOMES = {
     "save_consumption": "energy.consumption_file",
     "Leg": "energy.leg",
     "SocEstimator": "battery.soc.estimator",
+    "PackEstimator": "battery.cells.pack_estimator",
     "SlipEstimator": "traction.speed_observer.estimator",
     "RangeEstimator": "energy.range_estimator",
     "SocSample": "battery.soc.sample",
