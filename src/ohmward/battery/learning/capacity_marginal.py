@@ -20,6 +20,10 @@ from ohmward.battery.learning.voltage_model import VoltageModel
 #: Steps of the grid to either side: the first in standard deviations at the mode, each longer than the one before by a
 #: factor, at most so many, and none beyond so large a -2 ln of the density over that of the mode.
 _FIRST, _LONGER, _MOST, _FAR = 0.8, 1.5, 7, 12.0
+#: A part reaches a new stretch of the curve where it ends so far below all others, beyond the error of its SoC.
+_DEEPER = 0.01
+#: An anchor below this SoC is a cut-off, not a full charge.
+_HALF = 0.5
 #: Least first step, and steps of the search at each point.
 _LEAST_STEP, _STEPS = 0.002, 4
 #: Every so many rows are enough for it, and never fewer than so many.
@@ -65,12 +69,32 @@ def moments(points: Mapping[float, float]) -> Normal:
     return Normal(mean, float(np.sqrt(weight @ (grid - mean) ** 2)))
 
 
+def with_capacity(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
+    """The solution with the distribution of the capacity that its part can tell.
+
+    A part that reaches below all that logs have shown tells it by the knee at empty, a cut-off by where empty is. Any
+    other part tells nothing of it: along the charge below full the curve is the same whatever the capacity is.
+    """
+    q, knowledge = model.parameters.group("capacity").start, model.battery.knowledge
+    lowest_soc = float(found.soc.min())
+    if knowledge is None or lowest_soc < knowledge.seen_from_soc - _DEEPER:
+        return with_marginal(model, prior, anchors, found, capacity_marginal(model, prior, anchors, found))
+    if any(anchor.soc < _HALF for anchor in anchors):
+        return found
+    return _with_variance(found, q, max(float(prior.covariance[q, q]), float(found.covariance[q, q])))
+
+
 def with_marginal(
     model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution, marginal: Normal
 ) -> Solution:
     """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
     q = model.parameters.group("capacity").start
     there = solve(model, prior, anchors, found.x, _STEPS, {q: marginal.mean})
-    slope = there.covariance[:, q] / there.covariance[q, q]
-    variance = marginal.std**2 - there.covariance[q, q]
-    return there._replace(covariance=there.covariance + variance * np.outer(slope, slope))
+    return _with_variance(there, q, marginal.std**2)
+
+
+def _with_variance(found: Solution, q: int, variance: float) -> Solution:
+    """The solution with this variance of the unknown q; all others follow as their covariance with it says."""
+    slope = found.covariance[:, q] / found.covariance[q, q]
+    added = variance - found.covariance[q, q]
+    return found._replace(covariance=found.covariance + added * np.outer(slope, slope))

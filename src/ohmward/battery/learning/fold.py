@@ -83,7 +83,7 @@ def fold(
         sensor=sensor,
         knowledge=Knowledge.of(p.names, covariance, logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
     )
-    covariance = covariance_of_folded(curve, folded, covariance)
+    covariance = without_capacity(covariance_of_folded(curve, folded, covariance), folded)
     assert folded.knowledge is not None
     noise = folded_noise(folded, p, covariance)
     knowledge = Knowledge.of(p.names, covariance, logs, folded.knowledge.seen_from_soc)
@@ -110,6 +110,29 @@ def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.nda
     beyond = np.maximum(-old, 0.0)  # beyond the old empty nothing is known but how fast such curves change
     moved[ocv, ocv] += np.minimum.outer(beyond, beyond) * 2 * std_V**2 / battery.noise.model_soc_length
     return moved
+
+
+def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
+    """The covariance (K, K) without the correlation of the capacity with all but the curve that no log has shown.
+
+    The voltage at a charge below full is the same whatever the capacity is, once it was seen. A correlation that is
+    left comes from between the knots, and each log would find the capacity in it anew. The unseen knots u follow the
+    capacity q and the others s as before, u = A s + b q + e, and s and q are taken as independent.
+    """
+    p = parameters_of(battery)
+    seen_from_soc = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
+    q, ocv = p.group("capacity").start, p.group("ocv").start
+    unseen = ocv + np.flatnonzero(seen_from_soc > OCV_KNOTS)
+    seen = np.setdiff1d(np.arange(p.size), [q, *unseen])
+    causes = np.array([*seen, q])
+    P = covariance[np.ix_(causes, causes)].copy()
+    follow = np.linalg.solve(P, covariance[np.ix_(causes, unseen)]).T
+    left = covariance[np.ix_(unseen, unseen)] - follow @ P @ follow.T
+    P[-1, :-1] = P[:-1, -1] = 0.0
+    order = np.array([*causes, *unseen])
+    found = np.block([[P, P @ follow.T], [follow @ P, follow @ P @ follow.T + left]])
+    back = np.argsort(order)
+    return found[np.ix_(back, back)]
 
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
-from ohmward.battery.learning.capacity_marginal import capacity_marginal, with_marginal
+from ohmward.battery.learning.capacity_marginal import with_capacity
 from ohmward.battery.learning.fold import (
     ageing_direction,
     capacity_normal,
@@ -256,7 +256,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     prior = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
-    found = with_marginal(model, prior, anchors, found, capacity_marginal(model, prior, anchors, found))
+    found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
     lowest_soc = float(found.soc.min())

@@ -19,12 +19,16 @@ from ohmward.battery.models.noise import BatteryNoise
 #: Errors beyond so many standard deviations count less.
 _ROBUST_AT = 2.5
 #: Most steps, halvings of one, and the step, in posterior standard deviations, at which the search has ended.
-_MOST_STEPS, _MOST_HALVINGS, _SMALL_STEP = 10, 4, 0.03
+_MOST_STEPS, _MOST_HALVINGS, _SMALL_STEP = 10, 5, 0.03
+#: The cost may rise by so much in a step: the slope of the curve is a mean, so that no step is quite downhill.
+_SLACK = 0.5
 #: The model errs by this share of the overpotential at least, however many parameters fit it; more than
 #: `_LARGEST_SHARE` is what the parameters themselves leave open before they are learnt.
 _LARGEST_SHARE = 0.1
 #: Rounds in which the misfit is found, and by what factor it may still grow.
 _ROUNDS, _SAME_MISFIT = 2, 1.05
+#: Share of the rows that a sensor may have spoilt.
+_GLITCHES = 0.05
 #: Keeps the offset that a rest shows from being exact [A].
 _LEAST_OFFSET_A = 1e-6
 #: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.
@@ -112,11 +116,13 @@ def solve(
 
 
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
-    """Factor by which the squares of the residuals exceed their variance on average, at least 1; outliers capped."""
-    if not residual_V.size:
-        return 1.0
-    square = np.minimum(residual_V**2 / variance_V2, _ROBUST_AT**4)
-    return max(float(square.mean()), 1.0)
+    """Factor by which the squares of the residuals exceed their variance on average, at least 1.
+
+    The `_GLITCHES` that fit worst are left out: the robust weights have them.
+    """
+    square = np.sort(residual_V**2 / variance_V2)
+    usual = square[: square.size - int(_GLITCHES * square.size)]
+    return max(float(usual.mean()), 1.0) if usual.size else 1.0
 
 
 class _Search:
@@ -152,7 +158,7 @@ class _Search:
             shorter = 1.0
             for _ in range(_MOST_HALVINGS):
                 there = self.problem(x + shorter * step, misfit)
-                if there.cost <= here.cost:
+                if there.cost <= here.cost + _SLACK:
                     break
                 shorter *= 0.5
             else:
