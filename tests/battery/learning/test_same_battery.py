@@ -1,10 +1,12 @@
 """A log of another battery contradicts a file that knows its own; later logs of the same one do not."""
 
+import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.learning.same_battery import (
     CapacityAndResistance,
+    explained_worse,
     forgotten,
     is_label,
     is_suspicious,
@@ -35,6 +37,19 @@ def test_both_differences_count_together():
     assert other_battery(FILE, seen(8.9, 0.020)) == ""
     assert other_battery(FILE, seen(10.0, 0.0285)) == ""
     assert other_battery(FILE, seen(8.9, 0.0285)) != ""
+
+
+def test_a_log_that_the_file_explains_far_worse_needs_a_smaller_difference():
+    assert other_battery(FILE, seen(9.2, 0.024), 20.0) == ""
+    assert other_battery(FILE, seen(9.2, 0.024), 100.0) != ""
+    assert other_battery(FILE, seen(9.8, 0.021), 200.0) == ""
+
+
+def test_the_likelihood_that_is_lost_counts_independent_errors():
+    """Eight hours of errors that hold on for 200 s: 72 of them, whose squares are four times as large."""
+    assert explained_worse(8 * 3600.0, 200.0, 0.010, 0.005) == pytest.approx(72 * np.log(4.0))
+    assert explained_worse(8 * 3600.0, 200.0, 0.005, 0.005) == 0.0
+    assert explained_worse(8 * 3600.0, 200.0, np.nan, 0.005) == 0.0
 
 
 def test_a_label_may_be_wrong_by_more():

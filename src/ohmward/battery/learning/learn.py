@@ -33,6 +33,7 @@ from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
     CapacityAndResistance,
+    explained_worse,
     forgotten,
     is_label,
     is_suspicious,
@@ -192,7 +193,9 @@ def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) ->
     _, alone = learn_log(forgotten(battery), log)
     if alone.verdict != "learnt":
         return alone.reason
-    return other_battery(known, CapacityAndResistance(alone.capacity_Ah, alone.resistance_ohm))
+    seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s
+    worse = explained_worse(seconds, correlation_s, lesson.residual_rms_V, alone.residual_rms_V)
+    return other_battery(known, CapacityAndResistance(alone.capacity_Ah, alone.resistance_ohm), worse)
 
 
 def aged_by(battery: Battery, hours: float, log: Log) -> Battery:

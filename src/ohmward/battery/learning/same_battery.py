@@ -16,15 +16,18 @@ from ohmward.battery.chemistries import Normal, start_noise
 
 #: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
 #: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge
-#: and 1.5 times its resistance lies 3.8 to 5 off.
+#: and 1.5 times its resistance lies 3 to 5 off.
 _OTHER_BATTERY = 3.5
+#: A shorter one does where the file explains the log far worse than the log alone would be: by this much of the
+#: logarithm of the likelihood. It is below 40 for later logs of one battery, and 61 to 300 for that other cell.
+_DOUBTFUL, _EXPLAINED_WORSE = 1.5, 80.0
 #: A label may be wrong by more than a battery file: a battery at the end of its life has 70 % of it.
 _OTHER_LABEL = 4.5
 #: A difference that is told, where both together have set a log aside.
-_WORTH_TELLING = 2.0
+_WORTH_TELLING = 1.0
 #: A log that moves the file by less standard deviations, and whose squared errors exceed what the file expects by less
 #: than this factor, is not learnt once more: that factor was 1.0 to 1.2, and 2.4 to 2.9 for other batteries.
-_SUSPICIOUS_MOVE, _SUSPICIOUS_MISFIT = 1.5, 1.3
+_SUSPICIOUS_MOVE, _SUSPICIOUS_MISFIT = 1.0, 1.3
 
 
 class CapacityAndResistance(NamedTuple):
@@ -70,13 +73,27 @@ def other_label(known: CapacityAndResistance, after: CapacityAndResistance) -> s
     return _contradiction(known, after, [_moved(old, new) for old, new in zip(known, after, strict=True)], _OTHER_LABEL)
 
 
-def other_battery(known: CapacityAndResistance, alone: CapacityAndResistance) -> str:
+def other_battery(known: CapacityAndResistance, alone: CapacityAndResistance, explained_worse: float = 0.0) -> str:
     """Contradiction of a log with a file that knows its battery; "" for none.
 
     alone: what the log tells with nothing else known.
+    explained_worse: see the function of this name.
     """
     z = [_log_ratio(old, new) / np.hypot(_share(old), _share(new)) for old, new in zip(known, alone, strict=True)]
-    return _contradiction(known, alone, z, _OTHER_BATTERY)
+    limit = _DOUBTFUL if explained_worse > _EXPLAINED_WORSE else _OTHER_BATTERY
+    return _contradiction(known, alone, z, limit)
+
+
+def explained_worse(duration_s: float, correlation_s: float, rms_V: float, alone_rms_V: float) -> float:
+    """Logarithm of the likelihood that a log loses where the file, not the log alone, has to explain it.
+
+    n ln(rms / rms_alone) with n = duration / (2 correlation time) errors that are independent, each counting twice.
+
+    correlation_s: for which an error of the model holds on; rms_V, alone_rms_V: of the errors of the voltage.
+    """
+    if not (rms_V > 0.0 and alone_rms_V > 0.0):
+        return 0.0
+    return float(duration_s / correlation_s * np.log(rms_V / alone_rms_V))
 
 
 def _contradiction(known: CapacityAndResistance, found: CapacityAndResistance, z: list[float], limit: float) -> str:
