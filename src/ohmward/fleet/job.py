@@ -103,7 +103,7 @@ def failed(path: str, reason: str) -> dict[str, Any]:
 
 def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
     """Figures of one log; None for one that this estimator does not know."""
-    incidents = found.flags.astype(int) & ~int(SocFlag.REST)
+    incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
     voltage = score(found.voltage_V, log.voltage_V)
     figures = {
         "samples": len(log),

@@ -5,30 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.chemistries import generic_battery
+from battery.anchor_examples import HOUR, day, drained, label
 from ohmward.battery.soc.anchors import find_anchors
 from ohmward.logs.log import Log
-from ohmward.simulate import BATTERIES, resting_state, simulate
-from ohmward.simulate.profile import steps
 
 CHEMISTRIES = pytest.mark.parametrize("chemistry", ("lfp", "nca"))
-HOUR = 3600.0
-
-
-def day(chemistry, soc, phases, degC=25.0, interval_s=10.0, offset_C=0.0):
-    """Log and truth of phases (hours, multiples of the capacity per hour)."""
-    cell = BATTERIES[chemistry]
-    capacity_Ah = cell.circuit.capacity_Ah
-    profile = steps([(hours * HOUR, rate * capacity_Ah) for hours, rate in phases], degC)
-    time_s = np.arange(0.0, profile.time_s[-1], interval_s)
-    truth = simulate(cell, profile, time_s, resting_state(cell, soc, degC)).truth
-    current_A = truth.current_A + offset_C * capacity_Ah
-    return Log("day", time_s, current_A, truth.voltage_V, truth.temperature_degC), truth.soc
-
-
-def label(chemistry):
-    cell = BATTERIES[chemistry]
-    return generic_battery(chemistry, cell.circuit.capacity_Ah, cell.n_series)
 
 
 def columns_of(log):
@@ -72,14 +53,6 @@ def test_each_full_charge_counts_once_however_long_the_charger_stays(chemistry):
     charge, drive = (8.0, 0.3), (1.0, -0.4)
     log, _ = day(chemistry, 0.5, [charge, (3.0, 0.0), drive, charge, drive, charge])
     assert kinds(find_anchors(log, label(chemistry))).count("full charge") == 3
-
-
-def drained(chemistry, rate, rest_hours=1.0, degC=25.0):
-    """Log and truth of a load from 40 % until the protection cuts it off, and of the rest after it."""
-    at_limit, _ = day(chemistry, 0.4, [(0.2, 0.0), (0.6 / rate, -rate)], degC, interval_s=2.0)
-    reduced = at_limit.current_A > -0.999 * rate * label(chemistry).capacity_Ah
-    cut_s = at_limit.time_s[np.argmax(reduced & (at_limit.time_s > 0.21 * HOUR))]
-    return day(chemistry, 0.4, [(0.2, 0.0), (cut_s / HOUR - 0.2, -rate), (rest_hours, 0.0)], degC, interval_s=2.0)
 
 
 @CHEMISTRIES

@@ -75,10 +75,10 @@ def test_weights_are_the_products_of_the_likelihoods():
     for k in range(60):
         sample = row(columns, k)
         for j, member in enumerate(members):
-            after, _, update = settings.member.advance(member, settings.member.sanitize(member, sample), False)
-            innovation = update.correction.innovation
+            done = settings.member.advance(member, settings.member.take_in(member, sample), False)
+            innovation = done.update.correction.innovation
             log_weights[j] += norm.logpdf(innovation.value[0], scale=np.sqrt(innovation.cov[0, 0]))
-            members[j] = after
+            members[j] = done.state
         state, estimate = settings.step(state, sample)
         weights = np.exp(log_weights - logsumexp(log_weights))
         assert weights.min() > math.exp(LEAST_LOG_WEIGHT)

@@ -5,7 +5,7 @@
     rest    no current for so long that the RC pairs are gone
 
     soc_full  = 1 - d/2 +- hypot(width, d/2)     d = 1 - OCV^-1(V - R i): full by the charger, or by the curve
-    soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, u, what a doubt of R and of the curve adds)
+    soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, std of u, what a doubt of R and of the curve adds)
                 u = |i| tau / Q, the charge that diffusion keeps from a strong load
     soc_rest  = OCV^-1(V) +- half of OCV^-1 between V + std and V - std
 
@@ -26,18 +26,19 @@ from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
-from ohmward.battery.soc.clean_sample import CleanSocSample
-from ohmward.trace import clip, maximum, minimum, sqrt, table, where
+from ohmward.battery.soc.clean_sample import CleanSocSample, Rest, continue_rest
+from ohmward.trace import clip, exp, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 
 #: A voltage at the limit of a charger stays within this share of itself; that of a sensor errs by as much.
 _FLAT_SHARE = 0.004
-#: A charger has reached its limit where the voltage is that of at least this state of charge at rest.
-_FULL_SOC = 0.985
+#: A charger has reached its limit where the voltage is that of at least this state of charge at rest, and at most this
+#: share below that of full: on a flat curve the branch of a charge alone reaches the former.
+_FULL_SOC, _BELOW_FULL = 0.985, 0.015
 #: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
 #: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
 _TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
-_HELD_S, _GASSING_HELD_S = 300.0, 1800.0
+_HELD_S, _GASSING_HELD_S = 120.0, 1800.0
 #: By then the current has fallen to this share of its largest: a charge at a small constant current has no such end.
 _TAPERED = 0.5
 #: A current is a load, or ends a charge, beyond this rate over the capacity [1/h].
@@ -46,10 +47,11 @@ _LOAD_C = 0.02
 #: percents take a day and whose depth depends on the current.
 _FULL_STD, _GASSING_FULL_STD = 0.01, 0.03
 _EMPTY_STD, _GASSING_EMPTY_STD = 0.02, 0.05
-#: Charge that a load leaves behind at its cut-off, over its current [s]: 2 C leave 2 to 8 % in worn cells of lithium.
-_LEFT_S, _GASSING_LEFT_S = 100.0, 600.0
+#: Charge that a load leaves behind at its cut-off, over its current [s], and its standard deviation: 2 C leave 3 to 8 %
+#: in fresh cells of lithium, 10 to 20 % in worn ones.
+_LEFT_S, _GASSING_LEFT_S = (100.0, 250.0), (600.0, 600.0)
 #: A cut-off is below this state of charge by the curve, and stays there for this time [s]: peaks of a load do not.
-_EMPTY_SOC, LOW_S = 0.03, 30.0
+_EMPTY_SOC, _LOW_S = 0.03, 30.0
 #: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell of 1.88 V at rest.
 _DEPLETED_SHARE = 0.96
 #: A load has ended where this share of it is left.
@@ -72,12 +74,13 @@ class AnchorMemory(NamedTuple):
     """Memory between two samples, plain numbers.
 
     limit_V: voltage at which it began to stand still; held_s: time since then.
-    peak_A: largest charging current of this charge.
-    discharged, charged: charge taken out since the last full charge, put in since the last cut-off, over the capacity.
+    peak_A: largest charging current since then.
+    discharged, charged: charge taken out since the last full charge, put in since the last cut-off, over the capacity,
+        at most 1.
     load_A: current of the sample before where it was a load, else 0.
+    peak_load_A: strongest load, fading with the slowest RC pair, so that what it left in the pairs is no empty battery.
     low_s: time for which its voltage has been that of a cut-off, less that for which it has not.
     low_soc, low_std: state of charge of that cut-off.
-    rest_s: time without current; rested: 1 once its end has been seen.
     """
 
     limit_V: Any = 0.0
@@ -86,21 +89,28 @@ class AnchorMemory(NamedTuple):
     discharged: Any = 1.0
     charged: Any = 1.0
     load_A: Any = 0.0
+    peak_load_A: Any = 0.0
     low_s: Any = 0.0
     low_soc: Any = 0.0
     low_std: Any = 1.0
-    rest_s: Any = 0.0
-    rested: Any = 0.0
 
 
 class AnchorEvent(NamedTuple):
-    """Conditions that a sample completes a full charge, a cut-off or a long rest, and the state of charge it tells."""
+    """Conditions that a sample completes a full charge or a cut-off, and the state of charge that it tells."""
 
     full: Any
     empty: Any
-    rest: Any
     soc: Any
     std: Any
+
+    @property
+    def tells_soc(self) -> Any:
+        """The condition that there is an event."""
+        return self.full | self.empty
+
+
+#: Nothing has happened.
+NO_EVENT = AnchorEvent(False, False, 0.0, 1.0)
 
 
 class SocNormal(NamedTuple):
@@ -126,37 +136,37 @@ class AnchorRule:
         """The memory after a sample, and what it completes."""
         usable = clean.voltage_measured & clean.current_measured
         held = self.hold_limit(before, clean, usable)
-        full = self.is_full(held, clean, usable)
+        full = self.is_full(held, clean)
         ended = usable & (clean.now.current_A > _LOAD_ENDED * before.load_A) & clean.current_known
-        empty = ended & (before.low_s > LOW_S) & (before.charged > AGAIN)
-        low = self.hold_low(held, clean, usable)
-        rested, rest = self.hold_rest(low, clean, usable)
-        told_full, cut_off = self.full(clean.voltage_V, clean.now), SocNormal(before.low_soc, before.low_std)
-        told = _choose(full, told_full, _choose(empty, cut_off, self.at_rest(clean.voltage_V, clean.now)))
-        after = rested._replace(
-            discharged=where(full, 0.0, rested.discharged), charged=where(empty, 0.0, rested.charged)
+        empty = ended & self.was_low(before) & (before.charged > AGAIN)
+        after = self.hold_low(held, clean, usable)
+        told_full = self.full(clean.voltage_V, clean.now)
+        event = AnchorEvent(
+            full, empty, where(full, told_full.soc, before.low_soc), where(full, told_full.std, before.low_std)
         )
-        return after, AnchorEvent(full, empty, rest, told.soc, told.std)
+        return after._replace(
+            discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged)
+        ), event
 
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
-        """The memory with the voltage that stands still, the charge that flowed and the largest charging current."""
+        """The memory with the voltage that stands still, its largest current, and the charge that flowed."""
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
         same = same & (clean.dt_s < _LONGEST_STEP_S) & (current_A > -self.load_A)
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
             held_s=where(same, memory.held_s + clean.dt_s, 0.0),
-            peak_A=where(current_A < -self.load_A, 0.0, maximum(memory.peak_A, current_A)),
-            discharged=memory.discharged + maximum(-share, 0.0),
-            charged=memory.charged + maximum(share, 0.0),
+            peak_A=where(same, maximum(memory.peak_A, current_A), current_A),
+            discharged=minimum(memory.discharged + maximum(-share, 0.0), 1.0),
+            charged=minimum(memory.charged + maximum(share, 0.0), 1.0),
         )
 
-    def is_full(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> Any:
-        """True where the charge is complete: at the limit for long enough, and tapered."""
+    def is_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
+        """True where the charge is complete: at the limit for long enough, and tapered there."""
         current_A = clean.now.current_A
         tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
         at_limit = (memory.held_s > self.held_s) & (clean.voltage_V > self.full_V)
-        return usable & at_limit & tapered & (current_A > -self.load_A) & (memory.discharged > AGAIN)
+        return at_limit & tapered & (memory.discharged > AGAIN)
 
     def full(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge of a complete charge."""
@@ -167,14 +177,23 @@ class AnchorRule:
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the load, and the time for which its end would be a cut-off."""
         loaded = usable & (clean.now.current_A < -self.load_A)
-        soc, std = self.cut_off(clean.voltage_V, clean.now)
-        low = loaded & (self.but_for_drop_V(clean.voltage_V, clean.now) < self.empty_V) & (std < _MOST_STD)
+        fade = exp(
+            clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.model.tau_s[-1])
+        )
+        peak = CircuitInput(minimum(clean.now.current_A, fade * memory.peak_load_A), clean.now.temperature_degC)
+        told = self.cut_off(clean.voltage_V, peak)
+        low = loaded & (self.but_for_drop_V(clean.voltage_V, peak) < self.empty_V)
         return memory._replace(
             load_A=where(loaded, clean.now.current_A, where(usable, 0.0, memory.load_A)),
+            peak_load_A=peak.current_A,
             low_s=where(low, memory.low_s + clean.dt_s, maximum(memory.low_s - clean.dt_s, 0.0)),
-            low_soc=where(low, soc, memory.low_soc),
-            low_std=where(low, std, memory.low_std),
+            low_soc=where(low, told.soc, memory.low_soc),
+            low_std=where(low, told.std, memory.low_std),
         )
+
+    def was_low(self, memory: AnchorMemory) -> Any:
+        """True where a load that ends now is cut off: low for long enough, and as low as to tell something."""
+        return (memory.low_s > _LOW_S) & (memory.low_std < _MOST_STD)
 
     def cut_off(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge at which a load is cut off at this voltage."""
@@ -182,22 +201,23 @@ class AnchorRule:
         variance = self.noise.resistance_variance(coldness_per_K(u.temperature_degC, self.model.reference_degC))
         doubt_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
         soc = self.soc_at(still_V)
-        left_s = (_GASSING_LEFT_S if self.gases else _LEFT_S) / self.model.rate_arrhenius_factor(u.temperature_degC)
-        left = maximum(-u.current_A, 0.0) * left_s / self.model.capacity_As
-        return SocNormal(soc + left, _hypot(_hypot(self.empty_std, left), self.soc_at(still_V + doubt_V) - soc))
+        left_s, left_std_s = _GASSING_LEFT_S if self.gases else _LEFT_S
+        rate_per_s = maximum(-u.current_A, 0.0) / self.model.capacity_As
+        slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
+        std = _hypot(_hypot(self.empty_std, rate_per_s * left_std_s * slower), self.soc_at(still_V + doubt_V) - soc)
+        return SocNormal(soc + rate_per_s * left_s * slower, std)
 
     def but_for_drop_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
         """The voltage of an empty battery without the overpotential of its load."""
         return voltage_V - self.steady_ohm(0.0, u) * u.current_A
 
-    def hold_rest(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> tuple[AnchorMemory, Any]:
-        """The memory with the rest, and the condition that it has become a long one."""
+    def continue_rest(self, before: Rest, clean: CleanSocSample) -> tuple[Rest, Any]:
+        """The rest after a sample, and the condition that it has become a long one, once."""
+        usable = clean.voltage_measured & clean.current_measured
         resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_STEP_S)
-        rest_s = where(resting, memory.rest_s + clean.dt_s, 0.0)
         needed_s = _RELAXED * self.model.tau_s[-1] / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
-        long = rest_s > maximum(needed_s, _LONG_REST_S)
-        due = long & (memory.rested < 1.0) & (self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD)
-        return memory._replace(rest_s=rest_s, rested=where(due, 1.0, where(resting, memory.rested, 0.0))), due
+        tells = self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD
+        return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), tells)
 
     def at_rest(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge of a battery at rest at this voltage, from the curve of the file and its doubts."""
@@ -234,7 +254,8 @@ class AnchorRule:
     def full_V(self) -> float:
         """Least voltage of a charger that has reached its limit [V]."""
         ocv = self.model.ocv
-        return self.model.gassing_V or float(ocv.mean_V(_FULL_SOC, ocv.reference_degC))
+        nearly_full_V = float(ocv.mean_V(_FULL_SOC, ocv.reference_degC))
+        return self.model.gassing_V or max(nearly_full_V, (1.0 - _BELOW_FULL) * ocv.voltage_V[-1])
 
     @property
     def empty_V(self) -> float:
@@ -271,10 +292,6 @@ class AnchorRule:
     def rest_A(self) -> float:
         """Largest current of a rest."""
         return self.sensor.rest_threshold_A(self.model.capacity_Ah, _REST_C)
-
-
-def _choose(condition: Any, a: SocNormal, b: SocNormal) -> SocNormal:
-    return SocNormal(where(condition, a.soc, b.soc), where(condition, a.std, b.std))
 
 
 def _hypot(a: Scalar, b: Scalar) -> Scalar:

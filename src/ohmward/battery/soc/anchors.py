@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.anchor_rule import AGAIN, LOW_S, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import SampleLimits, first_input, sanitize
+from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
+from ohmward.battery.soc.clean_sample import Rest, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.registry import require_thevenin
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where
-from ohmward.trace.expression import Scalar
 
 AnchorKind = Literal["full charge", "empty", "rest"]
 
@@ -61,19 +60,20 @@ class _Event(NamedTuple):
 
 
 class FinderState(NamedTuple):
-    """Last credible current and temperature, and the memory of the rule."""
+    """Last credible current and temperature, the memory of the rule, and the rest that the battery may be in."""
 
-    current_A: Scalar
-    temperature_degC: Scalar
+    current_A: Any
+    temperature_degC: Any
     memory: AnchorMemory
+    rest: Rest
 
 
 class FinderOutput(NamedTuple):
-    """Memory of the rule and event after a sample, and its current and temperature, sanitised."""
+    """State and event after a sample, and whether its rest has become a long one; conditions are 1 and 0."""
 
-    memory: AnchorMemory
+    state: FinderState
     event: AnchorEvent
-    now: CircuitInput
+    long_rest: Any
 
 
 @dataclass(frozen=True)
@@ -101,15 +101,16 @@ class AnchorFinder:
     def init(self, first: SocSample) -> FinderState:
         """State before the first sample."""
         u = first_input(first, self.limits.current_A)
-        return FinderState(u.current_A, u.temperature_degC, AnchorMemory())
+        return FinderState(u.current_A, u.temperature_degC, AnchorMemory(), Rest())
 
     def step(self, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
         """State and output after a sample."""
         clean = sanitize(sample, CircuitInput(state.current_A, state.temperature_degC), self.limits)
         memory, event = self.rule.step(state.memory, clean)
-        full, empty, rest = (where(condition, 1.0, 0.0) for condition in (event.full, event.empty, event.rest))
-        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory)
-        return after, FinderOutput(memory, event._replace(full=full, empty=empty, rest=rest), clean.now)
+        rest, long_rest = self.rule.continue_rest(state.rest, clean)
+        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest)
+        full, empty, long_rest = (where(condition, 1.0, 0.0) for condition in (event.full, event.empty, long_rest))
+        return after, FinderOutput(after, event._replace(full=full, empty=empty), long_rest)
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -127,17 +128,18 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     start = finder.init(SocSample(*(float(column[0]) for column in samples)))
     _, output = Kernel(finder.step, start, finder.no_sample()).scan(start, samples)
     events = sorted([*_shown(log, finder, output), *_flagged(log, rule)], key=lambda event: event.sample)
-    moved_As = output.now.current_A * np.diff(log.time_s, prepend=log.time_s[0])
+    moved_As = output.state.current_A * np.diff(log.time_s, prepend=log.time_s[0])
     once = _without_repeats(events, moved_As, AGAIN * rule.model.capacity_As)
     return tuple(_anchor(event, log) for event in once)
 
 
 def _shown(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:
     """The events that current and voltage show."""
-    rule, (memory, event, now) = finder.rule, output
+    rule, event, memory = finder.rule, output.event, output.state.memory
 
     def at(k: int) -> tuple[float, CircuitInput]:
-        return float(log.voltage_V[k]), CircuitInput(float(now.current_A[k]), float(now.temperature_degC[k]))
+        state = output.state
+        return float(log.voltage_V[k]), CircuitInput(float(state.current_A[k]), float(state.temperature_degC[k]))
 
     for k in np.flatnonzero(event.full):
         last = _end_of_run(memory.held_s, int(k))
@@ -145,10 +147,10 @@ def _shown(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Ev
     for k in np.flatnonzero(event.empty):
         yield _Event("empty", int(k), SocNormal(float(event.soc[k]), float(event.std[k])))
     ends = np.append(np.diff(log.time_s) > finder.gap_s, True)
-    for k in np.flatnonzero((memory.low_s > LOW_S) & ends):
+    for k in np.flatnonzero(rule.was_low(memory) & ends):
         yield _Event("empty", int(k), SocNormal(float(memory.low_soc[k]), float(memory.low_std[k])))
-    for k in np.flatnonzero(event.rest):
-        last = _end_of_run(memory.rest_s, int(k))
+    for k in np.flatnonzero(output.long_rest):
+        last = _end_of_run(output.state.rest.rest_s, int(k))
         yield _Event("rest", last, rule.at_rest(*at(last)))
 
 

@@ -97,10 +97,10 @@ class GaussianSumFilter:
 
     def step(self, state: GaussianSumState, sample: SocSample) -> tuple[GaussianSumState, SocEstimate]:
         """State and estimate after a sample."""
-        clean = self.member.sanitize(state.members[0], sample)
+        taken = self.member.take_in(state.members[0], sample)
         diverged = reduce(and_, map(self.member.has_diverged, state.members))
         steps = [
-            self.member.advance(member, clean, diverged, forget)
+            self.member.advance(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
         ]
         believed = reduce(or_, (step.update.accepted for step in steps))

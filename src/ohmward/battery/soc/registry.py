@@ -27,10 +27,14 @@ class EstimatorSettings(NamedTuple):
     idle_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
         when unknown.
     gap_s: a longer step between two samples says nothing about the current in between [s].
+    anchors: let full charges and cut-offs correct the filters on the Thevenin model. None does so where the battery
+        gases: there the voltage of a charge says nothing. Cells of lithium show by their voltage that they are full,
+        and whether a worn one is empty at its cut-off is a matter of the load.
     """
 
     idle_current_A: float | None = None
     gap_s: float = 600.0
+    anchors: bool | None = None
 
 
 class Choice(NamedTuple):
@@ -106,15 +110,21 @@ def require_rc(battery: Battery) -> RcModel:
 
 def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
     """The function that makes the Thevenin filter of this method."""
-    return lambda battery, settings: TheveninFilter(
-        require_thevenin(battery),
-        battery.noise,
-        battery.sensor,
-        method=method,
-        matching=matching,
-        idle_current_A=settings.idle_current_A,
-        gap_s=settings.gap_s,
-    )
+
+    def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
+        model = require_thevenin(battery)
+        return TheveninFilter(
+            model,
+            battery.noise,
+            battery.sensor,
+            method=method,
+            matching=matching,
+            idle_current_A=settings.idle_current_A,
+            gap_s=settings.gap_s,
+            anchors=model.gassing_V is not None if settings.anchors is None else settings.anchors,
+        )
+
+    return make
 
 
 def rc_filter(soc_as: str) -> Callable[[Battery, EstimatorSettings], RcFilter]:

@@ -21,6 +21,7 @@ import numpy as np
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
+from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
@@ -50,6 +51,7 @@ class FilterState(NamedTuple):
     rest_s: time for which the current has looked like rest.
     rejected_s: time for which the voltage has contradicted the belief.
     unknown_s: time for which the current has not been known.
+    anchors: memory for the events that tell SoC.
     """
 
     belief: PackedBelief
@@ -59,13 +61,23 @@ class FilterState(NamedTuple):
     rest_s: Scalar
     rejected_s: Scalar
     unknown_s: Scalar
+    anchors: AnchorMemory
+
+
+class CleanInput(NamedTuple):
+    """A sample sanitised, the event that it completes, and the memory for events after it."""
+
+    sample: CleanSocSample
+    event: AnchorEvent
+    anchors: AnchorMemory
 
 
 class TheveninUpdate(NamedTuple):
     """The belief after a voltage, or the prior where it was not used.
 
-    correction: by the voltage, whether it was used or not.
-    voltage_std_V: standard deviation of the innovation as a single sample.
+    correction: by the voltage, whether it was used or not, or by the SoC that an event told.
+    voltage_V, voltage_std_V: expected before it, and the standard deviation of the innovation as a single sample, nan
+        where an event told SoC.
     noise: moments for covariance matching.
     accepted: the condition that the voltage was used.
     contradicts: the condition that the voltage contradicts the belief.
@@ -74,6 +86,7 @@ class TheveninUpdate(NamedTuple):
 
     belief: Belief
     correction: Correction
+    voltage_V: Scalar
     voltage_std_V: Scalar
     noise: adaptive.NoiseEstimate
     accepted: Any
@@ -112,6 +125,7 @@ class TheveninFilter:
         gate: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance.
         reset_after_s: time of contradiction after which the filter has diverged: SoC is declared unknown.
         current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
+        anchors: let a full charge and a cut-off tell SoC.
     """
 
     model: Thevenin
@@ -126,6 +140,7 @@ class TheveninFilter:
     gate: float = 25.0
     reset_after_s: float = 60.0
     current_limit_C: float = 20.0
+    anchors: bool = False
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
@@ -140,6 +155,11 @@ class TheveninFilter:
     def system(self) -> AugmentedThevenin:
         """Model of the battery with the errors of sensors and model as states."""
         return AugmentedThevenin(self.model, self.noise, self.sensor)
+
+    @cached_property
+    def anchor_rule(self) -> AnchorRule:
+        """Rule for the events that tell SoC."""
+        return AnchorRule(self.model, self.noise, self.sensor)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -176,12 +196,12 @@ class TheveninFilter:
         u = first_input(first, self.limits.current_A)
         belief = pack(self.system.start(soc, soc_std, u))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0)
+        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory())
 
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
-        after, estimate, _ = self.advance(state, self.sanitize(state, sample), self.has_diverged(state))
-        return after, estimate
+        done = self.advance(state, self.take_in(state, sample), self.has_diverged(state))
+        return done.state, done.estimate
 
     def has_diverged(self, state: FilterState) -> Any:
         """True where the voltage has contradicted the belief for too long."""
@@ -190,17 +210,17 @@ class TheveninFilter:
     def advance(
         self,
         state: FilterState,
-        clean: CleanSocSample,
+        taken: CleanInput,
         diverged: Any,
         forget_soc: Callable[[Belief], Belief] = forget_soc,
     ) -> TheveninStep:
         """The step on a clean sample; where the filter has diverged, SoC is declared unknown first, by `forget_soc`."""
-        prior = self.predict(state, clean)
+        clean, prior = taken.sample, self.predict(state, taken.sample)
         rest_s = self.rest_s(state, prior, clean)
         resting = self.is_resting(rest_s)
         prior = self.zero_current_update(prior, clean, resting)
         prior = choose(diverged, forget_soc(prior), prior)
-        update = self.correct(state, prior, clean)
+        update = self.correct(state, prior, clean, taken.event)
         posterior, limited = self.within_limits(update.belief)
 
         contradicts_still = update.contradicts & logical_not(diverged)  # a reset begins the time anew
@@ -212,6 +232,7 @@ class TheveninFilter:
             rest_s,
             time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured),
             clean.unknown_s,
+            taken.anchors,
         )
         flags = clean.flags + flags_of(
             {
@@ -219,17 +240,34 @@ class TheveninFilter:
                 SocFlag.REST: resting,
                 SocFlag.SOC_LIMITED: limited,
                 SocFlag.DIVERGED: clean.voltage_measured & diverged,
+                SocFlag.ANCHORED: taken.event.tells_soc,
             }
         )
         return TheveninStep(after, self.estimate(posterior, update, clean, flags), update)
 
+    def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
+        """The sample sanitised, and what it completes; voltages of a battery that gases complete a charge."""
+        clean = self.sanitize(state, sample)
+        anchors, event = self.anchor_rule.step(state.anchors, clean) if self.anchors else (state.anchors, NO_EVENT)
+        return CleanInput(self.without_gassing(clean, anchors), event, anchors)
+
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
-        """The sample with what cannot be true replaced and flagged, its voltage unused where the battery gases."""
+        """The sample with what cannot be true replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC)
-        clean = sanitize(sample, before, self.limits, state.unknown_s)
+        return sanitize(sample, before, self.limits, state.unknown_s)
+
+    def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
+        """The sample of a battery that gases without what tells nothing of its charge.
+
+        That is its voltage while it gases, and after a full charge all further charge.
+        """
         if self.model.gassing_V is None:
             return clean
-        return clean._replace(voltage_measured=clean.voltage_measured & (clean.voltage_V < self.model.gassing_V))
+        overcharged = (anchors.discharged <= 0.0) & (clean.mean.current_A > 0.0)
+        return clean._replace(
+            mean=clean.mean._replace(current_A=where(overcharged, 0.0, clean.mean.current_A)),
+            voltage_measured=clean.voltage_measured & (clean.voltage_V < self.model.gassing_V),
+        )
 
     def predict(self, state: FilterState, clean: CleanSocSample) -> Belief:
         """The belief after the step, before its voltage."""
@@ -237,23 +275,35 @@ class TheveninFilter:
         Q = self.system.process_noise(before.mean, clean)
         return METHODS[self.method].predict(before, lambda x: self.system.next_state(x, clean), Q)
 
-    def correct(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> TheveninUpdate:
-        """The belief after the voltage of the step."""
-        system = self.system
+    def correct(
+        self, state: FilterState, prior: Belief, clean: CleanSocSample, event: AnchorEvent = NO_EVENT
+    ) -> TheveninUpdate:
+        """The belief after the voltage of the step; a full charge or a cut-off shows SoC itself in its place.
+
+        Charger and protection define full and empty, so that these pass every gate.
+        """
+        system, told = self.system, event.tells_soc
         error = system.voltage_error(prior, clean)
-        R = np.array([[error.variance * error.weight]]) + (state.noise.residual if self.matching else 0.0)
-        y = np.array([clean.voltage_V])
-        correction = METHODS[self.method].correct(prior, y, lambda x: system.voltage(x, clean, error), R)
-        repeated = R[0, 0] - error.variance
-        accepted = clean.voltage_measured & passes(correction.innovation, self.gate)
+        error = choose(told, error._replace(variance=event.std * event.std, weight=1.0), error)
+        R = np.array([[error.variance * error.weight]])
+        R = R + where(told, 0.0, state.noise.residual[0, 0]) if self.matching else R
+        y = np.array([where(told, event.soc, clean.voltage_V)])
+
+        def measured(x: np.ndarray) -> np.ndarray:
+            return np.array([where(told, x[SOC], system.voltage(x, clean, error)[0])])
+
+        correction = METHODS[self.method].correct(prior, y, measured, R)
+        (nu,), repeated = correction.innovation.value, R[0, 0] - error.variance
+        believed = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(told)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         return TheveninUpdate(
-            belief=choose(accepted, correction.belief, prior),
+            belief=choose(believed | told, correction.belief, prior),
             correction=correction,
-            voltage_std_V=np.sqrt(correction.innovation.cov[0, 0] - repeated),
-            noise=choose(accepted, noise, state.noise),
-            accepted=accepted,
-            contradicts=self.contradicts(correction.innovation, repeated),
+            voltage_V=where(told, system.voltage(prior.mean, clean, error)[0], clean.voltage_V - nu),
+            voltage_std_V=where(told, math.nan, np.sqrt(correction.innovation.cov[0, 0] - repeated)),
+            noise=choose(believed, noise, state.noise),
+            accepted=believed | told,
+            contradicts=self.contradicts(correction.innovation, repeated) & logical_not(told),
             log_likelihood=self.log_likelihood(correction.innovation, R[0, 0], error),
         )
 
@@ -331,13 +381,13 @@ class TheveninFilter:
     def estimate(self, posterior: Belief, update: TheveninUpdate, clean: CleanSocSample, flags: Scalar) -> SocEstimate:
         """Estimate after the sample."""
         x = self.system.split(posterior.mean)
-        nu = update.correction.innovation.value[0]
+        used = clean.voltage_measured & (update.voltage_std_V > 0.0)  # nan where an event told SoC
         return SocEstimate(
             soc=x.circuit[SOC],
             soc_std=np.sqrt(maximum(posterior.cov[SOC, SOC], 0.0)),
-            voltage_V=clean.voltage_V - nu,
+            voltage_V=update.voltage_V,
             voltage_std_V=update.voltage_std_V,
-            innovation_V=where(clean.voltage_measured, nu, math.nan),
+            innovation_V=where(used, clean.voltage_V - update.voltage_V, math.nan),
             current_offset_A=x.offset_A,
             soh_capacity=1.0 / maximum(x.charge_gain, LEAST_CHARGE_GAIN),
             resistance_ratio=self.system.resistance_ratio(x),
