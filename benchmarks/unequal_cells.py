@@ -34,8 +34,8 @@ RMSE_BAR, COVERAGE_BAR, SECONDS_BAR = 0.015, 0.90, 5.0
 SETTLED_S = 1800.0
 #: Two days with a full charge between them, which no balancer changes.
 PLANS = (DayPlan(25.0, 3.0, charged_fully=True), DayPlan(25.0, 3.0))
-#: Passes in which the current of the string settles, and the largest difference left in it, as a share of C.
-_PASSES, _SETTLED_SHARE = 6, 0.001
+#: Passes in which the current of the string settles, and the largest charge left between two cells over the capacity.
+_PASSES, _SETTLED_SHARE = 6, 0.002
 #: Share of a charge by which the charger stays below what the cells would take, so that none is at its limit alone.
 _CHARGER_SHARE = 0.98
 #: Offset of a channel of a cell monitor [V], 1 sigma.
@@ -179,7 +179,8 @@ def string(cell: LifeCell) -> dict[PackCell, CellTruth]:
         truths = {chosen: alone(cell, chosen, shared) for chosen in (*HEALTHY, WEAK)}
         currents = np.stack([truth.current_A for truth in truths.values()], axis=1)
         least = np.take_along_axis(currents, np.abs(currents).argmin(axis=1)[:, None], axis=1)[:, 0]
-        if np.mean(np.ptp(currents, axis=1) > _SETTLED_SHARE * label_Ah) < 1e-3:
+        apart_Ah = np.abs(currents - least[:, None]).sum(axis=0).max() / _HOUR_S
+        if apart_Ah < _SETTLED_SHARE * label_Ah:
             break
         shared = shared._replace(current_A=np.where(least > 0.0, _CHARGER_SHARE, 1.0) * least)
     kept = times >= start_s
