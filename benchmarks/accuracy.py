@@ -15,7 +15,15 @@ from figure import HERE, Figure, verdict
 
 Part = Callable[[], Iterator]
 PAGE = HERE / "accuracy.md"
-TRACTION = ("traction_mujoco", "observer_coverage", "traction_real", "robotino", "slip_control", "range_accuracy")
+TRACTION = (
+    "traction_mujoco",
+    "observer_coverage",
+    "observer_faults",
+    "traction_real",
+    "robotino",
+    "slip_control",
+    "range_accuracy",
+)
 INTRODUCTION = """\
 # Accuracy
 

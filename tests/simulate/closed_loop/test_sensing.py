@@ -117,3 +117,12 @@ def test_impossible_sensors_are_refused(values, message):
 def test_an_encoder_needs_a_wheel():
     with pytest.raises(InputError, match=r"sensors\.encoders must be .* a list out of front_left"):
         Sensing(encoders=("left",)).encoder_wheels(RLMA)
+
+
+def test_glitches_change_single_speeds_of_the_encoders(truths):
+    clean = np.array([arrival.sample.wheel_speed_rad_s[:2] for _, arrival in watch(QUIET, truths)])
+    spoilt = replace(QUIET, encoder_spike_share=0.2, encoder_spike_rad_s=20.0)
+    found = np.array([arrival.sample.wheel_speed_rad_s[:2] for _, arrival in watch(spoilt, truths)])
+    off = np.abs(found - clean)
+    assert 0.05 < np.mean(off > 10) < 0.4
+    assert off[off > 10] == pytest.approx(20.0, abs=0.5) and off[off <= 10].max() < 0.5

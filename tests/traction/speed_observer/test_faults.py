@@ -115,6 +115,20 @@ def test_an_external_speed_that_is_wrong_for_a_moment_is_refused():
     assert e.speed_m_s[-1] == pytest.approx(0.5, abs=0.02)
 
 
+def test_the_band_opens_the_moment_a_possible_speed_is_refused_and_not_for_one_that_no_wheel_has():
+    speed = np.full(T, np.nan)
+    speed[100::10] = 0.5
+    speed[250] = 0.25
+    possible = watch(cruise(speed_m_s=speed), speed_std_m_s=0.05)
+    speed[250] = 5.0
+    impossible = watch(cruise(speed_m_s=speed), speed_std_m_s=0.05)
+    for e in (possible, impossible):
+        assert has(e, SlipFlag.SPEED_REJECTED).nonzero()[0].tolist() == [250]
+        assert within(e, 0.5, 2.0)[200:].all()
+    assert possible.speed_std_m_s[250] > 0.2 and possible.speed_std_m_s[-1] < 0.05
+    assert impossible.speed_std_m_s[250] < 1.1 * impossible.speed_std_m_s[249]
+
+
 def test_current_without_motion_is_a_robot_that_is_held():
     samples = log(np.zeros(T), np.full(T, 8.0))
     e = watch(samples)

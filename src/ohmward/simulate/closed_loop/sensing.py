@@ -62,6 +62,7 @@ class Sensing:
         interval_s: between samples of the board, > 0.
         encoders: "driven", "all", or names of wheels.
         counts_per_turn: of each encoder, > 0.
+        encoder_spike_share, encoder_spike_rad_s: share of each encoder's speeds that a glitch changes, and by how much.
         drive_speed_std_rad_s: noise of the wheel speed that each motor's drive gives to the controller, > 0.
         current_noise_A: of each motor's current, >= 0.
         gyro: True with a gyro.
@@ -73,6 +74,8 @@ class Sensing:
     interval_s: float = 0.01
     encoders: str | tuple[str, ...] = "driven"
     counts_per_turn: int = 4096
+    encoder_spike_share: float = 0.0
+    encoder_spike_rad_s: float = 20.0
     drive_speed_std_rad_s: float = 0.02
     current_noise_A: float = 0.1
     gyro: bool = True
@@ -84,7 +87,8 @@ class Sensing:
 
     def __post_init__(self) -> None:
         require_each_positive("sensors.", self, "interval_s", "counts_per_turn", "drive_speed_std_rad_s")
-        require_each_not_negative("sensors.", self, "current_noise_A", "delay_s", "jitter_s")
+        require_each_not_negative("sensors.", self, "current_noise_A", "delay_s", "jitter_s", "encoder_spike_rad_s")
+        require_between("sensors.encoder_spike_share", self.encoder_spike_share, 0.0, 1.0)
         require_between("sensors.drop_share", self.drop_share, 0.0, 1.0)
 
     def encoder_wheels(self, robot: Robot) -> tuple[int, ...]:
@@ -220,7 +224,15 @@ class SensorSuite:
             speeds[wheels] = wheel_speed(self._before, frame, self._settings)
         elif frame.time_s == 0.0:
             speeds[wheels] = self._start_rad_s[wheels]
-        return speeds
+        return speeds + self._spikes()
+
+    def _spikes(self) -> np.ndarray:
+        """(wheels,) [rad/s] by which glitches change the speeds of the encoders."""
+        wheels, share = len(self.robot.places), self.sensing.encoder_spike_share
+        if not share:
+            return np.zeros(wheels)
+        signs = self._rng.choice([-1.0, 1.0], wheels)
+        return np.where(self._rng.random(wheels) < share, signs * self.sensing.encoder_spike_rad_s, 0.0)
 
     def _newest_speed(self, frame: SensorFrame) -> DelayedSpeed | None:
         """The newest external speed that has arrived with this frame; older ones are dropped."""

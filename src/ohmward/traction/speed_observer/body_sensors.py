@@ -13,8 +13,9 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
+from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import between, every, some, within
-from ohmward.trace import isfinite, logical_not, where
+from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
@@ -24,6 +25,9 @@ from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
+
+#: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
+OPENED_S = 0.2
 
 #: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
 MOST_YAW_RAD_S = 35.0
@@ -147,33 +151,34 @@ def use_speed(
     sample: SlipSample,
     clean: CleanSlipSample,
     history: History,
+    fastest_m_s: Scalar,
     model: Model,
     gate: SensorGate,
 ) -> BodyCorrection:
     """Correct with the external speed, which may be late: y = v - (predicted change since) + noise.
 
-    A disturbance of the grade's sigma may have acted over its age. Where the speed has been outside its gate for longer
-    than `reset_after_s` the estimate is opened for it: as uncertain as the innovation, and the disturbance as uncertain
-    as at first.
+    A disturbance of the grade's sigma may have acted over its age. A speed outside its gate is not used, but where a
+    robot may have it, |y| <= fastest_m_s, the estimate is opened at once: as uncertain as the innovation, on a ground
+    as unknown as at first. Where it has been outside for longer than `reset_after_s`, it is used then, too.
     """
     std = model.noise.speed_std_m_s
     if std is None:
         return body
     own_std = where(between(sample.speed_std_m_s, *SPEED_STD_M_S), sample.speed_std_m_s, std)
     age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
-    drift = GRAVITY * model.noise.grade_std_rad * age_s
+    drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std_rad(body.belief, model)) * age_s
     credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
     y = where(credible, sample.speed_m_s + change_since(history, age_s), np.nan)
 
     nu = where(credible, y, body.belief.mean[0]) - body.belief.mean[0]
     since_s = time_rejected(body.rejected.speed_s, clean.dt_s, True, False, sparse=True)
     reset = credible & (since_s > gate.reset_after_s)
-    opened = disturbance_unknown(inflate(body.belief, 0, nu * nu), model)
+    opened = opened_for(body.belief, nu, model)
     prior = choose(reset, opened, body.belief)
     belief, accepted = correct_sensor(prior, y, lambda x: x[:1], own_std * own_std + drift * drift, gate.nis)
     rejected = isfinite(y) & logical_not(accepted)
     return body._replace(
-        belief=belief,
+        belief=choose(rejected & (abs(y) <= fastest_m_s), opened, belief),
         observable=some([body.observable, accepted]),
         speed_rejected=rejected,
         speed_reset=reset,
@@ -181,6 +186,16 @@ def use_speed(
             speed_s=time_rejected(body.rejected.speed_s, clean.dt_s, rejected, credible, sparse=True)
         ),
     )
+
+
+def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
+    """The belief as uncertain of the speed as this innovation, on a ground as unknown as at first."""
+    belief = disturbance_unknown(inflate(belief, 0, nu_m_s * nu_m_s), model, nu_m_s / (GRAVITY * OPENED_S))
+    if model.states.friction == "known":
+        return belief
+    for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
+        belief = inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+    return belief
 
 
 def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyCorrection:
@@ -200,9 +215,15 @@ def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gat
     return correct_gated(belief, y, correct, gate)
 
 
-def disturbance_unknown(belief: Belief, model: Model) -> Belief:
-    """The belief with the grade, which stands for every unmodelled disturbance, as unknown as at first."""
+def grade_std_rad(belief: Belief, model: Model) -> Scalar:
+    """Standard deviation [rad] of the grade; 0 where it is no state."""
+    i = model.layout.index("grade_rad") if model.states.grade else None
+    return 0.0 if i is None else std_of(belief.cov[i, i])
+
+
+def disturbance_unknown(belief: Belief, model: Model, least_rad: Scalar = 0.0) -> Belief:
+    """The belief with the grade, which stands for every unmodelled disturbance, as unknown as at first or as this."""
     if not model.states.grade:
         return belief
     i = model.layout.index("grade_rad")
-    return inflate(belief, i, model.noise.grade_std_rad**2 - belief.cov[i, i])
+    return inflate(belief, i, maximum(model.noise.grade_std_rad**2, least_rad**2) - belief.cov[i, i])

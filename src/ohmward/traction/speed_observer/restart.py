@@ -69,6 +69,11 @@ def advance_reach(
     )
 
 
+def fastest_m_s(reach: Reach) -> Scalar:
+    """Greatest speed [m/s] that the body can have."""
+    return SHARE * reach.wheels_m_s + reach.sliding_m_s + REST_M_S
+
+
 def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: float, model: Model) -> Scalar:
     """True where the belief is none that this robot can have.
 
@@ -78,7 +83,7 @@ def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: 
     x, P = belief
     layout = model.layout
     yaw, own = layout.index("yaw_rate_rad_s"), layout.robot_states
-    fastest = SHARE * reach.wheels_m_s + reach.sliding_m_s + REST_M_S
+    fastest = fastest_m_s(reach)
     sane = [
         isfinite(sum(x) + sum(P[i, j] for i in range(len(x)) for j in range(i + 1))),
         *[abs(x[i]) <= fastest for i in range(model.scene.robot.freedoms - 1)],

@@ -79,7 +79,7 @@ from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.observer_state import ObserverState, started
 from ohmward.traction.speed_observer.plausible import first_sight, without_impossible_currents
-from ohmward.traction.speed_observer.restart import advance_reach, is_lost, restarted
+from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.states import States
@@ -201,7 +201,7 @@ class SpeedObserver:
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        body = self.correct_body(turn._replace(belief=wheels.belief), prediction, sample, clean, history)
+        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, sample, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
         belief = slip_test.belief._replace(mean=self.model.layout.bounded(slip_test.belief.mean))
         reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
@@ -285,6 +285,7 @@ class SpeedObserver:
 
     def correct_body(
         self,
+        state: ObserverState,
         body: BodyCorrection,
         prediction: Prediction,
         sample: SlipSample,
@@ -298,7 +299,7 @@ class SpeedObserver:
             body = use_gyro(body, sample, clean, model, gate)
         body = use_pitch(body, sample, model, gate)
         body = use_accelerometer(body, sample, clean, model, gate)
-        body = use_speed(body, sample, clean, history, model, gate)
+        body = use_speed(body, sample, clean, history, fastest_m_s(state.reach), model, gate)
         return use_standstill(body, clean.resting, model)
 
     def compare_hypotheses(
