@@ -9,7 +9,6 @@ from ohmward.battery.learning.same_battery import (
     explained_worse,
     forgotten,
     is_label,
-    is_suspicious,
     other_battery,
     other_label,
 )
@@ -56,12 +55,6 @@ def test_a_label_may_be_wrong_by_more():
     label = CapacityAndResistance(Normal(10.0, 1.0), Normal(0.020, 0.016))
     assert other_label(label, seen(7.0, 0.040)) == ""
     assert "its capacity is 5 +-" in other_label(label, seen(5.0, 0.020))
-
-
-def test_a_log_is_suspicious_by_its_move_or_by_its_misfit():
-    assert not is_suspicious(FILE, seen(10.1, 0.021), 1.1)
-    assert is_suspicious(FILE, seen(10.4, 0.021), 1.0)
-    assert is_suspicious(FILE, seen(10.0, 0.020), 2.0)
 
 
 def test_a_file_without_its_knowledge_is_a_label():

@@ -36,7 +36,6 @@ from ohmward.battery.learning.same_battery import (
     explained_worse,
     forgotten,
     is_label,
-    is_suspicious,
     other_battery,
     other_label,
 )
@@ -163,8 +162,7 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
     lesson = _lesson(battery, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
-    misfit = max(part.solution.misfit for part in parts)
-    if contradiction := _other_battery(aged, log, lesson, misfit):
+    if contradiction := _other_battery(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     told = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
     seen = SeenLog(log.name, new.fingerprint, *_span(log), lesson.hours, lesson.reason, told)
@@ -181,15 +179,13 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     return replace(learnt, not_identified=untaught_sentences(learnt))
 
 
-def _other_battery(battery: Battery, log: Log, lesson: Lesson, misfit: float) -> str:
+def _other_battery(battery: Battery, log: Log, lesson: Lesson) -> str:
     """Contradiction of a log with the battery, as it has aged until then; "" for none."""
     covariance = prior_covariance(battery)
     known = CapacityAndResistance(capacity_normal(battery, covariance), resistance_normal(battery, covariance))
     after = CapacityAndResistance(lesson.capacity_Ah, lesson.resistance_ohm)
     if is_label(battery):
         return other_label(known, after)
-    if not is_suspicious(known, after, misfit):
-        return ""
     _, alone = learn_log(forgotten(battery), log)
     if alone.verdict != "learnt":
         return alone.reason

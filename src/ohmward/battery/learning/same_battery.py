@@ -20,14 +20,11 @@ from ohmward.battery.chemistries import Normal, start_noise
 _OTHER_BATTERY = 3.5
 #: A shorter one does where the file explains the log far worse than the log alone would be: by this much of the
 #: logarithm of the likelihood. It is below 40 for later logs of one battery, and 61 to 300 for that other cell.
-_DOUBTFUL, _EXPLAINED_WORSE = 1.5, 80.0
+_DOUBTFUL, _EXPLAINED_WORSE = 1.5, 60.0
 #: A label may be wrong by more than a battery file: a battery at the end of its life has 70 % of it.
 _OTHER_LABEL = 4.5
 #: A difference that is told, where both together have set a log aside.
 _WORTH_TELLING = 1.0
-#: A log that moves the file by less standard deviations, and whose squared errors exceed what the file expects by less
-#: than this factor, is not learnt once more: that factor was 1.0 to 1.2, and 2.4 to 2.9 for other batteries.
-_SUSPICIOUS_MOVE, _SUSPICIOUS_MISFIT = 1.0, 1.3
 
 
 class CapacityAndResistance(NamedTuple):
@@ -57,15 +54,6 @@ def is_label(battery: Battery) -> bool:
     """True for a file that is as doubtful as a label."""
     label = start_noise(battery.chemistry, battery.n_series)
     return battery.knowledge is None and battery.noise.resistance_std >= label.resistance_std
-
-
-def is_suspicious(known: CapacityAndResistance, after: CapacityAndResistance, misfit: float) -> bool:
-    """True where a log has moved the file by more than usual, or is explained by it less well than usual.
-
-    misfit: factor by which the squares of the voltage's errors exceed their variance.
-    """
-    moved = max(abs(_moved(old, new)) for old, new in zip(known, after, strict=True))
-    return moved > _SUSPICIOUS_MOVE or misfit > _SUSPICIOUS_MISFIT
 
 
 def other_label(known: CapacityAndResistance, after: CapacityAndResistance) -> str:
