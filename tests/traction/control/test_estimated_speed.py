@@ -14,6 +14,7 @@ from ohmward.traction.control import SlipCommand, SlipController
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 sys.path.insert(0, str(ROOT / "benchmarks"))
 loops = import_module("slip_loops")
+peers = import_module("slip_peers")
 
 IMU, EDGES = loops.Sensors(), loops.Sensors(edges=True)
 
@@ -57,6 +58,25 @@ def test_a_slope_that_no_sensor_was_told_of_is_found():
     pitch_is_wrong = loops.Sensors(pitch_std_deg=1.0)
     found = loops.tracking(from_rest(0.2, pitch_is_wrong).truth, 0.12, 0.5)
     assert found.rms <= 0.012
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("passive", [False, True])
+def test_the_claim_holds_for_masses_and_slopes_that_nobody_told(passive):
+    rng, sensors = np.random.default_rng(21), loops.Sensors(passive=passive)
+    runs = [peers.jumping(sensors, friction, rng, seed) for friction in (0.15, 0.35, 1.0) for seed in (1, 2)]
+    error, std = np.concatenate(runs).T
+    assert np.mean((error / std) ** 2) < 3.0  # of six drives; over many it is below 2
+    assert np.mean(np.abs(error) <= 1.96 * std) > 0.85
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tyre", peers.TYRES)
+@pytest.mark.parametrize("friction", [0.15, 1.0])
+def test_a_spin_ends_on_an_estimated_speed(tyre, friction):
+    launch = SlipController(loops.WHEEL, loops.WIDER, loops.LIMITS).launch
+    found = peers.held(loops.WIDER, launch, tyre, friction, EDGES, 1, peers.SPIN_S)
+    assert found.settled_s <= found.least_s + 0.15
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
