@@ -95,19 +95,14 @@ def _band(fit: AgeingFit, health: Health, unit: float) -> Band:
 
 
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:
-    """Each log by itself, with its own 95 % as a line."""
+    """Each log by itself."""
     first_s = health.points[0].time_s
     known = [point for point in health.points if _is_shown(getattr(point, quantity))]
     if not known:
         return []
     days = np.array([(point.time_s - first_s) / DAY_S / unit for point in known])
-    mean, std = np.array([getattr(point, quantity) for point in known]).T
-    low, high = np.exp(mean - BAND_95 * std), np.exp(mean + BAND_95 * std)
-    bars = np.ravel(np.column_stack([low, high, np.full(len(low), np.nan)]))
-    return [
-        Series(np.repeat(days, 3), _PERCENT * bars, "95 % of one log", "line", "background"),
-        Series(days, _PERCENT * np.exp(mean), "one log by itself", "points", "background"),
-    ]
+    value = np.exp([getattr(point, quantity).mean for point in known])
+    return [Series(days, _PERCENT * value, "one log by itself", "points", "background")]
 
 
 def _is_shown(value: Normal) -> bool:

@@ -22,8 +22,6 @@ _MOST_CHANGES = 3
 NEW_CAPACITY_STD = 0.03
 #: Resistance of one log to the next that comes and goes: other currents and another range of SoC.
 _RESISTANCE_REVERSIBLE_STD = 0.05
-#: Resistance walks in 100 hours, capacity in 1000.
-_TEN = math.sqrt(10.0)
 
 
 class Health(NamedTuple):
@@ -112,7 +110,8 @@ def _doubt(battery: Battery, common_std: float | None) -> CapacityDoubt:
 def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
     """Trend of the resistance: no law, a random walk."""
     noise = battery.noise
-    doubt = CapacityDoubt(noise.resistance_std, battery.sensor.gain_std, _TEN * noise.resistance_walk)
+    # the filter's walk in 100 hours is most of it what comes and goes; what stays takes ten times as long
+    doubt = CapacityDoubt(noise.resistance_std, battery.sensor.gain_std, noise.resistance_walk)
     return fit_ageing(no_law(), Track.of(points, "log_resistance"), doubt, _RESISTANCE_REVERSIBLE_STD)
 
 
