@@ -54,6 +54,11 @@ From the label, without the open-circuit voltage that comes with the data; other
 
 Telemetry at one sample a minute, lead-acid; the sensor has an offset.
 """,
+    "pack": """## Four unequal cells
+
+One of four cells in series has 85 % of the capacity, 1.5 times the resistance, and begins 5 points lower; the voltages
+of the cells are in the log. The file is that of the new cell, from pulses or from the label.
+""",
     "nasa": """## Capacity over a life
 
 Charges and the first half of each discharge teach; the truth is the charge of the whole discharge. Second halves are

@@ -8,9 +8,13 @@ from typing import NamedTuple
 
 import learning_gym as gym
 import learning_measured as measured
+import unequal_cells
 from figure import Figure
 from lives_cells import CELLS
 from measured_lives import TUE_SPLITS
+
+#: Cells on which the order of logs is tried: of LFP and of NMC.
+SAME = 2
 
 
 class Part(NamedTuple):
@@ -30,7 +34,7 @@ class Part(NamedTuple):
 
 def parts() -> list[Part]:
     """Every part of the page."""
-    return [*_gym(), *_measured()]
+    return [*_gym(), *_measured(), *_packs()]
 
 
 def _gym() -> Iterator[Part]:
@@ -40,7 +44,7 @@ def _gym() -> Iterator[Part]:
         ("aged", gym.before_the_cycles, gym.aged),
         ("same", None, gym.same),
     ):
-        for cell in quick:
+        for cell in quick[:SAME] if words == "same" else quick:
             name = f"{words} {cell.chemistry} {cell.name}"
             yield Part(name, words, base and partial(base, cell), partial(learnt, cell), cell.kept_out)
 
@@ -52,3 +56,17 @@ def _measured() -> Iterator[Part]:
     for name in measured.NASA:
         yield Part(f"nasa {name}", "nasa", partial(measured.before_nasa, name), partial(measured.nasa, name))
     yield Part("i3", "i3", measured.before_i3, measured.i3)
+
+
+def _packs() -> Iterator[Part]:
+    for cell in CELLS:
+        if not cell.slow and cell.chemistry != "lead-acid":
+            yield Part(
+                f"pack {cell.chemistry} {cell.name}", "pack", None, partial(unequal_cells.rows, cell), cell.kept_out
+            )
+    yield Part("pack of 28 cells", "pack", None, many_cells)
+
+
+def many_cells() -> Iterator[Figure]:
+    """Time for a pack of 28 cells."""
+    yield unequal_cells.many_cells()
