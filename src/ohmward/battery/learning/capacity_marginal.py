@@ -24,6 +24,9 @@ _FIRST, _LONGER, _MOST, _FAR = 0.8, 1.5, 7, 12.0
 _DEEPER = 0.01
 #: An anchor below this SoC is a cut-off, not a full charge.
 _HALF = 0.5
+#: Where -2 ln of the density falls so much below that of the mode, there is another hill, too far away for a model that
+#: is linear about this one: such a log does not tell the capacity.
+_HIGHER = 3.0
 #: Least first step, and steps of the search at each point.
 _LEAST_STEP, _STEPS = 0.002, 4
 #: Every so many rows are enough for it, and never fewer than so many.
@@ -31,7 +34,7 @@ _COARSE, _ROWS = 10, 300
 
 
 def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Normal:
-    """Mean and standard deviation of the correction of the logarithm of the capacity."""
+    """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills."""
     q = model.parameters.group("capacity").start
     coarse = model.linear_about(found.x, max(1, min(_COARSE, model.rows.size // _ROWS)))
     step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
@@ -41,9 +44,12 @@ def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[Soc
         value, width, here = float(found.x[q]), step, x
         for _ in range(_MOST):
             value += side * width
-            here, points[value] = _profile(coarse, prior, anchors, here, value, found.misfit)
+            here, there = _profile(coarse, prior, anchors, here, value, found.misfit)
+            if there < cost - _HIGHER:
+                return Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+            points[value] = there
             width *= _LONGER
-            if points[value] > min(points.values()) + _FAR:
+            if there > min(points.values()) + _FAR:
                 break
     return moments(points)
 
