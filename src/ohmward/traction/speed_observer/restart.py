@@ -33,7 +33,7 @@ SHARE, REST_M_S = 1.25, 0.25
 SLIDING_M_S2 = 2.0
 
 #: Speed, yaw rate and wheel speed that no belief of a robot reaches [m/s, rad/s, rad/s]; none is so uncertain either.
-MOST_M_S, MOST_YAW_RAD_S, MOST_WHEEL_RAD_S = 100.0, 50.0, 1e4
+MOST_M_S, MOST_YAW_RAD_S, MOST_WHEEL_RAD_S = 100.0, 50.0, 1e3
 
 #: Standard deviation of the speed after a restart, as a share of the rims' speed: wheels may be spinning then.
 RESTART_SHARE = 0.5
@@ -83,7 +83,7 @@ def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: 
     x, P = belief
     layout = model.layout
     yaw, own = layout.index("yaw_rate_rad_s"), layout.robot_states
-    fastest = fastest_m_s(reach)
+    fastest = minimum(fastest_m_s(reach), MOST_M_S)
     sane = [
         isfinite(sum(x) + sum(P[i, j] for i in range(len(x)) for j in range(i + 1))),
         *[abs(x[i]) <= fastest for i in range(model.scene.robot.freedoms - 1)],
