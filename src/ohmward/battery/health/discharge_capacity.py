@@ -63,7 +63,16 @@ def _next(latest: FullDischarge | None, lesson: Lesson) -> FullDischarge | None:
         whole = lesson.soc_min < _EMPTIED_BELOW
     else:
         whole = lesson.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
-    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), lesson.given_Ah) if whole else latest
+    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), _as_counted(lesson)) if whole else latest
+
+
+def _as_counted(lesson: Lesson) -> Normal:
+    """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log left in.
+
+    A charge and the discharge before it count the offset the other way; what a log turns around cancels.
+    """
+    turned = (lesson.soc_end.mean - lesson.soc_start.mean) / max(lesson.soc_max - lesson.soc_min, 1e-3)
+    return lesson.given_Ah._replace(mean=lesson.given_Ah.mean + turned * lesson.offset_A.mean * lesson.hours)
 
 
 def _of_next(latest: FullDischarge) -> Normal:
