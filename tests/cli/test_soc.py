@@ -15,7 +15,7 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
-    "explanation", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
+    "explanation", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
 LATE = {f"{name}_after_1h" for name in SCORES}
@@ -190,3 +190,9 @@ def test_without_cell_voltages_the_weakest_cell_is_said_to_be_unseen(here, as_js
     assert found["weakest_unseen"]["soc"] < found["soc_final"]
     main([*SOC])
     assert "weakest cell     not measured; probably" in capsys.readouterr().out
+
+
+def test_a_drive_has_no_event_that_tells_soc(here, as_json, capsys):
+    assert as_json(*SOC)["anchors"] == []
+    assert main(list(SOC)) == 0
+    assert "Events" not in capsys.readouterr().out

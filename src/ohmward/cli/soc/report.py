@@ -8,6 +8,8 @@ from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.report_parts import FOOTER, with_assumptions
+from ohmward.cli.soc.anchors import HEADER as HEADER_OF_ANCHORS
+from ohmward.cli.soc.anchors import TITLE, anchor_rows
 from ohmward.cli.soc.cells import HEADER, cell_rows, cells_result
 from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, headline, result
 from ohmward.cli.wording import duration, percent, quantity, sentence
@@ -29,6 +31,8 @@ def make_page(task: SocTask, name: str, answers: tuple[SocRun, PackRun | None], 
     page = Page(task.log.name, what, FOOTER)
     page = page.callout("info" if explanation["known"] else "warning", headline(figures))
     page = page.numbers(_numbers(figures)).plot(*_plots(task, answer))
+    if figures["anchors"]:
+        page = page.heading(TITLE).table(HEADER_OF_ANCHORS, anchor_rows(figures))
     if cells:
         page = _cells(page, cells, figures)
     if explanation["causes"]:

@@ -12,6 +12,7 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
+from ohmward.cli.soc.anchors import anchor_list, anchor_text
 from ohmward.cli.soc.cells import (
     cell_columns,
     cells_sentence,
@@ -51,6 +52,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = No
         "current_offset_A": float(estimates.current_offset_A[-1]),
         "soh_capacity": float(estimates.soh_capacity[-1]),
         "resistance_ratio": float(estimates.resistance_ratio[-1]),
+        "anchors": anchor_list(task, answer),
         "cells": cells_summary(cells) if cells else None,
         "weakest_unseen": None if cells else unseen_summary(task.battery, estimates),
         "flags": answer.counts(),
@@ -67,6 +69,7 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
         title + title_of(figures["filter"]),
         textwrap.fill(headline(figures), wording.WIDTH),
         wording.fields(result(figures)),
+        anchor_text(figures),
         cells_text(figures),
         causes(figures),
         errors(figures) if task.truth else "",
