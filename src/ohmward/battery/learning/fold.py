@@ -113,26 +113,16 @@ def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.nda
 
 
 def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
-    """The covariance (K, K) without the correlation of the capacity with all but the curve that no log has shown.
+    """The covariance (K, K) without the correlation of the capacity with all else.
 
-    The voltage at a charge below full is the same whatever the capacity is, once it was seen. A correlation that is
-    left comes from between the knots, and each log would find the capacity in it anew. The unseen knots u follow the
-    capacity q and the others s as before, u = A s + b q + e, and s and q are taken as independent.
+    The voltage at a charge below full is the same whatever the capacity is, once it was seen, and what was not seen
+    stretches with the capacity by itself (`curve_place`). A correlation that is left comes from between the knots, and
+    each log would find the capacity in it anew.
     """
-    p = parameters_of(battery)
-    seen_from_soc = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    q, ocv = p.group("capacity").start, p.group("ocv").start
-    unseen = ocv + np.flatnonzero(seen_from_soc > OCV_KNOTS)
-    seen = np.setdiff1d(np.arange(p.size), [q, *unseen])
-    causes = np.array([*seen, q])
-    P = covariance[np.ix_(causes, causes)].copy()
-    follow = np.linalg.solve(P, covariance[np.ix_(causes, unseen)]).T
-    left = covariance[np.ix_(unseen, unseen)] - follow @ P @ follow.T
-    P[-1, :-1] = P[:-1, -1] = 0.0
-    order = np.array([*causes, *unseen])
-    found = np.block([[P, P @ follow.T], [follow @ P, follow @ P @ follow.T + left]])
-    back = np.argsort(order)
-    return found[np.ix_(back, back)]
+    found, q = covariance.copy(), parameters_of(battery).group("capacity")
+    found[q, :], found[:, q] = 0.0, 0.0
+    found[q, q] = covariance[q, q]
+    return found
 
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
