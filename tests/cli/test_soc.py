@@ -152,10 +152,10 @@ def test_the_sentence_and_the_causes_are_in_every_form(here, as_json, capsys):
 
 @pytest.fixture
 def of_cells(here):
-    """The drive of a pack of three, the second cell 5 points lower than the others and with 0.8 of their capacity."""
+    """The drive of a pack of three, the second cell 15 points lower than the others and with 0.8 of their capacity."""
     log = drive()
     one, moved = battery(), np.cumsum(np.diff(log.time_s, prepend=0.0) * log.current_A) / 3600.0 / CAPACITY_AH
-    soc = [START_SOC + moved, START_SOC - 0.05 + moved / 0.8, START_SOC + moved]
+    soc = [START_SOC + moved, START_SOC - 0.15 + moved / 0.8, START_SOC + moved]
     assert one.thevenin is not None
     ocv_V = [one.thevenin.ocv.mean_V(s, 25.0) / 3 for s in soc]
     over_V = (log.voltage_V - 3 * ocv_V[0]) / 3
