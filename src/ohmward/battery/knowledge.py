@@ -23,6 +23,7 @@ class SeenLog:
         hours: its length.
         taught: what it taught, in a line.
         anchors: number of times at which something else than the voltage told its state of charge.
+        end_soc, end_soc_std: state of charge at its last sample, None in a file that did not keep it.
     """
 
     name: str
@@ -32,6 +33,8 @@ class SeenLog:
     hours: float = 0.0
     taught: str = ""
     anchors: int = 0
+    end_soc: float | None = None
+    end_soc_std: float | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ohmward.battery.learning.same_battery import (
     is_label,
     other_battery,
     other_label,
+    too_small,
 )
 
 FILE = CapacityAndResistance(Normal(10.0, 0.2), Normal(0.020, 0.0012))
@@ -61,3 +62,8 @@ def test_a_file_without_its_knowledge_is_a_label():
     battery = generic_battery("nmc", 10.0, 3)
     assert is_label(battery)
     assert forgotten(battery) == battery
+
+
+def test_a_log_that_goes_through_more_than_all_of_the_charge_is_of_a_larger_battery():
+    assert too_small(Normal(6.0, 0.6), 1.1) == ""
+    assert "its capacity is 9 Ah at least" in too_small(Normal(6.0, 0.6), 1.5)

@@ -130,9 +130,15 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     model, direction = thevenin_of(battery), np.zeros(p.size)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
     pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).by_log_ratio(OCV_KNOTS)
-    slipped = model.ocv_slip * slip_shape(OCV_KNOTS, model.ocv_slip)
     direction[p.group("capacity")] = 1.0
-    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * (pinned - slipped)
+    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * pinned
+    return direction + model.ocv_slip * slip_direction(battery, p)
+
+
+def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
+    """(K,) change of the curve where the electrodes slip by the whole of a loss of capacity."""
+    model, direction = thevenin_of(battery), np.zeros(p.size)
+    direction[p.group("ocv")] = -mean_slope_V(model.ocv, OCV_KNOTS) * slip_shape(OCV_KNOTS, model.ocv_slip)
     return direction
 
 

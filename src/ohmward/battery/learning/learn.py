@@ -26,6 +26,7 @@ from ohmward.battery.learning.fold import (
     model_floor_V,
     never_anchored,
     resistance_normal,
+    slip_direction,
 )
 from ohmward.battery.learning.new_parts import new_parts
 from ohmward.battery.learning.nuisances import nuisance_covariance
@@ -38,10 +39,12 @@ from ohmward.battery.learning.same_battery import (
     is_label,
     other_battery,
     other_label,
+    too_small,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts
+from ohmward.battery.learning.told_soc import full_at_start, soc_anchors, span_of, told_at_start
 from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
@@ -52,8 +55,6 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log
 #: Called with the name of a log and the share of all logs that is done.
 Progress = Callable[[str, float], None]
 
-#: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
-_TOLD_STD = 0.03
 #: Random walk of the logarithms of capacity and resistances by use, in one full cycle: cells lose 0.02 to 0.3 % of
 #: their capacity in one, and a trend that goes on for some ten cycles is followed.
 _CYCLE_WALK = 0.005
@@ -154,8 +155,9 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     try:
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, battery))
         aged = aged_by(battery, hours_since_last(battery, log), log)
-        told_soc = initial_soc if new.parts[0].time_s[0] == log.time_s[0] else None
-        parts = _learn_parts(aged, new.parts, anchors, told_soc)
+        at_start = new.parts[0].time_s[0] == log.time_s[0]
+        told = told_at_start(battery, log, initial_soc) if at_start else ()
+        parts = _learn_parts(aged, new.parts, anchors, told)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
             return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
@@ -164,8 +166,8 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     lesson = _lesson(battery, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     if contradiction := _other_battery(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
-    told = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    seen = SeenLog(log.name, new.fingerprint, *_span(log), lesson.hours, lesson.reason, told)
+    anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
+    seen = SeenLog(log.name, new.fingerprint, *span_of(log), lesson.hours, lesson.reason, anchored, *lesson.soc_end)
     return _remember(battery, after, seen), lesson
 
 
@@ -184,6 +186,8 @@ def _other_battery(battery: Battery, log: Log, lesson: Lesson) -> str:
     covariance = prior_covariance(battery)
     known = CapacityAndResistance(capacity_normal(battery, covariance), resistance_normal(battery, covariance))
     after = CapacityAndResistance(lesson.capacity_Ah, lesson.resistance_ohm)
+    if larger := too_small(lesson.capacity_Ah, lesson.soc_max - lesson.soc_min):
+        return larger
     if is_label(battery):
         return other_label(known, after)
     _, alone = learn_log(forgotten(battery), log)
@@ -209,8 +213,9 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
         return battery
     p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours
     covariance, direction = battery.knowledge.matrix, ageing_direction(battery, p)
+    slipped = noise.ocv_slip_std * slip_direction(battery, p)
     capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
-    covariance += capacity_variance * np.outer(direction, direction)
+    covariance += capacity_variance * (np.outer(direction, direction) + np.outer(slipped, slipped))
     together = np.r_[p.group("ohmic"), p.group("pair")]
     resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance[np.ix_(together, together)] += resistance_variance
@@ -221,32 +226,29 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
 
 def hours_since_last(battery: Battery, log: Log) -> float:
     """Hours between the last log that the battery has seen and this one; 0 where no clock tells."""
-    start, _ = _span(log)
+    start, _ = span_of(log)
     ends = [seen.end_unix_s for seen in battery.knowledge.logs if seen.end_unix_s] if battery.knowledge else []
     return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
 
 
 def _learn_parts(
-    battery: Battery, logs: Sequence[Log], anchors: Sequence[Anchor], initial_soc: float | None
+    battery: Battery, logs: Sequence[Log], anchors: Sequence[Anchor], told: tuple[SocAnchor, ...]
 ) -> list[_Part]:
-    """Lessons of the parts of a log, one after the other; raises InputError where there is nothing to learn from."""
+    """Lessons of the parts of a log, one after the other; raises InputError where there is nothing to learn from.
+
+    told: state of charge at the first sample, where it is known.
+    """
     parts: list[_Part] = []
     for log in logs:
         for samples in samples_of(log, battery):
             if not samples.rows.size:
                 continue
-            told = () if initial_soc is None or parts else (SocAnchor(0, initial_soc, _TOLD_STD),)
             now = parts[-1].battery if parts else battery
-            parts.append(_learn_part(now, samples, (*told, *_soc_anchors(anchors, samples))))
+            at_start = (told if not parts else ()) or full_at_start(now, samples)
+            parts.append(_learn_part(now, samples, (*at_start, *soc_anchors(anchors, samples))))
     if not parts:
         raise InputError("no stretch of it has two samples with a credible current and voltage; check the columns")
     return parts
-
-
-def _soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor, ...]:
-    """The anchors within a part; a rest tells no more than its voltage, which is used anyway."""
-    inside = [a for a in anchors if a.kind != "rest" and samples.time_s[0] <= a.time_s <= samples.time_s[-1]]
-    return tuple(SocAnchor(int(np.searchsorted(samples.time_s, a.time_s)), a.soc, a.soc_std) for a in inside)
 
 
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
@@ -364,10 +366,3 @@ def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson
         own_resistance_ohm=Normal(np.nan, np.inf),
         given_Ah=Normal(np.nan, np.inf),
     )
-
-
-def _span(log: Log) -> tuple[float | None, float | None]:
-    """Unix time of the first and the last sample."""
-    if log.start_unix_s is None:
-        return None, None
-    return log.start_unix_s + float(log.time_s[0]), log.start_unix_s + float(log.time_s[-1])

@@ -23,6 +23,9 @@ _OTHER_BATTERY = 3.5
 _DOUBTFUL, _EXPLAINED_WORSE = 1.5, 60.0
 #: A label may be wrong by more than a battery file: a battery at the end of its life has 70 % of it.
 _OTHER_LABEL = 4.5
+#: A log that goes through more than this share of the capacity that was fitted to it is of a larger battery: SoC axis
+#: and sensor err by less.
+_DEEPEST = 1.15
 #: A difference that is told, where both together have set a log aside.
 _WORTH_TELLING = 1.0
 
@@ -61,6 +64,14 @@ def other_label(known: CapacityAndResistance, after: CapacityAndResistance) -> s
     return _contradiction(known, after, [_moved(old, new) for old, new in zip(known, after, strict=True)], _OTHER_LABEL)
 
 
+def too_small(capacity_Ah: Normal, depth: float) -> str:
+    """Contradiction of a log with a capacity [Ah] of which it goes through a share `depth`; "" for none."""
+    if depth <= _DEEPEST:
+        return ""
+    larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
+    return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} +- {capacity_Ah.std:.2g} Ah")
+
+
 def other_battery(known: CapacityAndResistance, alone: CapacityAndResistance, explained_worse: float = 0.0) -> str:
     """Contradiction of a log with a file that knows its battery; "" for none.
 
@@ -95,8 +106,12 @@ def _contradiction(known: CapacityAndResistance, found: CapacityAndResistance, z
         for (name, unit, scale), old, new, off in zip(units, known, found, z, strict=True)
         if abs(off) > _WORTH_TELLING
     ]
+    return _refusal(" and ".join(differ))
+
+
+def _refusal(difference: str) -> str:
     return (
-        f"this is not the battery of the file: {' and '.join(differ)} (1 sigma); keep a file for each battery. If "
+        f"this is not the battery of the file: {difference} (1 sigma); keep a file for each battery. If "
         "it is the same one nevertheless, begin anew with `ohmward generic` and its present capacity"
     )
 

@@ -1,0 +1,82 @@
+"""State of charge that something else than the voltage tells at the start of a log."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.knowledge import Knowledge, SeenLog
+from ohmward.battery.learning import learn
+from ohmward.battery.learning.samples import samples_of
+from ohmward.battery.learning.told_soc import full_at_start, told_at_start
+from ohmward.logs import Log
+
+LABEL = generic_battery("nmc", 10.0)
+MIDNIGHT_S = 1_700_000_000.0
+
+
+def evening(start_unix_s: float | None = MIDNIGHT_S, voltage_V: float = 3.9, current_A: float = 0.0) -> Log:
+    """An hour at a steady current."""
+    time_s = np.arange(0.0, 3600.0, 60.0)
+    steady = np.ones(time_s.size)
+    log = Log("evening", time_s, current_A * steady, voltage_V * steady, 25.0 * steady)
+    return replace(log, start_unix_s=start_unix_s)
+
+
+def after(*logs: SeenLog):
+    """The label after it has seen these logs."""
+    return replace(LABEL, knowledge=Knowledge((), (), logs))
+
+
+def test_the_user_knows_better_than_the_log_before():
+    battery = after(SeenLog("day", "", MIDNIGHT_S - 86400.0, MIDNIGHT_S, end_soc=0.4, end_soc_std=0.02))
+    (told,) = told_at_start(battery, evening(), 0.7)
+    assert (told.sample, told.soc, told.std) == (0, 0.7, 0.03)
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 60.0, 1200.0])
+def test_a_log_goes_on_with_the_charge_of_the_one_before(gap_s):
+    battery = after(
+        SeenLog("day", "", MIDNIGHT_S - 86400.0, MIDNIGHT_S - gap_s, end_soc=0.4, end_soc_std=0.02),
+        SeenLog("a day without a clock", end_soc=0.9, end_soc_std=0.01),
+    )
+    (told,) = told_at_start(battery, evening(), None)
+    assert told.soc == 0.4
+    # 0.3 C may have flowed in between
+    assert told.std == pytest.approx(math.hypot(0.02, 0.01, 0.3 * gap_s / 3600.0))
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        SeenLog("long before", "", 0.0, MIDNIGHT_S - 7200.0, end_soc=0.4, end_soc_std=0.02),
+        SeenLog("of an older file", "", 0.0, MIDNIGHT_S),
+        SeenLog("without a clock", end_soc=0.4, end_soc_std=0.02),
+    ],
+)
+def test_another_log_tells_nothing(seen):
+    assert told_at_start(after(seen), evening(), None) == ()
+    assert told_at_start(after(seen), evening(None), None) == ()
+
+
+@pytest.mark.parametrize(
+    ("voltage_V", "current_A", "full"), [(4.2, 0.0, True), (4.2, 1.0, False), (4.2, -1.0, False), (4.1, 0.0, False)]
+)
+def test_a_rest_at_the_voltage_of_a_full_battery_is_full(voltage_V, current_A, full):
+    (samples,) = samples_of(evening(voltage_V=voltage_V, current_A=current_A), LABEL)
+    told = full_at_start(LABEL, samples)
+    assert bool(told) is full
+    if told:
+        assert told[0].soc == 1.0 and told[0].std == pytest.approx(math.hypot(0.03, LABEL.noise.soc_axis_std))
+
+
+def test_what_was_learnt_at_the_end_of_a_log_is_kept_in_the_file():
+    learnt = learn(LABEL, [evening()])
+    (lesson,) = learnt.lessons
+    assert learnt.battery.knowledge is not None
+    (seen,) = learnt.battery.knowledge.logs
+    assert (seen.end_soc, seen.end_soc_std) == tuple(lesson.soc_end)
+    (told,) = told_at_start(learnt.battery, evening(MIDNIGHT_S + 3600.0), None)
+    assert told.soc == lesson.soc_end.mean
