@@ -131,9 +131,14 @@ def points_of(dated: DatedLogs, lessons: Sequence[Lesson], new: Newness) -> list
 
 
 def common_error(battery: Battery, lessons: Sequence[Lesson]) -> float:
-    """Relative error that all logs share: of the sensor's gain, and of the curve's empty end where no log shows it."""
-    emptied = used_capacities(lessons)[-1].latest is not None
-    return math.hypot(battery.sensor.gain_std, 0.0 if emptied else battery.noise.soc_axis_std)
+    """Relative error that all logs share: of the sensor's gain, and of where the empty end of the curve lies.
+
+    Where discharges are judged they are all measured against the first that shows their end, and share its error.
+    """
+    first = next((lesson for lesson, each in zip(lessons, used_capacities(lessons), strict=True) if each.latest), None)
+    if first is not None:
+        return _relative_std(first.capacity_Ah)
+    return math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std)
 
 
 def _own_discharge(lesson: Lesson, used: UsedCapacity) -> Normal:
