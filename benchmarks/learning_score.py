@@ -99,9 +99,9 @@ def value_figures(
 ) -> Iterator[Figure]:
     """Error of a value that was learnt [%], and how many of its own sigmas that is."""
     error = found.mean - truth
-    yield at_most(data, method, f"error of the {name}, %", 100 * abs(error) / truth, bar, ".1f")
+    yield at_most(data, method, f"error of the {name}, %", float(100 * abs(error) / truth), bar, ".1f")
     most = None if bar is None else BAND_95
-    yield at_most(data, method, f"error of the {name}, sigmas", abs(error) / found.std, most, ".2f")
+    yield at_most(data, method, f"error of the {name}, sigmas", float(abs(error) / found.std), most, ".2f")
 
 
 def rms(values: Sequence[float] | np.ndarray) -> float:
