@@ -24,6 +24,7 @@ class SeenLog:
         taught: what it taught, in a line.
         anchors: number of times at which something else than the voltage told its state of charge.
         end_soc, end_soc_std: state of charge at its last sample, None in a file that did not keep it.
+        end_current_A: current there.
     """
 
     name: str
@@ -35,6 +36,7 @@ class SeenLog:
     anchors: int = 0
     end_soc: float | None = None
     end_soc_std: float | None = None
+    end_current_A: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -37,21 +37,24 @@ def test_the_user_knows_better_than_the_log_before():
 
 
 @pytest.mark.parametrize("gap_s", [0.0, 60.0, 1200.0])
-def test_a_log_goes_on_with_the_charge_of_the_one_before(gap_s):
+@pytest.mark.parametrize(("end_A", "start_A", "rate_C"), [(0.0, 0.0, 0.05), (-20.0, 0.0, 2.05), (0.0, -5.0, 0.55)])
+def test_a_log_goes_on_with_the_charge_of_the_one_before(gap_s, end_A, start_A, rate_C):
     battery = after(
-        SeenLog("day", "", MIDNIGHT_S - 86400.0, MIDNIGHT_S - gap_s, end_soc=0.4, end_soc_std=0.02),
+        SeenLog(
+            "day", "", MIDNIGHT_S - 86400.0, MIDNIGHT_S - gap_s, end_soc=0.4, end_soc_std=0.02, end_current_A=end_A
+        ),
         SeenLog("a day without a clock", end_soc=0.9, end_soc_std=0.01),
     )
-    (told,) = told_at_start(battery, evening(), None)
+    (told,) = told_at_start(battery, evening(current_A=start_A), None)
     assert told.soc == 0.4
-    # 0.3 C may have flowed in between
-    assert told.std == pytest.approx(math.hypot(0.02, 0.01, 0.3 * gap_s / 3600.0))
+    # the current of either side may have gone on in between
+    assert told.std == pytest.approx(math.hypot(0.02, 0.01, rate_C * gap_s / 3600.0))
 
 
 @pytest.mark.parametrize(
     "seen",
     [
-        SeenLog("long before", "", 0.0, MIDNIGHT_S - 7200.0, end_soc=0.4, end_soc_std=0.02),
+        SeenLog("two hours before", "", 0.0, MIDNIGHT_S - 7200.0, end_soc=0.4, end_soc_std=0.02),
         SeenLog("of an older file", "", 0.0, MIDNIGHT_S),
         SeenLog("without a clock", end_soc=0.4, end_soc_std=0.02),
     ],

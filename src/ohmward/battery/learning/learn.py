@@ -167,7 +167,9 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     if contradiction := _other_battery(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    seen = SeenLog(log.name, new.fingerprint, *span_of(log), lesson.hours, lesson.reason, anchored, *lesson.soc_end)
+    end_A = float(np.nan_to_num(log.current_A[-1]))
+    lived = (*span_of(log), lesson.hours, lesson.reason, anchored, *lesson.soc_end, end_A)
+    seen = SeenLog(log.name, new.fingerprint, *lived)
     return _remember(battery, after, seen), lesson
 
 

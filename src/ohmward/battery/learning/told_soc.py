@@ -14,7 +14,6 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.learning.parameters import thevenin_of
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.learning.solve import SocAnchor
-from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -23,6 +22,8 @@ _TOLD_STD = 0.03
 #: A log goes on with the charge of the one before if no longer than this [s] lies between them, and then that charge is
 #: as unsure as this at least.
 _CONTINUES_S, _CONTINUED_STD = 1800.0, 0.01
+#: Between the two the current of either side may have gone on, and this multiple of the capacity per hour besides.
+_BETWEEN_C = 0.05
 #: Currents below this multiple of the capacity per hour are a rest, whose voltage at full is full within this.
 _REST_C, _FULL_AT_REST_STD = 0.01, 0.03
 
@@ -30,7 +31,7 @@ _REST_C, _FULL_AT_REST_STD = 0.01, 0.03
 def told_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tuple[SocAnchor, ...]:
     """State of charge at the first sample by the user, or by the log that ended just before; () where neither tells.
 
-    An unknown current, usual for the battery, may have flowed between the two logs.
+    The current of either log may have gone on between the two.
     """
     if initial_soc is not None:
         return (SocAnchor(0, initial_soc, _TOLD_STD),)
@@ -42,7 +43,8 @@ def told_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tupl
             continue
         gap_s = start - seen.end_unix_s
         if abs(gap_s) <= _CONTINUES_S:
-            unknown = USUAL_C * abs(gap_s) / SECONDS_PER_HOUR
+            rate_C = max(abs(seen.end_current_A), abs(float(log.current_A[0]))) / battery.capacity_Ah
+            unknown = (rate_C + _BETWEEN_C) * abs(gap_s) / SECONDS_PER_HOUR
             return (SocAnchor(0, seen.end_soc, math.hypot(seen.end_soc_std, _CONTINUED_STD, unknown)),)
     return ()
 
