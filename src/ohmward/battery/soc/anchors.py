@@ -24,6 +24,9 @@ AnchorKind = Literal["full charge", "empty", "rest"]
 #: Origin of an anchor that no column tells.
 VOLTAGE = "voltage"
 
+#: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
+#: begins and ends so many samples beyond, for events that began before it and go on after it.
+_STRETCH, _LEAD = 60_000, 20_000
 #: As in the estimators: multiples of the capacity per hour beyond which a current is a fault of its sensor.
 _CURRENT_LIMIT_C = 20.0
 
@@ -124,11 +127,21 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     """
     rule = AnchorRule(require_thevenin(battery), battery.noise, battery.sensor)
     finder = AnchorFinder(rule)
-    samples = samples_of(log)
-    start = finder.init(SocSample(*(float(column[0]) for column in samples)))
-    _, output = Kernel(finder.step, start, finder.no_sample()).scan(start, samples)
-    events = sorted([*_shown(log, finder, output), *_flagged(log, rule)], key=lambda event: event.sample)
-    moved_As = output.state.current_A * np.diff(log.time_s, prepend=log.time_s[0])
+    nothing = finder.no_sample()
+    kernel = Kernel(finder.step, finder.init(nothing), nothing)
+    shown: list[_Event] = []
+    samples_of_log, current_A = samples_of(log), np.zeros(len(log))
+    for first in range(0, len(log), _STRETCH):
+        begin, end = max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log))
+        inside = slice(begin, end)
+        samples = SocSample(*(column[inside] for column in samples_of_log))
+        start = finder.init(SocSample(*(float(column[0]) for column in samples)))
+        _, output = kernel.scan(start, samples)
+        current_A[inside] = output.state.current_A
+        found = (event._replace(sample=begin + event.sample) for event in _shown(log.select(inside), finder, output))
+        shown += [event for event in found if first <= event.sample < first + _STRETCH]
+    events = sorted([*shown, *_flagged(log, rule)], key=lambda event: event.sample)
+    moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
     once = _without_repeats(events, moved_As, AGAIN * rule.model.capacity_As)
     return tuple(_anchor(event, log) for event in once)
 
