@@ -129,7 +129,7 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     finder = AnchorFinder(rule)
     nothing = finder.no_sample()
     kernel = Kernel(finder.step, finder.init(nothing), nothing)
-    shown: list[_Event] = []
+    measured: list[_Event] = []
     samples_of_log, current_A = samples_of(log), np.zeros(len(log))
     for first in range(0, len(log), _STRETCH):
         begin, end = max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log))
@@ -139,8 +139,8 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
         _, output = kernel.scan(start, samples)
         current_A[inside] = output.state.current_A
         found = (event._replace(sample=begin + event.sample) for event in _shown(log.select(inside), finder, output))
-        shown += [event for event in found if first <= event.sample < first + _STRETCH]
-    events = sorted([*shown, *_flagged(log, rule)], key=lambda event: event.sample)
+        measured += [event for event in found if first <= event.sample < first + _STRETCH]
+    events = sorted([*measured, *_flagged(log, rule)], key=lambda event: event.sample)
     moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
     once = _without_repeats(events, moved_As, AGAIN * rule.model.capacity_As)
     return tuple(_anchor(event, log) for event in once)
