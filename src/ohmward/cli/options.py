@@ -130,6 +130,18 @@ def rest_current(text: str) -> float | str:
     return UNKNOWN if text == UNKNOWN else number(text)
 
 
+def add_initial_soc_option(group: argparse._ArgumentGroup, where: str) -> None:
+    """Option for the state of charge at the start of one log or of all; where: the case in which it is needed."""
+    group.add_argument(
+        "--initial-soc",
+        type=initial_soc,
+        action="append",
+        default=[],
+        metavar="[LOG=]S",
+        help=f"state of charge at the start of the logs, or of the log of this name, where {where}",
+    )
+
+
 def initial_soc(text: str) -> tuple[str, float]:
     """`test=0.8` or `0.8` as the log's name, "" for all, and the state of charge."""
     name, _, value = text.rpartition("=")

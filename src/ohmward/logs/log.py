@@ -77,6 +77,10 @@ class Log(TimeSeries):
             columns["unix_time_s"] = self.start_unix_s + self.time_s
         return columns
 
+    def throughput_Ah(self) -> float:
+        """Charge [Ah] that went in and out; nothing over an interval that ends without a current."""
+        return float(np.nansum(np.abs(self.current_A[1:]) * self.dt_s)) / SECONDS_PER_HOUR
+
     def charge_Ah(self) -> np.ndarray:
         """(T,) [Ah], the integral of the current from the first sample, > 0 when charge went in.
 

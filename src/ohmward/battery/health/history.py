@@ -149,13 +149,12 @@ def _own_discharge(lesson: Lesson, used: UsedCapacity) -> Normal:
 
 def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoint:
     """Time, throughput, temperature and anchors of a log."""
-    moved_Ah = np.sum(np.abs(np.nan_to_num(log.current_A[1:])) * log.dt_s) / _HOUR_S
     degC = log.temperature_degC
     return HealthPoint(
         log=log.name,
         time_s=start_s + log.duration_s / 2,
         hours=log.duration_s / _HOUR_S,
-        cycles=moved_Ah / (2 * new.capacity_Ah),
+        cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
         full=lesson.soc_max >= _FULL,
     )

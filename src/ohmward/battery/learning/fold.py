@@ -224,6 +224,12 @@ def capacity_normal(battery: Battery, covariance: np.ndarray) -> Normal:
     return Normal(battery.capacity_Ah, battery.capacity_Ah * float(std))
 
 
+def offset_normal(battery: Battery, covariance: np.ndarray) -> Normal:
+    """Reading of the current sensor at zero current [A], and its standard deviation."""
+    offset = parameters_of(battery).group("offset")
+    return Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum())))
+
+
 def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
     """Resistance [ohm] to ten seconds of current at half charge and the temperature of the file."""
     mean = ten_seconds_ohm(thevenin_of(battery))

@@ -8,8 +8,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.fold import capacity_normal, resistance_normal
-from ohmward.battery.learning.parameters import parameters_of, prior_covariance
+from ohmward.battery.learning.fold import capacity_normal, offset_normal, resistance_normal
+from ohmward.battery.learning.parameters import prior_covariance
 from ohmward.battery.soc.registry import require_thevenin
 
 #: Grid of SoC on which the error of the curve is told.
@@ -35,12 +35,11 @@ class KnownBattery(NamedTuple):
 def known(battery: Battery) -> KnownBattery:
     """Quantities that a battery file knows, and how well."""
     covariance = prior_covariance(battery)
-    offset = parameters_of(battery).group("offset")
     logs = battery.knowledge.logs if battery.knowledge else ()
     return KnownBattery(
         capacity_normal(battery, covariance),
         resistance_normal(battery, covariance),
-        Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
+        offset_normal(battery, covariance),
         ocv_std_V(battery, _GRID),
         len(logs),
         sum(log.hours for log in logs),

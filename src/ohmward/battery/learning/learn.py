@@ -25,6 +25,7 @@ from ohmward.battery.learning.fold import (
     fold,
     model_floor_V,
     never_anchored,
+    offset_normal,
     resistance_normal,
     slip_direction,
 )
@@ -167,10 +168,24 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     if contradiction := _other_battery(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    end_A = float(np.nan_to_num(log.current_A[-1]))
-    lived = (*span_of(log), lesson.hours, lesson.reason, anchored, *lesson.soc_end, end_A)
-    seen = SeenLog(log.name, new.fingerprint, *lived)
-    return _remember(battery, after, seen), lesson
+    return _remember(battery, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
+
+
+def _seen(log: Log, fingerprint: str, lesson: Lesson, anchored: int) -> SeenLog:
+    """A log as the battery file remembers it; anchored: times at which something else than the voltage told its SoC."""
+    start_unix_s, end_unix_s = span_of(log)
+    return SeenLog(
+        name=log.name,
+        fingerprint=fingerprint,
+        start_unix_s=start_unix_s,
+        end_unix_s=end_unix_s,
+        hours=lesson.hours,
+        taught=lesson.reason,
+        anchors=anchored,
+        end_soc=lesson.soc_end.mean,
+        end_soc_std=lesson.soc_end.std,
+        end_current_A=float(np.nan_to_num(log.current_A[-1])),
+    )
 
 
 def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
@@ -205,8 +220,7 @@ def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
 
     Its knowledge has the walk of its noise, and the walk of the capacity by use.
     """
-    moved_Ah = float(np.nansum(np.abs(log.current_A[1:]) * np.diff(log.time_s))) / SECONDS_PER_HOUR
-    return aged(battery, hours, 0.5 * moved_Ah / battery.capacity_Ah)
+    return aged(battery, hours, 0.5 * log.throughput_Ah() / battery.capacity_Ah)
 
 
 def aged(battery: Battery, hours: float, cycles: float) -> Battery:
@@ -299,18 +313,17 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
     p = parameters_of(after)
     socs = [part.solution.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
-    offset = p.group("offset")
     information = narrowed(p, old, new)
     return Lesson(
         log=log.name,
         verdict="learnt",
         reason=_taught(information),
-        hours=float(log.time_s[-1] - log.time_s[0]) / SECONDS_PER_HOUR,
+        hours=log.duration_s / SECONDS_PER_HOUR,
         soc_min=float(min(soc.min() for soc in socs)),
         soc_max=float(max(soc.max() for soc in socs)),
         capacity_Ah=capacity_normal(after, new),
         resistance_ohm=resistance_normal(after, new),
-        offset_A=Normal(after.sensor.offset_A, float(np.sqrt(new[offset, offset].sum()))),
+        offset_A=offset_normal(after, new),
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
         soc_start=_soc_at(parts[0], 0),
@@ -349,17 +362,16 @@ def _taught(information: Mapping[str, float]) -> str:
 def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson:
     """The lesson of a log that taught nothing."""
     covariance = prior_covariance(battery)
-    offset = parameters_of(battery).group("offset")
     return Lesson(
         log=log.name,
         verdict=verdict,
         reason=reason,
-        hours=float(log.time_s[-1] - log.time_s[0]) / SECONDS_PER_HOUR,
+        hours=log.duration_s / SECONDS_PER_HOUR,
         soc_min=np.nan,
         soc_max=np.nan,
         capacity_Ah=capacity_normal(battery, covariance),
         resistance_ohm=resistance_normal(battery, covariance),
-        offset_A=Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
+        offset_A=offset_normal(battery, covariance),
         information={},
         residual_rms_V=np.nan,
         soc_start=Normal(np.nan, np.nan),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_output_options, add_sensor_options, initial_soc
+from ohmward.cli.options import add_initial_soc_option, add_log_options, add_output_options, add_sensor_options
 from ohmward.cli.parser import count, number, positive
 
 EXAMPLES = """\
@@ -41,14 +41,7 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--chemistry", default="", metavar="NAME", help="such as lfp, nmc, nca, lipo, lead-acid")
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
-    group.add_argument(
-        "--initial-soc",
-        type=initial_soc,
-        action="append",
-        default=[],
-        metavar="[LOG=]S",
-        help="state of charge at the start of the logs, or of the log of this name, where they do not tell it",
-    )
+    add_initial_soc_option(group, "they do not tell it")
     group.add_argument(
         "--ocv",
         metavar="FILE",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_output_options, add_sensor_options, initial_soc
+from ohmward.cli.options import add_initial_soc_option, add_log_options, add_output_options, add_sensor_options
 
 EXAMPLES = """\
   ohmward learn day.csv --battery battery.toml --dry-run
@@ -39,14 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="say what would change, and write no battery file")
     group = parser.add_argument_group("the battery")
-    group.add_argument(
-        "--initial-soc",
-        type=initial_soc,
-        action="append",
-        default=[],
-        metavar="[LOG=]S",
-        help="state of charge at the start of the logs, or of the log of this name, where it is known",
-    )
+    add_initial_soc_option(group, "it is known")
     add_sensor_options(group)
     add_log_options(parser)
     add_output_options(parser)
