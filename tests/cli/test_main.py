@@ -129,7 +129,11 @@ def test_an_interrupt_ends_with_130(here, monkeypatch):
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", interrupted)
-    assert main.main(["doctor", "day.csv"]) == 130
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs start with it ignored
+    try:
+        assert main.main(["doctor", "day.csv"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_unexpected_errors_are_not_swallowed(here, monkeypatch):
