@@ -50,6 +50,10 @@ of the file.
 
 From the label, without the open-circuit voltage that comes with the data; other records of the cell judge.
 """,
+    "other": """## Other cells at other temperatures
+
+From the label through drives or pulses at one temperature; recordings at the others judge.
+""",
     "bboxx": """## A solar battery
 
 Telemetry at one sample a minute, lead-acid; the sensor has an offset.

@@ -52,6 +52,8 @@ def _gym() -> Iterator[Part]:
 def _measured() -> Iterator[Part]:
     for k, (cell, *_) in enumerate(TUE_SPLITS):
         yield Part(f"tue {cell} {k}", "tue", partial(measured.before_tue, k), partial(measured.tue, k))
+    for name in measured.splits():
+        yield Part(f"other {name}", "other", partial(measured.before_split, name), partial(measured.split, name))
     yield Part("bboxx", "bboxx", measured.before_bboxx, measured.bboxx)
     for name in measured.NASA:
         yield Part(f"nasa {name}", "nasa", partial(measured.before_nasa, name), partial(measured.nasa, name))
