@@ -25,8 +25,9 @@ RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])
 ENTROPY_KNOTS = np.array([0.0, 0.5, 1.0])
 
-#: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis ends there.
-_FULL_STD = 0.01
+#: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis ends there: this share of
+#: it is left, and no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.
+_FULL_SHARE, _FULL_STD = 1.0 / 3.0, 0.01
 #: Where an error of the axis begins to end there, since cells differ in how they leave full: on the way from 1 to 0.95
 #: the curves of four NMC cells fall by 14 to 52 mV more than their chemistry's. So half of its variance is local.
 _FULL_FROM, _LOCAL_SHARE, _LOCAL_LENGTH = 0.95, 0.5, 0.1
@@ -204,8 +205,9 @@ class _Prior(NamedTuple):
     def ocv(self) -> np.ndarray:
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
         curve = np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
-        full_std = self.noise.soc_axis_std if self.model.gassing_V else min(self.noise.soc_axis_std, _FULL_STD)
-        axis_std = np.interp(OCV_KNOTS, [_FULL_FROM, 1.0], [self.noise.soc_axis_std, full_std])
+        whole_std = self.noise.soc_axis_std
+        full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _FULL_STD)
+        axis_std = np.interp(OCV_KNOTS, [_FULL_FROM, 1.0], [whole_std, full_std])
         axis_V = axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
         whole, local = (_correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))
         return curve + np.outer(axis_V, axis_V) * ((1.0 - _LOCAL_SHARE) * whole + _LOCAL_SHARE * local)
