@@ -94,3 +94,24 @@ def test_a_share_of_nothing_is_refused(life, refused):
 
 def test_a_folder_without_logs_is_refused(life, tmp_path, refused):
     assert "holds no log" in refused("health", str(tmp_path), "--battery", str(life / "new.toml"))
+
+
+def test_logs_that_teach_nothing_are_refused_with_the_reason(life, tmp_path, refused):
+    write_log(stuck(), tmp_path / "stuck.csv")
+    words = ("--battery", str(life / "new.toml"), "--current-sign", "charge")
+    message = refused("health", str(tmp_path / "stuck.csv"), *words)
+    assert "none of 1 log tells the health of this battery; stuck:" in message
+
+
+def test_a_file_that_is_no_log_is_left_out_and_named(life, tmp_path, as_json):
+    (tmp_path / "readme.csv").write_text("hello\n")
+    logs = [str(life / "logs" / "month-0.csv"), str(tmp_path / "readme.csv")]
+    found = as_json("health", *logs, "--battery", str(life / "new.toml"))
+    assert len(found["logs"]) == 1
+    assert any(note.startswith("warning: left out: readme") for note in found["notes"])
+
+
+def stuck() -> Log:
+    """A cycle whose voltage never changes."""
+    log = cycle(0, 1.0)
+    return replace(log, name="stuck", voltage_V=np.full(len(log), 11.4))

@@ -7,6 +7,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TypeGuard
 
+from ohmward.filters.consistency import BAND_95
+
 WIDTH = 100
 
 
@@ -33,6 +35,30 @@ def quantity(value: float | None, unit: str, scale: float = 1.0, digits: int = 3
 def known(value: float | None) -> TypeGuard[float]:
     """True where there is a finite number."""
     return value is not None and math.isfinite(value)
+
+
+def normal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
+    """A mean and its 95 % band, rounded to two digits of the band; "-" where it is not known."""
+    if not known(value["mean"]):
+        return "-"
+    mean, half = scale * value["mean"], scale * BAND_95 * value["std"]
+    digits = _digits(half)
+    return f"{mean:.{digits}f} ± {half:.{digits}f} {unit}"
+
+
+def lognormal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
+    """A mean and the 95 % band of a quantity whose logarithm is in error; "-" where it is not known."""
+    if not known(value["mean"]):
+        return "-"
+    mean, ratio = scale * value["mean"], BAND_95 * value["std"] / value["mean"]
+    low, high = mean * math.exp(-ratio), mean * math.exp(ratio)
+    digits = _digits(0.5 * (high - low))
+    return f"{mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f}) {unit}"
+
+
+def _digits(half: float) -> int:
+    """Digits after the point that show two of a half width."""
+    return max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
 
 
 def grouped(number: int) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ohmward.cli.health.result import LOGS, HealthTask, band, change_text, life_text, log_rows, off_text, result
+from ohmward.cli.health.result import LOGS, HealthTask, change_text, life_text, log_rows, off_text, result, span
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import sentence
+from ohmward.cli.wording import lognormal, normal, sentence
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.report import Page
 
@@ -16,8 +16,7 @@ def make_page(task: HealthTask, figures: dict[str, Any]) -> Page:
 
     figures: the summary of the run.
     """
-    span = f"{len(figures['logs'])} logs over {figures['days']:.0f} days, {figures['cycles']:.3g} full cycles"
-    page = Page(f"Health of battery {figures['battery']!r}", span, FOOTER).numbers(_numbers(figures))
+    page = Page(f"Health of battery {figures['battery']!r}", span(figures), FOOTER).numbers(_numbers(figures))
     for step in figures["sudden_changes"]:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in figures["off_trend"]:
@@ -32,8 +31,8 @@ def make_page(task: HealthTask, figures: dict[str, Any]) -> Page:
 
 def _numbers(figures: dict[str, Any]) -> dict[str, str]:
     numbers = {
-        "Capacity": band(figures["soh_capacity"], 100, "%", 1),
-        "Resistance": band(figures["resistance_ratio"], 100, "%", 0),
+        "Capacity": normal(figures["soh_capacity"], "%", 100),
+        "Resistance": lognormal(figures["resistance_ratio"], "%", 100),
         f"Down to {figures['worn_share']:.0%} within a year": f"{figures['worn_within']['year']:.0%}",
     }
     return {name: value for name, value in numbers.items() if value != "-"}

@@ -17,7 +17,8 @@ from ohmward.battery.health.history import DatedLogs, Newness
 from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import Lesson
 from ohmward.cli import wording
-from ohmward.filters.consistency import BAND_95
+from ohmward.cli.wording import lognormal, normal
+from ohmward.logs.note import counted
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95}
@@ -142,7 +143,7 @@ def _outlier(outlier: Outlier) -> dict[str, Any]:
 
 def describe(figures: dict[str, Any]) -> str:
     """Text for people."""
-    title = f"health of battery {figures['battery']!r} over {len(figures['logs'])} logs, {_span(figures)}"
+    title = f"health of battery {figures['battery']!r} over {span(figures)}"
     changes = [change_text(step) for step in figures["sudden_changes"]]
     return wording.paragraphs(
         title,
@@ -158,27 +159,22 @@ def _used(log: dict[str, Any]) -> bool:
     return log["verdict"] != "set aside"
 
 
-def _span(figures: dict[str, Any]) -> str:
-    return f"{figures['days']:.0f} days, {figures['cycles']:.3g} full cycles"
+def span(figures: dict[str, Any]) -> str:
+    """Number of logs, and the days and cycles between the first and the last."""
+    of_logs, days = counted(len(figures["logs"]), "log"), counted(round(figures["days"]), "day")
+    return f"{of_logs}, {days}, {figures['cycles']:.3g} full cycles"
 
 
 def result(figures: dict[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
-        "capacity": f"{band(figures['soh_capacity'], 100, '%', 1)} of that when new",
-        "resistance": f"{band(figures['resistance_ratio'], 100, '%', 0)} of that when new, at 25 degC",
-        "from full to empty": f"{band(figures['capacity_Ah'], 1, 'Ah', 3)}",
+        "capacity": f"{normal(figures['soh_capacity'], '%', 100)} of that when new",
+        "resistance": f"{lognormal(figures['resistance_ratio'], '%', 100)} of that when new, at 25 degC",
+        "from full to empty": normal(figures["capacity_Ah"], "Ah"),
     }
     if figures["emptied"]:
-        rows["a discharge gives"] = f"{band(figures['discharge_Ah'], 1, 'Ah', 3)}, from full to where they have ended"
+        rows["a discharge gives"] = f"{normal(figures['discharge_Ah'], 'Ah')}, from full to where they have ended"
     return rows | {f"down to {figures['worn_share']:.0%} in": life_text(figures)}
-
-
-def band(value: dict[str, float], scale: float, unit: str, digits: int) -> str:
-    """Mean with its 95 % band."""
-    if not wording.known(value["mean"]):
-        return "-"
-    return f"{scale * value['mean']:.{digits}f} ± {BAND_95 * scale * value['std']:.{digits}f} {unit}"
 
 
 def life_text(figures: dict[str, Any]) -> str:
@@ -219,8 +215,8 @@ def log_rows(figures: dict[str, Any], points: Sequence[HealthPoint]) -> list[lis
     rows = []
     for log, point in zip(figures["logs"], points, strict=True):
         warm = f"{point.temperature_degC:.0f}" if math.isfinite(point.temperature_degC) else "-"
-        capacity = band(log["own_soh_capacity"], 100, "%", 1) if log["own_soh_capacity"] else "-"
-        resistance = band(log["own_resistance_ratio"], 100, "%", 0) if log["own_resistance_ratio"] else "-"
+        capacity = normal(log["own_soh_capacity"], "%", 100) if log["own_soh_capacity"] else "-"
+        resistance = lognormal(log["own_resistance_ratio"], "%", 100) if log["own_resistance_ratio"] else "-"
         begins = log["begins"] or f"day {log['days']:.1f}"
         rows.append([log["log"], begins, f"{log['cycles']:.2f}", warm, capacity, resistance, log["remark"]])
     return rows

@@ -15,12 +15,10 @@ from ohmward.cli.learn.result import (
     headline,
     learnt,
     log_rows,
-    lognormal,
-    normal,
     title,
 )
 from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import sentence
+from ohmward.cli.wording import lognormal, normal, sentence
 from ohmward.figures import learning as pictures
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Page

@@ -14,6 +14,7 @@ from ohmward.cli import wording
 from ohmward.cli.learn.files import BatteryFiles
 from ohmward.cli.learn.journal import Row
 from ohmward.cli.outcome import plain
+from ohmward.cli.wording import lognormal, normal
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.note import counted
 
@@ -154,23 +155,3 @@ def _range(row: Row) -> str:
     if low is None or high is None:
         return "-"
     return f"{100 * low:.0f} to {100 * high:.0f} %"
-
-
-def normal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
-    """A mean and its 95 % band, rounded to two digits of the band."""
-    mean, half = scale * value["mean"], scale * BAND_95 * value["std"]
-    digits = _digits(half)
-    return f"{mean:.{digits}f} ± {half:.{digits}f} {unit}"
-
-
-def lognormal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
-    """A mean and the 95 % band of a quantity whose logarithm is in error."""
-    mean, ratio = scale * value["mean"], BAND_95 * value["std"] / value["mean"]
-    low, high = mean * np.exp(-ratio), mean * np.exp(ratio)
-    digits = _digits(0.5 * (high - low))
-    return f"{mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f}) {unit}"
-
-
-def _digits(half: float) -> int:
-    """Digits after the point that show two of a half width."""
-    return max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 else 3
