@@ -1,5 +1,7 @@
 """Simulated charges, loads and rests whose state of charge is known, and batteries that know no more than the label."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ohmward.battery.chemistries import generic_battery
@@ -10,9 +12,10 @@ from ohmward.simulate.profile import steps
 HOUR = 3600.0
 
 
-def day(chemistry, soc, phases, degC=25.0, interval_s=10.0, offset_C=0.0):
-    """Log and truth of phases (hours, multiples of the capacity per hour)."""
+def day(chemistry, soc, phases, degC=25.0, interval_s=10.0, offset_C=0.0, limit_V=None):
+    """Log and truth of phases (hours, multiples of the capacity per hour); limit_V: of the charger."""
     cell = BATTERIES[chemistry]
+    cell = cell if limit_V is None else replace(cell, voltage_max_V=limit_V)
     capacity_Ah = cell.circuit.capacity_Ah
     profile = steps([(hours * HOUR, rate * capacity_Ah) for hours, rate in phases], degC)
     time_s = np.arange(0.0, profile.time_s[-1], interval_s)

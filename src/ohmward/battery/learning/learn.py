@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.capacity_marginal import with_capacity
+from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.learning.fold import (
     ageing_direction,
     capacity_normal,
@@ -154,21 +156,23 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     if not new.parts:
         return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
     try:
-        anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, battery))
-        aged = aged_by(battery, hours_since_last(battery, log), log)
+        ready = reduce(full_at_charger_limit, new.parts, battery)
+        anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
+        aged = aged_by(ready, hours_since_last(ready, log), log)
         at_start = new.parts[0].time_s[0] == log.time_s[0]
-        told = told_at_start(battery, log, initial_soc) if at_start else ()
+        told = told_at_start(ready, log, initial_soc) if at_start else ()
         parts = _learn_parts(aged, new.parts, anchors, told)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
             return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
-    lesson = _lesson(battery, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
+    lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
+    lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
     if contradiction := _other_battery(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    return _remember(battery, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
+    return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
 
 
 def _seen(log: Log, fingerprint: str, lesson: Lesson, anchored: int) -> SeenLog:

@@ -35,6 +35,12 @@ _FLAT_SHARE = 0.004
 #: A charger has reached its limit where the voltage is that of at least this state of charge at rest, and at most this
 #: share below that of full: on a flat curve the branch of a charge alone reaches the former.
 _FULL_SOC, _BELOW_FULL = 0.985, 0.015
+#: A charger may have a lower limit of its own. It holds the voltage where the drop of its current would have moved it
+#: by so many times the width in which it stands still: resistances of a label are known within a factor of two.
+_HELD_DROPS = 2.0
+#: That limit is below full where the curve says so by so many of its standard deviations. It is above this state of
+#: charge: less would be no charge for a day.
+_BEYOND_DOUBT, _LOWEST_LIMIT_SOC = 2.0, 0.8
 #: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
 #: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
 _TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
@@ -163,16 +169,40 @@ class AnchorRule:
 
     def is_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
         """True where the charge is complete: at the limit for long enough, and tapered there."""
+        at_limit = clean.voltage_V > self.full_V
+        if not self.gases:
+            still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
+            within_doubt = (1.0 - still.soc < _BEYOND_DOUBT * still.std) & (still.std < _MOST_STD)
+            at_limit = at_limit | (self.is_held(memory, clean) & within_doubt)
+        return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
+
+    def stops_below_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
+        """True where a charger has tapered at a limit of its own, below that of a full battery beyond doubt."""
+        if self.gases:
+            return False
+        still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
+        below = (1.0 - still.soc > _BEYOND_DOUBT * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
+        return below & self.is_held(memory, clean) & self.has_tapered(memory, clean)
+
+    def has_tapered(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
+        """True where the voltage has stood still for long enough while the charging current fell."""
         current_A = clean.now.current_A
         tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
-        at_limit = (memory.held_s > self.held_s) & (clean.voltage_V > self.full_V)
-        return at_limit & tapered & (memory.discharged > AGAIN)
+        return tapered & (memory.held_s > self.held_s)
+
+    def is_held(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
+        """True where a charger holds the voltage: without it, the drop of the current would have moved it further."""
+        drop_V = self.steady_ohm(1.0, clean.now) * (memory.peak_A - clean.now.current_A)
+        return drop_V > _HELD_DROPS * _FLAT_SHARE * memory.limit_V
 
     def full(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge of a complete charge."""
-        rise_V = self.steady_ohm(1.0, u) * maximum(u.current_A, 0.0)
-        missing = 1.0 - self.soc_at(voltage_V - rise_V)
+        missing = 1.0 - self.soc_at(self.relaxed_V(voltage_V, u))
         return SocNormal(1.0 - 0.5 * missing, _hypot(self.full_std, 0.5 * missing))
+
+    def relaxed_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
+        """Voltage [V] of a charge near full without its overpotential."""
+        return voltage_V - self.steady_ohm(1.0, u) * maximum(u.current_A, 0.0)
 
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the load, and the time for which its end would be a cut-off."""

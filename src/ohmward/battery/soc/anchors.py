@@ -72,11 +72,16 @@ class FinderState(NamedTuple):
 
 
 class FinderOutput(NamedTuple):
-    """State and event after a sample, and whether its rest has become a long one; conditions are 1 and 0."""
+    """State and event after a sample; conditions are 1 and 0.
+
+    long_rest: its rest has become a long one.
+    below_full: a charger has tapered below the voltage of a full battery.
+    """
 
     state: FinderState
     event: AnchorEvent
     long_rest: Any
+    below_full: Any
 
 
 @dataclass(frozen=True)
@@ -112,8 +117,10 @@ class AnchorFinder:
         memory, event = self.rule.step(state.memory, clean)
         rest, long_rest = self.rule.continue_rest(state.rest, clean)
         after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest)
-        full, empty, long_rest = (where(condition, 1.0, 0.0) for condition in (event.full, event.empty, long_rest))
-        return after, FinderOutput(after, event._replace(full=full, empty=empty), long_rest)
+        below_full = self.rule.stops_below_full(memory, clean)
+        conditions = (event.full, event.empty, long_rest, below_full)
+        full, empty, long_rest, below_full = (where(condition, 1.0, 0.0) for condition in conditions)
+        return after, FinderOutput(after, event._replace(full=full, empty=empty), long_rest, below_full)
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -125,25 +132,61 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     Raises:
         InputError: the battery file has no Thevenin model.
     """
-    rule = AnchorRule(require_thevenin(battery), battery.noise, battery.sensor)
-    finder = AnchorFinder(rule)
+    finder = _finder(battery)
+    measured: list[_Event] = []
+    current_A = np.zeros(len(log))
+    for stretch in _stretches(log, finder):
+        current_A[stretch.inside] = stretch.output.state.current_A
+        events_inside = _shown(log.select(stretch.inside), finder, stretch.output)
+        found = (event._replace(sample=stretch.inside.start + event.sample) for event in events_inside)
+        measured += [event for event in found if stretch.first <= event.sample < stretch.first + _STRETCH]
+    events = sorted([*measured, *_flagged(log, finder.rule)], key=lambda event: event.sample)
+    moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
+    once = _without_repeats(events, moved_As, AGAIN * finder.rule.model.capacity_As)
+    return tuple(_anchor(event, log) for event in once)
+
+
+def charger_limit_V(log: Log, battery: Battery) -> float | None:
+    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none.
+
+    Raises:
+        InputError: the battery file has no Thevenin model.
+    """
+    finder, limits_V = _finder(battery), []
+    for stretch in _stretches(log, finder):
+        state, voltage_V = stretch.output.state, log.voltage_V[stretch.inside]
+        if np.any(stretch.output.event.full):
+            return None
+        for k in np.flatnonzero(np.diff(stretch.output.below_full, prepend=0.0) > 0.0):
+            last = _end_of_run(state.memory.held_s, int(k))
+            u = CircuitInput(float(state.current_A[last]), float(state.temperature_degC[last]))
+            limits_V.append(float(finder.rule.relaxed_V(float(np.median(voltage_V[k : last + 1])), u)))
+    return max(limits_V, default=None)
+
+
+class _Stretch(NamedTuple):
+    """Stretch of a log: its first sample, the samples that were looked at, and what was found in them."""
+
+    first: int
+    inside: slice
+    output: FinderOutput
+
+
+def _finder(battery: Battery) -> AnchorFinder:
+    return AnchorFinder(AnchorRule(require_thevenin(battery), battery.noise, battery.sensor))
+
+
+def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
+    """The stretches of a log, one after the other."""
     nothing = finder.no_sample()
     kernel = Kernel(finder.step, finder.init(nothing), nothing)
-    measured: list[_Event] = []
-    samples_of_log, current_A = samples_of(log), np.zeros(len(log))
+    samples_of_log = samples_of(log)
     for first in range(0, len(log), _STRETCH):
-        begin, end = max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log))
-        inside = slice(begin, end)
+        inside = slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log)))
         samples = SocSample(*(column[inside] for column in samples_of_log))
         start = finder.init(SocSample(*(float(column[0]) for column in samples)))
         _, output = kernel.scan(start, samples)
-        current_A[inside] = output.state.current_A
-        found = (event._replace(sample=begin + event.sample) for event in _shown(log.select(inside), finder, output))
-        measured += [event for event in found if first <= event.sample < first + _STRETCH]
-    events = sorted([*measured, *_flagged(log, rule)], key=lambda event: event.sample)
-    moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
-    once = _without_repeats(events, moved_As, AGAIN * rule.model.capacity_As)
-    return tuple(_anchor(event, log) for event in once)
+        yield _Stretch(first, inside, output)
 
 
 def _shown(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:

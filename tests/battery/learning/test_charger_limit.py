@@ -1,0 +1,104 @@
+"""Full end of a label where its charger stops lower: exact curves, simulated charges, charges without a limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from battery.anchor_examples import day, label
+from ohmward.battery.battery import Provenance
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.knowledge import Knowledge, SeenLog
+from ohmward.battery.learning import learn
+from ohmward.battery.learning.charger_limit import full_at_charger_limit, with_full_at
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance, thevenin_of
+from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
+from ohmward.simulate import BATTERIES
+
+#: Voltage of a full simulated cell is 4.18 V; its charger stops at this one [V].
+LIMIT_V = 4.05
+PHASES = [(0.2, 0.0), (7.0, 0.3), (0.5, 0.0), (1.0, -0.5), (0.5, 0.0)]
+
+
+def lower_charge(soc=0.3):
+    """A charge that its charger ends at a lower limit, and a drive after it."""
+    return day("nca", soc, PHASES, limit_V=LIMIT_V)
+
+
+def own_full():
+    """SoC of the simulated cell at which its charger stops."""
+    cell = BATTERIES["nca"]
+    return float(cell.circuit.ocv.soc_at(LIMIT_V))
+
+
+@pytest.mark.parametrize("soc", [0.8, 0.9, 1.0])
+def test_the_curve_up_to_the_limit_becomes_the_whole_curve(soc):
+    before = generic_battery("nmc", 10.0, 3)
+    after = with_full_at(before, soc)
+    z = np.linspace(0.0, 1.0, 11)
+    curve, degC = thevenin_of(before).ocv, 25.0
+    np.testing.assert_allclose(thevenin_of(after).ocv.mean_V(z, degC), curve.mean_V(soc * z, degC), atol=2e-3)
+    assert after.capacity_Ah == thevenin_of(after).capacity_Ah == pytest.approx(10.0 * (1.0 + soc) / 2)
+    assert after.noise.soc_axis_std == pytest.approx(np.hypot(before.noise.soc_axis_std, 0.5 * (1.0 - soc)))
+    assert after.noise.capacity_std == pytest.approx(np.hypot(before.noise.capacity_std, 0.5 * (1.0 - soc)))
+
+
+def test_what_logs_have_shown_keeps_the_charge_along_the_curve():
+    label_ = generic_battery("nmc", 10.0)
+    knowledge = Knowledge.of(parameters_of(label_).names, prior_covariance(label_), (SeenLog("day"),), 0.45)
+    before = replace(label_, knowledge=knowledge)
+    after = with_full_at(before, 0.9)
+    z = np.array([0.3, 0.6, 1.0])
+    below_full_Ah = after.capacity_Ah * (1.0 - z)
+    np.testing.assert_allclose(below_full_Ah, before.capacity_Ah * (0.9 - 0.9 * z))
+    assert after.knowledge is not None
+    assert after.knowledge.seen_from_soc == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("soc", [0.3, 0.6])
+def test_a_charger_that_stops_lower_defines_full(soc):
+    log, truth = lower_charge(soc)
+    assert charger_limit_V(log, label("nca")) == pytest.approx(LIMIT_V, abs=5e-3)
+    ready = full_at_charger_limit(label("nca"), log)
+    assert thevenin_of(ready).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=5e-3)
+    (full,) = (anchor for anchor in find_anchors(log, ready) if anchor.kind == "full charge")
+    assert full.soc == pytest.approx(1.0, abs=0.01)
+    assert truth[full.sample] == pytest.approx(own_full(), abs=0.01)
+    assert full_at_charger_limit(ready, log) is ready
+
+
+def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():
+    log, truth = lower_charge()
+    learnt = learn(label("nca"), [log])
+    (lesson,) = learnt.lessons
+    assert lesson.reason.startswith("full is where its charger stops, at 4.0")
+    of_robot = truth / own_full()
+    for found, true in ((lesson.soc_start, of_robot[0]), (lesson.soc_end, of_robot[-1])):
+        assert abs(found.mean - true) < 2.5 * found.std
+    assert thevenin_of(learnt.battery).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    ("chemistry", "phases"),
+    [
+        ("nca", PHASES),
+        ("nca", [(0.2, 0.0), (1.5, 0.36), (3.0, 0.0)]),
+        ("lfp", PHASES),
+        # the sun sets
+        ("lfp", [(0.2, 0.0), *((0.25, rate) for rate in np.linspace(0.4, 0.01, 12)), (1.0, 0.0)]),
+        ("nca", [(0.2, 0.0), *((0.25, rate) for rate in np.linspace(0.4, 0.01, 12)), (1.0, 0.0)]),
+    ],
+)
+def test_other_charges_have_no_lower_limit(chemistry, phases):
+    log, _ = day(chemistry, 0.3, phases)
+    assert charger_limit_V(log, label(chemistry)) is None
+
+
+def test_a_full_end_that_is_known_stays():
+    log, _ = lower_charge()
+    tested = replace(label("nca"), identification=Provenance(3.0))
+    assert full_at_charger_limit(tested, log) is tested
+    anchored = replace(label("nca"), knowledge=Knowledge((), (), (SeenLog("day", anchors=1),)))
+    assert full_at_charger_limit(anchored, log) is anchored
+    lead = generic_battery("lead-acid", 7.0, 6)
+    assert full_at_charger_limit(lead, log) is lead
