@@ -22,6 +22,7 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.cli.truth import read_soc_truth
 from ohmward.logs import Log, read_log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.read import open_table
 from ohmward.logs.table import TableFile
 from ohmward.published.registry import make_estimator
@@ -79,7 +80,8 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     """Battery, log and truth that the options of `add_soc_options` name."""
     battery, of_sensor = load_battery_with_sensor(args.battery, args)
     file = open_table(split_selection(args.log)[0])
-    extra = None if args.truth else cell_names(file.names) if battery.n_series > 1 else ()
+    cells_too = cell_names(file.names) if battery.n_series > 1 else ()
+    extra = None if args.truth else (*cells_too, *charger_columns(file.names))
     log = check_log(read_battery_log(args.log, args, extra, report, file), battery)
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)

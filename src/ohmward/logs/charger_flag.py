@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -24,11 +24,23 @@ def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]
     return tuple(found)
 
 
+def charger_columns(names: Collection[str]) -> tuple[str, ...]:
+    """The columns that may say that the battery is full, by their names alone."""
+    return tuple(name for name in names if _is_status(name) or _is_flag(name))
+
+
 def _says_full(name: str, values: np.ndarray) -> np.ndarray:
     """(T,) bool, True where the column says that the battery is full."""
-    words = set(letters(name))
-    if words >= _STATUS:
+    if _is_status(name):
         return values == _STATUS_FULL
-    named = any(words >= full and words - full <= _BESIDE for full in _FULL)
     flags = bool(np.isin(values[np.isfinite(values)], (0.0, 1.0)).all())
-    return (values == 1.0) & (named and flags)
+    return (values == 1.0) & (_is_flag(name) and flags)
+
+
+def _is_status(name: str) -> bool:
+    return set(letters(name)) >= _STATUS
+
+
+def _is_flag(name: str) -> bool:
+    words = set(letters(name))
+    return any(words >= full and words - full <= _BESIDE for full in _FULL)

@@ -10,12 +10,15 @@ from typing import Any, Self
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.told_soc import can_be_told, full_charge, tell_soc
+from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
@@ -116,14 +119,59 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     def run(self, log: Log, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
 
+        Where a column of the log says that the battery is full, as a charger does, the filters on the Thevenin model
+        are told, as by `tell_soc`.
+
         progress: called now and then with (steps done, T).
         """
-        samples = samples_of(log, self.time_s)
-        first = SocSample(*(float(column[0]) for column in samples))
-        estimates, seconds = self._scan(samples, first, float(log.time_s[-1]), progress)
+        estimates, seconds = self._scan_log(log, progress)
         self.memory = self.memory.after_log(log.time_s, estimates)
         history = self.memory.history(self.time_s)
         return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state, history)
+
+    def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
+        """Estimate after something else than a sample has told the state of charge, such as the flag of a charger.
+
+        To tell it once more changes next to nothing, so that it may be called for as long as the charger says so.
+
+        soc: told, in [0, 1]; soc_std: its standard deviation, None is that of a full charge in this chemistry.
+
+        Raises:
+            InputError: values out of range, no sample yet, or an estimator that cannot be told.
+        """
+        if self.last is None:
+            raise InputError("tell_soc needs an estimate: give update() a sample first")
+        require_between("soc", number("soc", soc), 0.0, 1.0)
+        if soc_std is not None:
+            require_positive("soc_std", number("soc_std", soc_std))
+        self.last = self._told(soc, soc_std)
+        self.memory = self.memory.after(self.time_s, self.last)
+        return self.last
+
+    def _told(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
+        """The estimate after the last one when the state of charge was told, and the state with it."""
+        std = full_charge(self.settings).std if soc_std is None and can_be_told(self.settings) else soc_std
+        assert self.last is not None
+        self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
+        return estimate
+
+    def _scan_log(self, log: Log, progress: Progress | None) -> tuple[SocEstimate, float]:
+        """Estimates along a log in pieces that end where a column says that the battery is full, and the seconds."""
+        samples = samples_of(log, self.time_s)
+        says_full = {k for _, k in log.full_charges()} if can_be_told(self.settings) else set()
+        pieces, seconds, begin = [], 0.0, 0
+        for stop in sorted({k + 1 for k in says_full} | {len(log)}):
+            rows = SocSample(*(column[begin:stop] for column in samples))
+            first = SocSample(*(float(column[0]) for column in rows))
+            piece, took_s = self._scan(rows, first, float(log.time_s[stop - 1]), _from(begin, len(log), progress))
+            if stop - 1 in says_full:
+                self.last = self._told()
+                for column, value in zip(piece, self.last, strict=True):
+                    column[-1] = value
+            pieces.append(piece)
+            seconds, begin = seconds + took_s, stop
+        joined = SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
+        return (pieces[0] if len(pieces) == 1 else joined), seconds
 
     def explain(self) -> Explanation:
         """The state of charge in one sentence, the causes of its band, and what would settle it; takes some 50 ms.
@@ -178,6 +226,11 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
         f"battery must be a Battery or an estimator, got {type(battery).__name__}; "
         "load_battery(path) reads one, identify(logs, capacity_Ah=...) makes one"
     )
+
+
+def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:
+    """The progress of a piece of a log that begins after so many steps."""
+    return None if progress is None else lambda done, _: progress(begin + done, steps)
 
 
 def _title(battery: Battery | Estimator, filter: str) -> str:

@@ -1,0 +1,95 @@
+"""State of charge that something else than a sample tells, such as a charger that says that the battery is full.
+
+    SoC ~ N(s, std^2)    where the belief knows it worse, with everything that goes with it;    as it was elsewhere
+
+That is the Kalman update by s with the information that the belief lacks, 1 / R = 1 / std^2 - 1 / P: said once more it
+changes nothing, since the second time errs as the first one did. A belief that it contradicts beyond the gate forgets
+its SoC first: charger and user know.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery.soc.anchor_rule import SocNormal
+from ohmward.battery.soc.augmented_thevenin import SOC
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.battery.soc.thevenin_filter import LEAST_CHARGE_GAIN, FilterState, TheveninFilter, forget_soc
+from ohmward.errors import InputError
+from ohmward.filters.belief import Belief, pack, unpack
+from ohmward.filters.kalman import correct_state
+
+
+def can_be_told(settings: Any) -> bool:
+    """True for an estimator that takes a state of charge from outside."""
+    return isinstance(settings, TheveninFilter | GaussianSumFilter)
+
+
+def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
+    """State of charge where a charger says full, its width by chemistry."""
+    filter_ = settings.member if isinstance(settings, GaussianSumFilter) else settings
+    return SocNormal(1.0, filter_.anchor_rule.full_std)
+
+
+def tell_soc(settings: Any, state: Any, estimate: SocEstimate, told: SocNormal) -> tuple[Any, SocEstimate]:
+    """State and estimate after the state of charge was told; estimate: of the sample before.
+
+    Raises:
+        InputError: the estimator cannot be told.
+    """
+    if isinstance(settings, GaussianSumFilter):
+        return _tell_sum(settings, state, estimate, told)
+    if isinstance(settings, TheveninFilter):
+        return _tell_filter(settings, state, estimate, told)
+    raise InputError(
+        f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf or ukf"
+    )
+
+
+def _tell_filter(
+    settings: TheveninFilter, state: FilterState, estimate: SocEstimate, told: SocNormal
+) -> tuple[FilterState, SocEstimate]:
+    belief = with_told_soc(unpack(state.belief), told, settings.gate)
+    belief, _ = settings.within_limits(belief)
+    x = settings.system.split(belief.mean)
+    after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=state.anchors._replace(discharged=0.0))
+    return after, estimate._replace(
+        soc=float(belief.mean[SOC]),
+        soc_std=math.sqrt(max(float(belief.cov[SOC, SOC]), 0.0)),
+        current_offset_A=float(x.offset_A),
+        soh_capacity=float(1.0 / max(x.charge_gain, LEAST_CHARGE_GAIN)),
+        resistance_ratio=float(settings.system.resistance_ratio(x)),
+        flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED,
+    )
+
+
+def _tell_sum(
+    settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, told: SocNormal
+) -> tuple[GaussianSumState, SocEstimate]:
+    """All hypotheses after it; their weights by how well each foresaw it."""
+    foreseen = [_log_density(unpack(member.belief), told) for member in state.members]
+    parts = [_tell_filter(settings.member, member, estimate, told) for member in state.members]
+    log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
+    members = tuple(member for member, _ in parts)
+    return GaussianSumState(members, log_weights), mixed([part for _, part in parts], log_weights)
+
+
+def with_told_soc(belief: Belief, told: SocNormal, gate: float) -> Belief:
+    """The belief after its SoC was told; the first equation."""
+    P, R = float(belief.cov[SOC, SOC]), told.std**2
+    if (told.soc - belief.mean[SOC]) ** 2 > gate * (P + R):
+        belief = forget_soc(belief)
+        P = float(belief.cov[SOC, SOC])
+    if P <= R:
+        return belief
+    return correct_state(belief, SOC, told.soc, 1.0 / (1.0 / R - 1.0 / P))
+
+
+def _log_density(belief: Belief, told: SocNormal) -> float:
+    """Ln N(s; mean, P + std^2) up to a constant; a repetition weighs nothing that is as likely before."""
+    S = float(belief.cov[SOC, SOC]) + told.std**2
+    return -0.5 * (float(told.soc - belief.mean[SOC]) ** 2 / S + math.log(S))
