@@ -19,6 +19,7 @@ TRACTION = (
     "traction_mujoco",
     "observer_coverage",
     "observer_faults",
+    "observer_noise",
     "traction_real",
     "robotino",
     "slip_control",

@@ -157,7 +157,7 @@ def test_matching_finds_the_noise_of_the_encoders():
         SpeedObserver(RLMA_ON_FLOOR, KNOWN_GROUND, small, matching=True),
         log(speeds[:, 0], np.full(3000, 0.3585))._replace(wheel_speed_rad_s=speeds),
     )
-    assert np.sqrt(state.matched.square) == pytest.approx(0.3, rel=0.15)
+    assert np.sqrt(state.matched.encoder.variance) == pytest.approx(0.3, rel=0.15)
 
 
 def test_an_external_speed_shows_the_radius():

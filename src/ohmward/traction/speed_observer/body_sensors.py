@@ -86,8 +86,8 @@ def use_passive_wheels(
 
     One that contradicts for too long is at fault; where all do, the speed is, and it is opened for them.
     """
-    std, n, times_s = model.noise.passive_std_rad_s, model.driven, body.rejected.passive_s
-    if std is None or not len(times_s):
+    n, times_s = model.driven, body.rejected.passive_s
+    if model.noise.passive_std_rad_s is None or not len(times_s):
         return body
     body = body._replace(passive_doubted=some(time_s > gate.reset_after_s for time_s in times_s))
     wrong = every(time_s > gate.reset_after_s for time_s in times_s)
@@ -97,7 +97,9 @@ def use_passive_wheels(
     after_s = []
     for k, measured, time_s in zip(range(n, len(lag)), clean.wheel_measured[n:], times_s, strict=True):
         y = where(measured, clean.wheel_speed_rad_s[k] + lag[k], np.nan)
-        belief, accepted = correct_sensor(body.belief, y, model.passive_speed(k), std**2, gate.nis)
+        belief, accepted = correct_sensor(
+            body.belief, y, model.passive_speed(k), model.stds(clean).encoder_rad_s[k] ** 2, gate.nis
+        )
         rejected = measured & logical_not(accepted)
         after_s.append(time_rejected(time_s, clean.dt_s, rejected, measured))
         body = body._replace(
@@ -112,14 +114,14 @@ def use_gyro(
     body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
 ) -> BodyCorrection:
     """Correct with the yaw rate; one that has been outside its gate for too long is right, and the estimate opened."""
-    std, i = model.noise.gyro_std_rad_s, model.layout.index("yaw_rate_rad_s")
-    if std is None:
+    i = model.layout.index("yaw_rate_rad_s")
+    if model.noise.gyro_std_rad_s is None:
         return body
     y = where(within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S), sample.yaw_rate_rad_s, np.nan)
     nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
     opened = inflate(body.belief, i, nu * nu)
     prior = choose(body.rejected.gyro_s > gate.reset_after_s, opened, body.belief)
-    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], std**2, gate.nis)
+    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], model.stds(clean).gyro_rad_s[0] ** 2, gate.nis)
     rejected = isfinite(y) & logical_not(accepted)
     gyro_s = time_rejected(body.rejected.gyro_s, clean.dt_s, rejected, isfinite(y))
     return body._replace(belief=belief, gyro_rejected=rejected, rejected=body.rejected._replace(gyro_s=gyro_s))

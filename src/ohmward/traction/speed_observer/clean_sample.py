@@ -11,6 +11,7 @@ from ohmward.trace import exp, logical_not, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.intervals import Intervals, holds
+from ohmward.traction.speed_observer.noise import SensorStds
 
 #: A longer step is a clock that was set, not a robot that waited.
 LONGEST_STEP_S = 3600.0
@@ -36,6 +37,7 @@ class CleanSlipSample(NamedTuple):
     lag_share: (wheels,) share of the time since each encoder's last value over which its speed is a mean.
     rest_s: time for which wheels and motors have been at rest.
     resting: the condition that this has lasted long enough for a standstill.
+    stds: matched standard deviations of the sensors; None where the given ones hold.
     """
 
     dt_s: Scalar
@@ -52,6 +54,7 @@ class CleanSlipSample(NamedTuple):
     lag_share: Any = 1.0
     rest_s: Scalar = 0.0
     resting: Scalar = False
+    stds: SensorStds | None = None
 
 
 class CredibleLimits(NamedTuple):

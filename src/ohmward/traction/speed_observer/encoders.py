@@ -49,17 +49,6 @@ class EncoderGate(NamedTuple):
     jumps_teach: bool
 
 
-class MatchedNoise(NamedTuple):
-    """Residuals that R of the encoders is matched to ([T] 3.50), each (driven,).
-
-    square: mean of squared residuals plus variances P_yy after the update [rad^2/s^2].
-    samples: number of them, at most the window.
-    """
-
-    square: np.ndarray
-    samples: np.ndarray
-
-
 class FreeWheels(NamedTuple):
     """Wheels that only their motors turn, each (driven,) [rad/s].
 
@@ -86,7 +75,6 @@ class WheelCorrection(NamedTuple):
     """Update by one encoder.
 
     belief: after it.
-    square: squared residual plus variance after it.
     used: the condition that the encoder is measured, believed and inside its gate.
     ground_changed: the condition that the wheel moved as the model excludes.
     spike: the condition that the encoder jumped as no wheel can, and was not used.
@@ -94,7 +82,6 @@ class WheelCorrection(NamedTuple):
     """
 
     belief: Belief
-    square: Scalar
     used: Scalar
     ground_changed: Scalar
     spike: Scalar
@@ -131,7 +118,6 @@ def correct_wheels(
     lag: np.ndarray,
     step: SlipStep,
     clean: CleanSlipSample,
-    matched: MatchedNoise,
     rejected: RejectedFor,
     model: Model,
     gate: EncoderGate,
@@ -148,7 +134,7 @@ def correct_wheels(
     torque_noise = model.torque_noise_rad_s(step, clean)
     for k in range(model.driven):
         y = clean.wheel_speed_rad_s[k] + lag[k]
-        R = maximum(model.noise.encoder_std_rad_s**2, matched.square[k])
+        R = model.stds(clean).encoder_rad_s[k] ** 2
         possible = possible_speeds(k, free, belief, R, torque_noise[k], model)
         earlier = RejectedFor(rejected.gate_s[k], rejected.impossible_s[k])
         wheels.append(correct_wheel(belief, k, y, R, possible, torque_noise[k], earlier, clean, model, gate))
@@ -189,11 +175,9 @@ def correct_wheel(
     jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
     opened = choose(believed & rejected, ground_unknown(prior, k, jumped, model), prior)
     posterior = correct_speed(opened, i, y, R, believed, torque_noise, model)
-    square = (y - posterior.mean[i]) ** 2 + posterior.cov[i, i]
     doubt = where(believed, 0.0, doubted_variance(prior, k, clean.modelled_s, model))
     return WheelCorrection(
         belief=inflate(posterior, 0, doubt),
-        square=square,
         used=believed & (nu * nu <= gate.nis * S),
         ground_changed=believed & rejected,
         spike=spike,
@@ -281,16 +265,6 @@ def rejected_for(wheels: list[WheelCorrection]) -> RejectedFor:
     """Times of all encoders, (driven,) each."""
     times = zip(*(wheel.rejected for wheel in wheels), strict=True)
     return RejectedFor(*(np.array(time) for time in times))
-
-
-def match(matched: MatchedNoise, wheels: list[WheelCorrection], window: float) -> MatchedNoise:
-    """The matched noise with the residuals of the encoders that were used."""
-    samples = [where(w.used & (n < window), n + 1.0, n) for w, n in zip(wheels, matched.samples, strict=True)]
-    square = [
-        where(w.used, m + (w.square - m) / maximum(n, 1.0), m)
-        for w, m, n in zip(wheels, matched.square, samples, strict=True)
-    ]
-    return MatchedNoise(np.array(square), np.array(samples))
 
 
 def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> Belief:

@@ -22,7 +22,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.noise import ObserverNoise, SensorStds
 from ohmward.traction.speed_observer.slip_step import SlipStep, grip, slip_step, traction, without_traction
 from ohmward.traction.speed_observer.states import StateLayout, States
 
@@ -69,6 +69,19 @@ class Model:
     def driven(self) -> int:
         """Number of driven wheels."""
         return self.scene.robot.driven
+
+    @cached_property
+    def given_stds(self) -> SensorStds:
+        """Standard deviations that were given."""
+        noise, robot = self.noise, self.scene.robot
+        passive = [noise.passive_std_rad_s] * (len(robot.places) - robot.driven)
+        encoders = [noise.encoder_std_rad_s] * robot.driven + [std for std in passive if std is not None]
+        gyro = [] if noise.gyro_std_rad_s is None else [noise.gyro_std_rad_s]
+        return SensorStds(np.array(encoders), np.full(robot.driven, noise.torque_std_Nm), np.array(gyro))
+
+    def stds(self, clean: CleanSlipSample) -> SensorStds:
+        """Standard deviations of the sensors in a sample: matched, or the given ones."""
+        return clean.stds or self.given_stds
 
     def first_belief(self, wheel_speed_rad_s: np.ndarray) -> Belief:
         """Belief in a body that moves as the driven wheels (driven,) say."""
@@ -173,7 +186,7 @@ class Model:
         Where a current is not measured its torque may be any that the ground takes.
         """
         most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
-        return step.torque_response * (self.noise.torque_std_Nm + where(clean.current_measured, 0.0, most_Nm))
+        return step.torque_response * (self.stds(clean).torque_Nm + where(clean.current_measured, 0.0, most_Nm))
 
     def torque_noise_rad_s(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
         """Standard deviation (driven,) of each wheel's predicted speed by the error of its own torque."""

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
@@ -19,8 +22,7 @@ class ObserverNoise:
     A sensor with None does not exist: nothing is compiled for it.
 
     Attributes:
-        encoder_std_rad_s: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone. With matching
-            it is the floor.
+        encoder_std_rad_s: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone.
         encoder_lag_share: age of an encoder speed in steps: 0.5 for counts over the step, 0 for an instantaneous speed.
         torque_std_Nm: of the torque at a wheel: current sensor, ripple, friction of the gear.
         curve_shape_std: relative error of the nonlinear part of the slip, by the unknown curvature of the friction
@@ -70,6 +72,19 @@ class ObserverNoise:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}
         require_between("noise.encoder_lag_share", stds.pop("encoder_lag_share"), 0.0, 1.0)
         require_stds("noise", stds, _OPTIONAL)
+
+
+class SensorStds(NamedTuple):
+    """Standard deviations of sensors in a sample, given or matched.
+
+    encoder_rad_s: (encoders,), driven wheels first, then passive ones where their encoders are used.
+    torque_Nm: (driven,) of the torque by each motor's current.
+    gyro_rad_s: (1,), or empty without a gyro.
+    """
+
+    encoder_rad_s: np.ndarray
+    torque_Nm: np.ndarray
+    gyro_rad_s: np.ndarray
 
 
 def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:

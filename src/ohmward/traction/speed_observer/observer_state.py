@@ -9,9 +9,10 @@ import numpy as np
 from ohmward.filters.belief import Belief, PackedBelief, pack
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
-from ohmward.traction.speed_observer.encoders import FreeWheels, MatchedNoise, RejectedFor
+from ohmward.traction.speed_observer.encoders import FreeWheels, RejectedFor
 from ohmward.traction.speed_observer.intervals import Intervals, never
 from ohmward.traction.speed_observer.late import History, empty_history
+from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.restart import Reach
 
@@ -20,7 +21,7 @@ class ObserverState(NamedTuple):
     """State of the observer from sample to sample: plain numbers.
 
     belief: mean (n,) and lower triangle of the covariance.
-    matched: residuals that R of the encoders is matched to.
+    matched: noise of the sensors; empty without matching.
     current_A: (driven,) last credible ones.
     current_intervals: of the motor currents, each (driven,).
     encoder_intervals: of the encoders, each (wheels,).
@@ -52,12 +53,14 @@ class ObserverState(NamedTuple):
     reach: Reach
 
 
-def started(belief: Belief, model: Model, late_steps: int, before: ObserverState | None = None) -> ObserverState:
-    """State of an observer that has this belief and no past, but for the clocks of the sensors in the state before."""
+def started(
+    belief: Belief, model: Model, late_steps: int, matching: bool, before: ObserverState | None = None
+) -> ObserverState:
+    """State of an observer that has this belief and no past, but for the clocks and the noise of the sensors before."""
     n, wheels = model.driven, len(model.scene.robot.places)
     return ObserverState(
         belief=pack(belief),
-        matched=MatchedNoise(np.zeros(n), np.zeros(n)),
+        matched=before.matched if before else unmatched(model) if matching else fixed(),
         current_A=before.current_A if before else np.zeros(n),
         current_intervals=before.current_intervals if before else never(n),
         encoder_intervals=before.encoder_intervals if before else never(wheels),

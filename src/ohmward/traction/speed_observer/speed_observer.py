@@ -1,9 +1,10 @@
 """Speed and slip of a robot from encoders and motor currents, and from whatever else there is; [T] 4.5.
 
 The model predicts (EKF or UKF) with a step that is implicit in the slip, so samples may be 10 ms apart although wheels
-settle in 0.5 ms. Every measurement is an update of its own: at its own rate, missing, late or wrong. Matching learns R
-of the encoders from the residuals ([T] 3.50); Q is not matched, because matching both finds the size of the noise but
-not the ratio of Q to R, which sets the gain (`ohmward.filters.adaptive`), and the Q here is physical.
+settle in 0.5 ms. Every measurement is an update of its own: at its own rate, missing, late or wrong. Matching learns
+the white noise of encoders, currents and gyro from their own course (`matched_noise`); what the ground adds to Q is not
+matched, because innovations tell the size of the noise but not the ratio of Q to R, which sets the gain
+(`ohmward.filters.adaptive`).
 
 The driven wheels show the speed as far as they grip, through the slope of traction over slip. A wheel that spins shows
 its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is dead
@@ -66,7 +67,6 @@ from ohmward.traction.speed_observer.encoders import (
     EncoderGate,
     FreeWheels,
     correct_wheels,
-    match,
     rejected_for,
     released,
     turned,
@@ -75,6 +75,7 @@ from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, Sli
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
 from ohmward.traction.speed_observer.intervals import advance, holds, share_measured
 from ohmward.traction.speed_observer.late import History, remember
+from ohmward.traction.speed_observer.matched_noise import match, matched_stds
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.observer_state import ObserverState, started
@@ -114,7 +115,7 @@ class SpeedObserver:
         states: what is estimated besides the robot's own state.
         noise: of sensors and model; says which sensors there are.
         method: "ekf" or "ukf".
-        matching: learn R of the encoders from the residuals (AEKF, AUKF).
+        matching: learn the noise of encoders, currents and gyro (AEKF, AUKF).
         window: effective samples of that; [T] takes 100.
         alarm: tests for slip and for a robot that is stuck.
         gate: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %.
@@ -190,7 +191,7 @@ class SpeedObserver:
         """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
         clean = sanitize(first, self.limits)
         speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
-        return started(self.model.first_belief(speeds), self.model, self.late_steps)
+        return started(self.model.first_belief(speeds), self.model, self.late_steps, self.matching)
 
     def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
         """State and estimate after a sample: the model predicts, then each measurement corrects."""
@@ -212,7 +213,6 @@ class SpeedObserver:
         flags = self.flags(before, clean, wheels, body, slip_test, timers, lost)
         after = state._replace(
             belief=pack(belief),
-            matched=match(state.matched, wheels.wheels, self.window) if self.matching else state.matched,
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
             free=released(free, belief, clean, self.model),
             history=history,
@@ -223,7 +223,8 @@ class SpeedObserver:
             stuck_s=timers.stuck_s,
             reach=reach,
         )
-        return choose(lost, started(new, self.model, self.late_steps, state), after), estimate._replace(flags=flags)
+        anew = started(new, self.model, self.late_steps, self.matching, state)
+        return choose(lost, anew, after), estimate._replace(flags=flags)
 
     def sanitize(self, state: ObserverState, sample: SlipSample) -> tuple[Belief, CleanSlipSample, ObserverState]:
         """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
@@ -236,7 +237,9 @@ class SpeedObserver:
         clean = without_impossible_currents(clean, before, self.model)
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
         encoder_intervals = advance(state.encoder_intervals, clean.wheel_measured, clean.dt_s)
-        clean = hold_currents(clean, state.current_A, current_intervals)
+        stds = matched_stds(state.matched, self.model) if self.matching else None
+        matched = match(state.matched, sample, clean, self.model, self.window) if self.matching else state.matched
+        clean = hold_currents(clean, state.current_A, current_intervals)._replace(stds=stds)
         at_rest = self.is_at_rest(clean, holds(encoder_intervals))
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
         clean = clean._replace(lag_share=share_measured(state.encoder_intervals, encoder_intervals, clean.dt_s))
@@ -245,6 +248,7 @@ class SpeedObserver:
             current_intervals=current_intervals,
             encoder_intervals=encoder_intervals,
             rest_s=clean.rest_s,
+            matched=matched,
         )
         return before, clean, state
 
@@ -281,7 +285,7 @@ class SpeedObserver:
         jumps_teach = self.method == "ukf" and not self.gyro_first
         gate = EncoderGate(self.encoder_gate, self.reset_after_s, jumps_teach)
         belief, step, lag_rad_s, _ = prediction
-        return correct_wheels(free, belief, lag_rad_s, step, clean, state.matched, state.rejected, self.model, gate)
+        return correct_wheels(free, belief, lag_rad_s, step, clean, state.rejected, self.model, gate)
 
     def correct_body(
         self,

@@ -1,0 +1,159 @@
+"""White noise of encoders, motor currents and gyro, matched to what the sensors show: the adaptive filters' R.
+
+Three values of a sensor in a row tell its white noise: how far the one in between lies off the line through the other
+two, at the share a of the time between them, is
+
+    d = y_1 - (1 - a) y_0 - a y_2,    Var d = (1 + (1 - a)^2 + a^2) R
+
+but for the bend of the true course, which is small at the rates of control. R is the mean of d^2 over its factor, with
+exponential forgetting; each d^2 counts up to CLIP times what is usual, so that glitches and jolts do not teach.
+
+[T] 3.50 matches R to the filter's residuals instead. They depend on Q: where Q is generous, as that of ground and yaw
+rate must be, residuals shrink with R, and every R confirms itself. Nor do they tell the noise of the currents while
+wheels grip: a factor of ten moves the correlation of the innovations by 0.02. The course of each sensor depends on no
+model at all. It does not tell what is not white: of a torque the friction of the gear, of a gyro the offset. So a
+share of the given torque and an offset of the gyro always remain.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.filters.sanitize import every, within
+from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.body_sensors import MOST_YAW_RAD_S
+from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.speed_observer.intervals import NEVER_S, TINY_S
+from ohmward.traction.speed_observer.model import Model
+from ohmward.traction.speed_observer.noise import SensorStds
+
+#: A squared deviation counts up to so many times the usual one; the mean of a chi-square of one degree of freedom that
+#: is cut off there.
+CLIP, CLIPPED_MEAN = 4.0, 0.9205
+
+#: Number of samples that the given noise counts for.
+GIVEN_SAMPLES = 10.0
+
+#: Greatest factor by which a matched standard deviation differs from the given one.
+MOST_RATIO = 20.0
+
+#: Share of the given torque's standard deviation that no current shows.
+UNSEEN_SHARE = 0.2
+
+#: Offset of a gyro [rad/s] that its white noise does not show, where the given standard deviation is not less.
+GYRO_OFFSET_RAD_S = 0.003
+
+#: A sensor slower than this [s] bends too much between three values.
+SLOWEST_S = 0.25
+
+
+class WhiteNoise(NamedTuple):
+    """White noise of the channels of a sensor, each (channels,).
+
+    earlier, last: the last two values.
+    between_s, age_s: time between these, and since the last one; `NEVER_S` before there are any.
+    variance: of the noise.
+    samples: number of deviations in it.
+    """
+
+    earlier: np.ndarray
+    last: np.ndarray
+    between_s: np.ndarray
+    age_s: np.ndarray
+    variance: np.ndarray
+    samples: np.ndarray
+
+
+class MatchedNoise(NamedTuple):
+    """Noise of the sensors that exist: encoders [rad/s], driven wheels first, motor currents [A], gyro [rad/s]."""
+
+    encoder: WhiteNoise
+    current: WhiteNoise
+    gyro: WhiteNoise
+
+
+def unmatched(model: Model) -> MatchedNoise:
+    """The given noise, before the first value."""
+    given = model.given_stds
+    current_A = given.torque_Nm / model.scene.robot.motor.wheel_constant_Nm_per_A
+    return MatchedNoise(first(given.encoder_rad_s), first(current_A), first(given.gyro_rad_s))
+
+
+def fixed() -> MatchedNoise:
+    """No noise that is matched."""
+    return MatchedNoise(*[first(np.empty(0))] * 3)
+
+
+def first(std: np.ndarray) -> WhiteNoise:
+    """The noise of channels that have not had a value; std: (channels,) that was given."""
+    nothing, never = np.zeros(len(std)), np.full(len(std), NEVER_S)
+    return WhiteNoise(nothing, nothing, never, never, std**2, np.full(len(std), GIVEN_SAMPLES))
+
+
+def matched_stds(matched: MatchedNoise, model: Model) -> SensorStds:
+    """The standard deviations that the sensors have shown, and what is never white besides."""
+    given = model.given_stds
+    shown_Nm = model.scene.robot.motor.wheel_constant_Nm_per_A * sqrt(matched.current.variance)
+    offset_rad_s = np.minimum(given.gyro_rad_s, GYRO_OFFSET_RAD_S)
+    return SensorStds(
+        encoder_rad_s=sqrt(matched.encoder.variance),
+        torque_Nm=sqrt(shown_Nm**2 + (UNSEEN_SHARE * given.torque_Nm) ** 2),
+        gyro_rad_s=sqrt(matched.gyro.variance + offset_rad_s**2),
+    )
+
+
+def match(
+    matched: MatchedNoise, sample: SlipSample, clean: CleanSlipSample, model: Model, window: float
+) -> MatchedNoise:
+    """The matched noise after a sample.
+
+    clean: the sample before its currents are held.
+    window: effective number of samples in the mean.
+    """
+    given = unmatched(model)
+    wheels = slice(len(given.encoder.variance))
+    turns = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
+    values = (clean.wheel_speed_rad_s[wheels], clean.current_A, np.array([where(turns, sample.yaw_rate_rad_s, 0.0)]))
+    measured = (clean.wheel_measured[wheels], clean.current_measured, np.array([turns]))
+    sensors = zip(matched, given, values, measured, strict=True)
+    return MatchedNoise(*(follow(*sensor, clean.dt_s, window) for sensor in sensors))
+
+
+def follow(
+    white: WhiteNoise, given: WhiteNoise, y: np.ndarray, measured: np.ndarray, dt_s: Scalar, window: float
+) -> WhiteNoise:
+    """The white noise of a sensor after values y (channels,), where they are measured.
+
+    Values that repeat tell nothing: of wheels that stand, or of a driver that holds the last one.
+    """
+    channels = list(zip(*white, strict=True))
+    news = zip(channels, given.variance, y, measured, strict=True)
+    after = [follow_channel(WhiteNoise(*old), least, value, seen, dt_s, window) for old, least, value, seen in news]
+    return WhiteNoise(*(np.array(values) for values in zip(*after, strict=True))) if after else white
+
+
+def follow_channel(
+    white: WhiteNoise, given: Scalar, y: Scalar, measured: Scalar, dt_s: Scalar, window: float
+) -> WhiteNoise:
+    """The white noise of one channel after a value y; given: variance."""
+    age_s = minimum(white.age_s + dt_s, NEVER_S)
+    share = white.between_s / maximum(white.between_s + age_s, TINY_S)
+    deviation = white.last - (1.0 - share) * white.earlier - share * y
+    square = deviation**2 / (1.0 + (1.0 - share) ** 2 + share**2)
+    repeats = (abs(y - white.last) <= 0.0) & (abs(white.last - white.earlier) <= 0.0)
+    told = every([measured, logical_not(repeats), white.between_s + age_s <= 2.0 * SLOWEST_S])
+    samples = where(told, minimum(white.samples + 1.0, window), white.samples)
+    seen = minimum(square, CLIP * white.variance) / CLIPPED_MEAN
+    variance = where(told, white.variance + (seen - white.variance) / samples, white.variance)
+    return WhiteNoise(
+        earlier=where(measured, white.last, white.earlier),
+        last=where(measured, y, white.last),
+        between_s=where(measured, age_s, white.between_s),
+        age_s=where(measured, 0.0, age_s),
+        variance=clip(variance, given / MOST_RATIO**2, given * MOST_RATIO**2),
+        samples=samples,
+    )
