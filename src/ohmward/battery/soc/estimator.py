@@ -170,8 +170,9 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
                     column[-1] = value
             pieces.append(piece)
             seconds, begin = seconds + took_s, stop
-        joined = SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
-        return (pieces[0] if len(pieces) == 1 else joined), seconds
+        if len(pieces) == 1:
+            return pieces[0], seconds
+        return SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True))), seconds
 
     def explain(self) -> Explanation:
         """The state of charge in one sentence, the causes of its band, and what would settle it; takes some 50 ms.
