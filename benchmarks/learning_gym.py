@@ -42,7 +42,8 @@ from lives_health import pulse_ohm
 from lives_table import SETTLED_S
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.learn import Learnt, Lesson, learn
+from ohmward.battery.learning.learn import Learnt, learn
+from ohmward.battery.learning.lesson import Lesson
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.score import score
 from ohmward.simulate.electrochemical import DayPlan

@@ -6,7 +6,7 @@ import pytest
 
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.discharge_capacity import used_capacities
-from ohmward.battery.learning.learn import Lesson
+from ohmward.battery.learning.lesson import Lesson
 
 NOTHING = Normal(math.nan, math.inf)
 
@@ -25,6 +25,7 @@ def lesson(log: str, soc_min: float, capacity_Ah: float = 10.0) -> Lesson:
         offset_A=Normal(0.0, 0.01),
         information={},
         residual_rms_V=0.005,
+        misfit=1.0,
         soc_start=Normal(soc_min, 0.02),
         soc_end=Normal(1.0, 0.01),
         own_capacity_Ah=NOTHING,

@@ -72,6 +72,21 @@ def test_the_day_after_a_swap_back_is_learnt(taught):
     assert [lesson.verdict for lesson in lessons] == ["set aside", "learnt"]
 
 
+def test_a_day_whose_sensor_has_another_offset_is_set_aside(taught):
+    third = day(MODEL, 3)
+    (lesson,) = learn(taught, [replace(third, current_A=third.current_A + 1.0)]).lessons
+    assert lesson.verdict == "set aside"
+    assert "its current sensor shows" in lesson.reason and "A where none flows" in lesson.reason
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_current_without_its_sign_is_set_aside(taught, known):
+    third = day(MODEL, 3)
+    battery = taught if known else generic_battery("nmc", 12.0, 3)
+    (lesson,) = learn(battery, [replace(third, current_A=-np.abs(third.current_A))]).lessons
+    assert lesson.verdict == "set aside"
+
+
 def test_a_battery_of_twice_the_label_is_refused():
     (lesson,) = learn(generic_battery("nmc", 6.0, 3), [day(MODEL, 1)]).lessons
     assert lesson.verdict == "set aside" and "its capacity is" in lesson.reason

@@ -10,6 +10,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.errors import InputError
 from ohmward.logs import Log
+from ohmward.simulate.voltage import simulate_voltage
 
 BATTERY = generic_battery("nmc", 12.0, 3)
 
@@ -69,6 +70,48 @@ def test_a_current_that_stays_while_the_voltage_jumps_is_left_out():
     found = usable_log(Log("square", time_s, stuck_A, voltage_V), BATTERY)
     assert np.isnan(found.current_A[2000:2500]).all()
     assert "the sensor of the current was stuck" in warnings(found)[0]
+
+
+def charge_and_rest(hours: float) -> Log:
+    """Half an hour of load, a rest in which the battery is charged at C/5, and half an hour of load again."""
+    time_s = 10.0 * np.arange(360.0 * (1.0 + hours))
+    charging = (time_s >= 1800) & (time_s < 1800 + 3600 * hours)
+    current_A = np.where(charging, 2.4, -2.4)
+    log = Log("day", time_s, current_A, np.zeros(time_s.size), np.full(time_s.size, 25.0))
+    return replace(log, voltage_V=simulate_voltage(MODEL, log, 0.3).voltage_V)
+
+
+def test_a_charge_that_the_sensor_does_not_show_is_left_out():
+    log = charge_and_rest(2.0)
+    hidden = replace(log, current_A=np.minimum(log.current_A, 0.0))
+    with pytest.raises(
+        InputError, match=r"sensor of the current did not show what charged or discharged .* for 2 of 3"
+    ):
+        usable_log(hidden, BATTERY)
+    half = charge_and_rest(1.0)
+    found = usable_log(replace(half, current_A=np.minimum(half.current_A, 0.0)), BATTERY)
+    np.testing.assert_array_equal(np.isnan(found.current_A), half.current_A > 0.0)
+    assert "did not show what charged or discharged the battery for 1 of 2 h" in warnings(found)[0]
+    assert usable_log(half, BATTERY).notes == ()
+
+
+def test_the_relaxation_of_a_rest_is_no_hidden_charge():
+    """From a load of 1 C at 20 % the voltage comes back by 0.4 V in three hours."""
+    time_s = 10.0 * np.arange(1440)
+    current_A = np.where(time_s < 1800, -12.0, 0.0)
+    log = Log("rest", time_s, current_A, np.zeros(time_s.size), np.full(time_s.size, 25.0))
+    log = replace(log, voltage_V=simulate_voltage(MODEL, log, 0.7).voltage_V)
+    assert usable_log(log, BATTERY).notes == ()
+
+
+def test_a_load_against_which_the_voltage_moves_is_a_stuck_sensor():
+    """The sensor holds the last load of a drive while the battery is charged."""
+    log = charge_and_rest(1.0)
+    stuck = replace(log, current_A=np.where(log.current_A > 0.0, -2.4, log.current_A))
+    noisy = np.random.default_rng(2).standard_normal(len(log)) * (log.current_A < 0.0)
+    found = usable_log(replace(stuck, current_A=stuck.current_A + 0.05 * noisy), BATTERY)
+    np.testing.assert_array_equal(np.isnan(found.current_A), log.current_A > 0.0)
+    assert "the sensor of the current was stuck for 1 of 2 h" in warnings(found)[0]
 
 
 def test_a_charger_that_holds_the_voltage_is_no_stuck_sensor():

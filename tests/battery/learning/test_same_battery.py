@@ -5,20 +5,24 @@ import pytest
 
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.learning.same_battery import (
-    CapacityAndResistance,
+    LogFindings,
     explained_worse,
     forgotten,
     is_label,
+    moved_too_far,
     other_battery,
     other_label,
     too_small,
+    unexplained,
 )
 
-FILE = CapacityAndResistance(Normal(10.0, 0.2), Normal(0.020, 0.0012))
+FILE = LogFindings(Normal(10.0, 0.2), Normal(0.020, 0.0012), Normal(0.0, 0.01))
 
 
-def seen(capacity_Ah: float, resistance_ohm: float) -> CapacityAndResistance:
-    return CapacityAndResistance(Normal(capacity_Ah, 0.03 * capacity_Ah), Normal(resistance_ohm, 0.1 * resistance_ohm))
+def seen(capacity_Ah: float, resistance_ohm: float) -> LogFindings:
+    return LogFindings(
+        Normal(capacity_Ah, 0.03 * capacity_Ah), Normal(resistance_ohm, 0.1 * resistance_ohm), Normal(0.0, 0.02)
+    )
 
 
 @pytest.mark.parametrize("capacity_Ah, resistance_ohm", [(10.0, 0.020), (9.6, 0.022), (10.5, 0.018)])
@@ -53,9 +57,31 @@ def test_the_likelihood_that_is_lost_counts_independent_errors():
 
 
 def test_a_label_may_be_wrong_by_more():
-    label = CapacityAndResistance(Normal(10.0, 1.0), Normal(0.020, 0.016))
+    label = LogFindings(Normal(10.0, 1.0), Normal(0.020, 0.016), Normal(0.0, 0.25))
     assert other_label(label, seen(7.0, 0.040)) == ""
     assert "its capacity is 5 +-" in other_label(label, seen(5.0, 0.020))
+    assert "its capacity is 6.8 +-" in other_label(label, seen(6.8, 0.020)._replace(misfit=4.0))
+    assert other_label(label, seen(6.8, 0.020)) == ""
+
+
+def test_a_sensor_with_another_offset_is_told_from_another_battery():
+    other = seen(8.0, 0.030)._replace(offset_A=Normal(0.5, 0.02))
+    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 +- 0.02 A where none flows")
+    assert "is not the battery of the file" in other_battery(FILE, other, 0.0)
+    label = FILE._replace(capacity_Ah=Normal(10.0, 1.0), resistance_ohm=Normal(0.020, 0.016))
+    assert other_label(label, FILE._replace(offset_A=Normal(0.04, 0.001))) == ""
+    assert "current sensor shows 0.05 +-" in other_label(label, FILE._replace(offset_A=Normal(0.05, 0.001)))
+
+
+def test_a_log_moves_what_a_file_knows_by_no_more_than_that_may_err():
+    assert moved_too_far(FILE, seen(10.7, 0.020)) == ""
+    assert "its capacity is 10.9 +-" in moved_too_far(FILE, seen(10.9, 0.020))
+
+
+def test_a_voltage_that_does_not_follow_from_the_current_is_unexplained():
+    assert unexplained(seen(10.0, 0.020)._replace(rms_V=0.02, misfit=6.0)) == ""
+    text = unexplained(seen(10.0, 0.020)._replace(rms_V=0.05, misfit=25.0))
+    assert text.startswith("its voltage does not follow from its current: 50 mV off, where 10 mV are expected")
 
 
 def test_a_file_without_its_knowledge_is_a_label():

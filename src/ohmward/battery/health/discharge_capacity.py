@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_fit import REVERSIBLE_STD
-from ohmward.battery.learning.learn import Lesson
+from ohmward.battery.learning.lesson import Lesson
 
 #: A battery that has been below this SoC is one that is emptied in use.
 _EMPTIED_BELOW = 0.25

@@ -14,7 +14,7 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.discharge_capacity import UsedCapacity, used_capacities
 from ohmward.battery.health.point import HealthPoint, logarithm
 from ohmward.battery.learning.fold import resistance_normal
-from ohmward.battery.learning.learn import Lesson
+from ohmward.battery.learning.lesson import Lesson
 from ohmward.battery.learning.parameters import prior_covariance
 from ohmward.errors import InputError
 from ohmward.logs.log import Log

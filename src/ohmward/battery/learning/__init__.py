@@ -1,5 +1,6 @@
 """Learning a battery from everyday logs: parameters, samples of a log, voltage model, solution, fold into the file."""
 
-from ohmward.battery.learning.learn import Learnt, Lesson, learn
+from ohmward.battery.learning.learn import Learnt, learn
+from ohmward.battery.learning.lesson import Lesson
 
 __all__ = ["Learnt", "Lesson", "learn"]

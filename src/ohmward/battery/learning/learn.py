@@ -31,18 +31,21 @@ from ohmward.battery.learning.fold import (
     resistance_normal,
     slip_direction,
 )
+from ohmward.battery.learning.lesson import Lesson, narrowed, taught
 from ohmward.battery.learning.new_parts import new_parts
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
-from ohmward.battery.learning.parameters import TITLES, Parameters, parameters_of, prior_covariance
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
-    CapacityAndResistance,
+    LogFindings,
     explained_worse,
     forgotten,
     is_label,
+    moved_too_far,
     other_battery,
     other_label,
     too_small,
+    unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
@@ -65,46 +68,6 @@ _CYCLE_WALK = 0.005
 _FEW_STEPS = 3
 #: Every so many rows are enough to compare them.
 _COARSE = 10
-
-
-class Lesson(NamedTuple):
-    """Lesson of one log.
-
-    log: its name.
-    verdict: "learnt", "set aside" or "seen".
-    reason: why it was set aside, or what it taught, in a sentence.
-    hours: its length.
-    soc_min, soc_max: range of SoC in it.
-    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of current at
-        half charge and the temperature of the file.
-    information: by what factor the standard deviation of each group of parameters narrowed, by its name.
-    residual_rms_V: measured minus expected voltage.
-    soc_start, soc_end: SoC at the first and the last sample.
-    own_capacity_Ah, own_resistance_ohm: what this log alone says of them, all other parameters as they are known after
-        it; the standard deviation is inf where it says nothing.
-    given_Ah: charge from full down to the lowest SoC of the log.
-    anchors: what told SoC beside the voltage.
-    left_out: stretches and samples of the log that were not used, and why.
-    """
-
-    log: str
-    verdict: str
-    reason: str
-    hours: float
-    soc_min: float
-    soc_max: float
-    capacity_Ah: Normal
-    resistance_ohm: Normal
-    offset_A: Normal
-    information: Mapping[str, float]
-    residual_rms_V: float
-    soc_start: Normal
-    soc_end: Normal
-    own_capacity_Ah: Normal
-    own_resistance_ohm: Normal
-    given_Ah: Normal
-    anchors: tuple[Anchor, ...] = ()
-    left_out: tuple[str, ...] = ()
 
 
 class Learnt(NamedTuple):
@@ -169,7 +132,7 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
-    if contradiction := _other_battery(aged, log, lesson):
+    if contradiction := _contradiction(aged, log, lesson):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
     return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
@@ -202,21 +165,30 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     return replace(learnt, not_identified=untaught_sentences(learnt))
 
 
-def _other_battery(battery: Battery, log: Log, lesson: Lesson) -> str:
-    """Contradiction of a log with the battery, as it has aged until then; "" for none."""
+def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
+    """Contradiction of a log with the battery, as it has aged until then, or with itself; "" for none."""
     covariance = prior_covariance(battery)
-    known = CapacityAndResistance(capacity_normal(battery, covariance), resistance_normal(battery, covariance))
-    after = CapacityAndResistance(lesson.capacity_Ah, lesson.resistance_ohm)
+    known = LogFindings(
+        capacity_normal(battery, covariance),
+        resistance_normal(battery, covariance),
+        offset_normal(battery, covariance),
+    )
+    after = _log_findings(lesson)
     if larger := too_small(lesson.capacity_Ah, lesson.soc_max - lesson.soc_min):
         return larger
     if is_label(battery):
-        return other_label(known, after)
+        return unexplained(after) or other_label(known, after)
     _, alone = learn_log(forgotten(battery), log)
     if alone.verdict != "learnt":
         return alone.reason
     seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s
     worse = explained_worse(seconds, correlation_s, lesson.residual_rms_V, alone.residual_rms_V)
-    return other_battery(known, CapacityAndResistance(alone.capacity_Ah, alone.resistance_ohm), worse)
+    return other_battery(known, _log_findings(alone), worse) or moved_too_far(known, after) or unexplained(after)
+
+
+def _log_findings(lesson: Lesson) -> LogFindings:
+    """LogFindings of a log about its battery."""
+    return LogFindings(lesson.capacity_Ah, lesson.resistance_ohm, lesson.offset_A, lesson.residual_rms_V, lesson.misfit)
 
 
 def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
@@ -321,7 +293,7 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
     return Lesson(
         log=log.name,
         verdict="learnt",
-        reason=_taught(information),
+        reason=taught(information),
         hours=log.duration_s / SECONDS_PER_HOUR,
         soc_min=float(min(soc.min() for soc in socs)),
         soc_max=float(max(soc.max() for soc in socs)),
@@ -330,6 +302,9 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         offset_A=offset_normal(after, new),
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
+        misfit=float(
+            np.average([part.solution.misfit for part in parts], weights=[len(part.model.rows) for part in parts])
+        ),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
         own_capacity_Ah=combined([part.own.capacity_Ah for part in parts]),
@@ -339,28 +314,16 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
     )
 
 
+def _misfit(parts: list[_Part]) -> float:
+    """Misfit of the parts of a log, mean over their rows."""
+    weights = [part.model.rows.size for part in parts]
+    return float(np.average([part.solution.misfit for part in parts], weights=weights))
+
+
 def _soc_at(part: _Part, sample: int) -> Normal:
     """State of charge at a sample of a part."""
     columns = part.model.soc_columns(part.solution.x, np.array([sample]))[0]
     return Normal(float(part.solution.soc[sample]), float(np.sqrt(columns @ part.solution.covariance @ columns)))
-
-
-def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
-    """Factor by which the standard deviation of each group became smaller, the mean of its parameters."""
-    factors = {}
-    for name, size in p.sizes.items():
-        if size:
-            k = p.group(name)
-            ratio = np.diag(before)[k] / np.maximum(np.diag(after)[k], 1e-300)
-            factors[name] = float(np.exp(0.5 * np.mean(np.log(ratio))))
-    return factors
-
-
-def _taught(information: Mapping[str, float]) -> str:
-    """The groups that narrowed most, in a line."""
-    most = sorted(information.items(), key=lambda item: -item[1])[:3]
-    said = [f"{TITLES[name]} {factor:.2g} times narrower" for name, factor in most if factor >= 1.05]
-    return ", ".join(said) if said else "nothing new"
 
 
 def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson:
@@ -378,6 +341,7 @@ def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson
         offset_A=offset_normal(battery, covariance),
         information={},
         residual_rms_V=np.nan,
+        misfit=np.nan,
         soc_start=Normal(np.nan, np.nan),
         soc_end=Normal(np.nan, np.nan),
         own_capacity_Ah=Normal(np.nan, np.inf),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.learning.fold import ten_seconds_ohm
 from ohmward.battery.log_check import check_log, other_cells
 from ohmward.battery.soc.clean_sample import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.errors import InputError
@@ -22,6 +23,17 @@ _STUCK_S, _STUCK_SAMPLES = 120.0, 10
 #: if meanwhile the voltage must have moved by so many of its smallest steps, or has moved by so many standard
 #: deviations of its noise from sample to sample.
 _MISSED_STEPS, _MOVED_STD = 5.0, 4.0
+#: A rest is below this current, in multiples of the capacity per hour; one sample of noise does not end it. After the
+#: first time [s] its voltage has relaxed but for a few millivolts, and moves no further than self-discharge, idle
+#: current and a late relaxation do: by this voltage a cell, and by this much of the state of charge by the curve, and
+#: more with every hour.
+_REST_C, _RELAXED_S = 0.01, 1200.0
+_HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
+#: A steady current moves the voltage its own way. Against it go noise and the warmth of the battery, which lowers its
+#: overpotential by this share.
+_WARMED = 0.3
+#: Samples of a median.
+_MEDIAN_OF = 5
 #: A log whose sensor was stuck for this share of the time is set aside.
 _MOSTLY = 0.5
 #: Resistances may be lower than those of the file by so many standard deviations.
@@ -39,7 +51,9 @@ def usable_log(log: Log, battery: Battery) -> Log:
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
     _require_sign(log)
-    return _without_impossible_temperatures(_without_stuck_current(_without_stuck_voltage(log, battery), battery))
+    for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
+        log = without(log, battery)
+    return _without_impossible_temperatures(log)
 
 
 def _require_samples(log: Log) -> None:
@@ -76,11 +90,69 @@ def _without_stuck_voltage(log: Log, battery: Battery) -> Log:
 
 
 def _without_stuck_current(log: Log, battery: Battery) -> Log:
-    """The log without the currents that stay the same to the last digit while the voltage jumps as under a load."""
+    """The log without the currents that stay the same to the last digit while the voltage jumps as under a load.
+
+    So do those of a load or a charge against which the voltage moves.
+    """
     known = log.voltage_V[np.isfinite(log.voltage_V)]
-    jump_V = _MOVED_STD * np.sqrt(2.0) * max(battery.noise.voltage_std_V, resolution(known))
-    stuck = [run for run in _constant(log, log.current_A) if _rms_step(log.voltage_V[slice(*run)]) > jump_V]
+    noise_V = max(battery.noise.voltage_std_V, resolution(known))
+    jump_V = _MOVED_STD * np.sqrt(2.0) * noise_V
+    constant = _constant(log, log.current_A)
+    stuck = [
+        (first, stop)
+        for first, stop in constant
+        if _rms_step(log.voltage_V[first:stop]) > jump_V
+        or _against_V(log.voltage_V[first:stop], log.current_A[first], battery) > _MOVED_STD * noise_V
+    ]
     return _without(log, "current", stuck)
+
+
+def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> float:
+    """Voltage [V] by which a battery moves against its constant current, beyond what warmth does; 0 at rest."""
+    known = voltage_V[np.isfinite(voltage_V)]
+    model = battery.thevenin
+    if abs(current_A) <= _REST_C * battery.capacity_Ah or known.size < 2 * _MEDIAN_OF or model is None:
+        return 0.0
+    smooth = np.sign(current_A) * _medians(known)
+    against_V = float(np.max(np.maximum.accumulate(smooth) - smooth))
+    return against_V - _WARMED * abs(current_A) * ten_seconds_ohm(model)
+
+
+def _without_hidden_current(log: Log, battery: Battery) -> Log:
+    """The log without the currents of rests in which the voltage moves as by a charge or a load."""
+    hidden = [run for run in _rests(log, battery) if _is_used(log, run, battery)]
+    return _without(log, "current", hidden, "did not show what charged or discharged the battery")
+
+
+def _rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
+    """First and end index of the rests that are long enough to tell."""
+    resting = np.abs(log.current_A - battery.sensor.offset_A) < _REST_C * battery.capacity_Ah
+    for first, stop in runs(~resting):
+        if stop - first == 1:  # a sample of noise
+            resting[first] = True
+    return [(first, stop) for first, stop in runs(resting) if log.time_s[stop - 1] - log.time_s[first] > 2 * _RELAXED_S]
+
+
+def _is_used(log: Log, rest: tuple[int, int], battery: Battery) -> bool:
+    """True where the voltage of a rest moves further than that of a battery at rest does."""
+    model = battery.thevenin
+    first, stop = rest
+    late = np.arange(first, stop)[log.time_s[first:stop] > log.time_s[first] + _RELAXED_S]
+    known = late[np.isfinite(log.voltage_V[late])]
+    if model is None or known.size < 2 * _MEDIAN_OF:
+        return False
+    smooth_V = _medians(log.voltage_V[known])
+    grid = np.linspace(0.0, 1.0, len(model.ocv.voltage_V))
+    soc = np.interp(smooth_V, model.ocv.voltage_V, grid)
+    hours = (log.time_s[stop - 1] - log.time_s[first]) / SECONDS_PER_HOUR
+    moved_soc = float(np.ptp(soc)) - _HIDDEN_SOC_PER_HOUR * hours
+    return float(np.ptp(smooth_V)) > _HIDDEN_V * battery.n_series and moved_soc > _HIDDEN_SOC
+
+
+def _medians(values: np.ndarray) -> np.ndarray:
+    """Medians of `_MEDIAN_OF` neighbours, which a spike does not move."""
+    count = values.size // _MEDIAN_OF
+    return np.median(values[: count * _MEDIAN_OF].reshape(count, _MEDIAN_OF), axis=1)
 
 
 def _without_impossible_temperatures(log: Log) -> Log:
@@ -106,7 +178,7 @@ def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:
     ]
 
 
-def _without(log: Log, quantity: str, stuck: list[tuple[int, int]]) -> Log:
+def _without(log: Log, quantity: str, stuck: list[tuple[int, int]], fault: str = "was stuck") -> Log:
     """The log with NaN in the stretches, and a note.
 
     Raises:
@@ -117,12 +189,12 @@ def _without(log: Log, quantity: str, stuck: list[tuple[int, int]]) -> Log:
     stuck_s = sum(float(log.time_s[stop - 1] - log.time_s[first]) for first, stop in stuck)
     hours = f"{stuck_s / SECONDS_PER_HOUR:.2g} of {log.duration_s / SECONDS_PER_HOUR:.2g} h"
     if stuck_s > _MOSTLY * log.duration_s:
-        raise InputError(f"the sensor of the {quantity} was stuck for {hours}; check it and its column")
+        raise InputError(f"the sensor of the {quantity} {fault} for {hours}; check it and its column")
     name = {"voltage": "voltage_V", "current": "current_A"}[quantity]
     values = getattr(log, name).copy()
     for first, stop in stuck:
         values[first:stop] = np.nan
-    note = Note(f"the sensor of the {quantity} was stuck for {hours}: left out", "warning")
+    note = Note(f"the sensor of the {quantity} {fault} for {hours}: left out", "warning")
     return replace(log, **{name: values}).with_notes(note)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ohmward.battery.health.health import health_of
 from ohmward.battery.health.history import common_error, in_order_of_time, newness, points_of, unlearnt
-from ohmward.battery.learning.learn import Lesson, learn
+from ohmward.battery.learning.learn import learn
+from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.health.report import make_page
 from ohmward.cli.health.result import HealthTask, describe, summary

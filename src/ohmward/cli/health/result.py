@@ -15,7 +15,7 @@ from ohmward.battery.health.discharge_capacity import UsedCapacity, used_capacit
 from ohmward.battery.health.health import Health
 from ohmward.battery.health.history import DatedLogs, Newness
 from ohmward.battery.health.point import DAY_S, HealthPoint
-from ohmward.battery.learning.learn import Lesson
+from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli import wording
 from ohmward.cli.wording import lognormal, normal
 from ohmward.logs.note import counted

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.learning.learn import Lesson, learn
+from ohmward.battery.learning.learn import learn
+from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.learn.files import BatteryFiles
 from ohmward.cli.learn.journal import Journal, Row

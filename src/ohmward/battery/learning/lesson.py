@@ -1,0 +1,72 @@
+"""Lesson of one log: what it taught a battery file, or why it taught nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.learning.parameters import TITLES, Parameters
+from ohmward.battery.soc.anchors import Anchor
+
+
+class Lesson(NamedTuple):
+    """Lesson of one log.
+
+    log: its name.
+    verdict: "learnt", "set aside" or "seen".
+    reason: why it was set aside, or what it taught, in a sentence.
+    hours: its length.
+    soc_min, soc_max: range of SoC in it.
+    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of current at
+        half charge and the temperature of the file.
+    information: by what factor the standard deviation of each group of parameters narrowed, by its name.
+    residual_rms_V: measured minus expected voltage.
+    misfit: factor by which the squares of these errors exceed what the file expects of them, at least 1.
+    soc_start, soc_end: SoC at the first and the last sample.
+    own_capacity_Ah, own_resistance_ohm: what this log alone says of them, all other parameters as they are known after
+        it; the standard deviation is inf where it says nothing.
+    given_Ah: charge from full down to the lowest SoC of the log.
+    anchors: what told SoC beside the voltage.
+    left_out: stretches and samples of the log that were not used, and why.
+    """
+
+    log: str
+    verdict: str
+    reason: str
+    hours: float
+    soc_min: float
+    soc_max: float
+    capacity_Ah: Normal
+    resistance_ohm: Normal
+    offset_A: Normal
+    information: Mapping[str, float]
+    residual_rms_V: float
+    misfit: float
+    soc_start: Normal
+    soc_end: Normal
+    own_capacity_Ah: Normal
+    own_resistance_ohm: Normal
+    given_Ah: Normal
+    anchors: tuple[Anchor, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
+    """Factor by which the standard deviation of each group became smaller, the mean of its parameters."""
+    factors = {}
+    for name, size in p.sizes.items():
+        if size:
+            k = p.group(name)
+            ratio = np.diag(before)[k] / np.maximum(np.diag(after)[k], 1e-300)
+            factors[name] = float(np.exp(0.5 * np.mean(np.log(ratio))))
+    return factors
+
+
+def taught(information: Mapping[str, float]) -> str:
+    """The groups that narrowed most, in a line."""
+    most = sorted(information.items(), key=lambda item: -item[1])[:3]
+    said = [f"{TITLES[name]} {factor:.2g} times narrower" for name, factor in most if factor >= 1.05]
+    return ", ".join(said) if said else "nothing new"
