@@ -6,6 +6,7 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
 from ohmward.traction.inbox import SensorInbox
+from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
 from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.robot.motor import Motor
@@ -19,6 +20,7 @@ __all__ = [
     "CompactionResistance",
     "Differential",
     "Motor",
+    "Odometry",
     "Omni",
     "Robot",
     "RobotInput",

@@ -1,0 +1,244 @@
+"""Measurements of the odometry, each an update of its own: wheels against gyro, speeds, and pose increments.
+
+Each function takes the correction so far and returns it with one more. A measurement that is missing or outside its
+gate changes no mean; one of the motion that is outside opens the band at once, as far as the innovation says.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.filters.belief import Belief, Function
+from ohmward.filters.gate import choose, inflate, time_rejected
+from ohmward.filters.linear_algebra import TINY, mirror_lower
+from ohmward.filters.sanitize import between, every, some, within
+from ohmward.trace import clip, exp, isfinite, linearize, logical_not, maximum, sqrt, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.odometry.model import (
+    CURVATURE,
+    GYRO_SCALE,
+    OFFSET,
+    SIDE_SLIP,
+    SLIP,
+    TURN_SCALE,
+    TURN_SLIP,
+    MotionInput,
+    twist,
+)
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.trail import Trail, way
+from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, OLDEST_S, SPEED_STD_M_S
+from ohmward.traction.speed_observer.late import History, change_since
+
+#: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
+COMPARED_S = 0.5
+
+#: A robot whose wheels moved less than this [m] stood: its encoders have no error of counting.
+STOOD_M = 1e-6
+
+#: Least and longest length [s] of a pose increment.
+INCREMENT_S = (1e-3, 10.0)
+
+#: A larger pose increment [m, rad] is its source's fault.
+MOST_INCREMENT = 100.0
+
+#: Share of a pose increment's length that must be remembered.
+REMEMBERED = 0.99
+
+#: Limits [m, rad] of the standard deviation of a pose increment that its source gives.
+INCREMENT_STD = (1e-5, 10.0)
+
+#: A slip is opened to so many of its standard deviations at most: beyond, rounding would spoil the covariance.
+MOST_OPENED = 1e4
+
+#: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
+_LEAST_STD = 1e-4
+
+
+class TurnSums(NamedTuple):
+    """Sums over the time in which gyro and wheels have turned since they were last compared.
+
+    time_s: time.
+    wheels_rad, gyro_rad: angles that they show.
+    path_m, rim_m: signed way of the rims forward, and the way of the wheels whatever its direction.
+    slip_rad: angle of one standard deviation of the wheels' correlated error.
+    start_rad_s, end_rad_s: yaw rate of the gyro at the start and at the end.
+    rejected_s: time for which the comparison has been outside its gate.
+    """
+
+    time_s: Any = 0.0
+    wheels_rad: Any = 0.0
+    gyro_rad: Any = 0.0
+    path_m: Any = 0.0
+    rim_m: Any = 0.0
+    slip_rad: Any = 0.0
+    start_rad_s: Any = 0.0
+    end_rad_s: Any = 0.0
+    rejected_s: Any = 0.0
+
+
+class PoseCorrection(NamedTuple):
+    """Belief after measurements, and conditions on them.
+
+    belief: after them.
+    turn_rejected, speed_rejected, increment_rejected, increment_too_old: see `OdometryFlag`.
+    """
+
+    belief: Belief
+    turn_rejected: Any = False
+    speed_rejected: Any = False
+    increment_rejected: Any = False
+    increment_too_old: Any = False
+
+
+def add_turn(sums: TurnSums, u: MotionInput, rim_m_s: Scalar, comparable: Scalar) -> TurnSums:
+    """The sums with one more step; nothing where gyro and wheels are not comparable in it."""
+    added = TurnSums(
+        sums.time_s + u.dt_s,
+        sums.wheels_rad + u.motion[2] * u.dt_s,
+        sums.gyro_rad + u.gyro_rad_s * u.dt_s,
+        sums.path_m + u.motion[0] * u.dt_s,
+        sums.rim_m + rim_m_s * u.dt_s,
+        sums.slip_rad + u.motion_std[2] * u.dt_s,
+        where(sums.time_s > 0.0, sums.start_rad_s, u.gyro_rad_s),
+        u.gyro_rad_s,
+        sums.rejected_s,
+    )
+    return choose(comparable, added, TurnSums(rejected_s=sums.rejected_s))
+
+
+def use_turn(
+    body: PoseCorrection,
+    sums: TurnSums,
+    noise: OdometryNoise,
+    encoder_turn_rad: float,
+    gate: float,
+    reset_after_s: float,
+) -> tuple[PoseCorrection, TurnSums]:
+    """Correct with the difference of the angles that wheels and gyro have turned, once they are due; new sums then.
+
+    0 = theta_w (1 + k_w) + q s + sigma z_w - (theta_g - b T)(1 + k_g) + noise
+
+    Where a robot that stands has turned by its gyro for longer than `reset_after_s`, the offset has changed.
+
+    encoder_turn_rad: error of the wheels' angle by counting.
+    """
+    due = sums.time_s >= COMPARED_S
+    stood = sums.rim_m <= STOOD_M
+    lag_rad = noise.turn_lag_s * (sums.end_rad_s - sums.start_rad_s)
+    of_wheels = where(stood, 0.0, encoder_turn_rad**2 + lag_rad * lag_rad)
+    variance = noise.gyro_walk**2 * sums.time_s + of_wheels
+
+    def difference(x: np.ndarray) -> np.ndarray:
+        return turned_apart(x, sums)
+
+    nu = -difference(body.belief.mean)[0]
+    diverged = due & stood & (sums.rejected_s > reset_after_s)
+    rate = nu / maximum(sums.time_s, COMPARED_S)
+    prior = choose(diverged, inflate(body.belief, OFFSET, rate * rate), body.belief)
+    belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate)
+    rejected = due & logical_not(accepted)
+    rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
+    body = body._replace(belief=belief, turn_rejected=rejected)
+    return body, choose(due, TurnSums(rejected_s=rejected_s), sums)
+
+
+def turned_apart(x: np.ndarray, sums: TurnSums) -> np.ndarray:
+    """Angle (1,) by which wheels and gyro differ in state x: zero for the true one."""
+    wheels = sums.wheels_rad * (1.0 + x[TURN_SCALE]) + sums.path_m * x[CURVATURE] + sums.slip_rad * x[TURN_SLIP]
+    gyro = (sums.gyro_rad - x[OFFSET] * sums.time_s) * (1.0 + x[GYRO_SCALE])
+    return np.array([wheels - gyro])
+
+
+def use_speeds(
+    body: PoseCorrection,
+    sample: OdometrySample,
+    u: MotionInput,
+    history: History,
+    noise: OdometryNoise,
+    gate: float,
+) -> PoseCorrection:
+    """Correct with external speeds forward and to the left, the first with what it has changed by since."""
+    age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
+    too_old = sample.speed_age_s > OLDEST_S
+    given = (
+        (0, SLIP, sample.speed_m_s + change_since(history, age_s), sample.speed_std_m_s),
+        (1, SIDE_SLIP, sample.speed_left_m_s, sample.speed_left_std_m_s),
+    )
+    for axis, state, y, own_std in given:
+        std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
+        since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
+        credible = within(y, FASTEST_M_S) & logical_not(too_old)
+        y_used = where(credible, y, np.nan)
+        belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
+        body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
+    return body
+
+
+def use_increment(
+    body: PoseCorrection, sample: OdometrySample, u: MotionInput, trail: Trail, noise: OdometryNoise, gate: float
+) -> PoseCorrection:
+    """Correct with a pose increment: its difference from the way that was reckoned is that of the twist, over its time.
+
+    The errors of the twist last for `correlation_s`; by how much they have changed since is noise.
+    """
+    if len(trail.dt_s) == 0:
+        return body
+    long = between(sample.increment_s, *INCREMENT_S)
+    length_s = where(long, sample.increment_s, 1.0)
+    age_s = where(between(sample.increment_age_s, 0.0, OLDEST_S), sample.increment_age_s, 0.0)
+    seen = way(trail, length_s, age_s)
+    measured = every([within(value, MOST_INCREMENT) for value in sample.increment]) & long
+    remembered = seen.known_s >= REMEMBERED * length_s
+    used = measured & remembered & logical_not(sample.increment_age_s > OLDEST_S)
+    change = forgotten(age_s + length_s / 2.0, noise)
+    rejected: Any = False
+    for axis, state in ((0, SLIP), (1, SIDE_SLIP), (2, TURN_SLIP)):
+        own = sample.increment_std[axis]
+        std = where(between(own, *INCREMENT_STD), own, noise.increment_walk[axis] * sqrt(length_s))
+        variance = std**2 + (u.motion_std[axis] * length_s) ** 2 * change
+        now = twist(body.belief.mean, u)[axis] * length_s
+        y = where(used, sample.increment[axis] - seen.increment[axis] + now, np.nan)
+        belief, outside = use_motion(body.belief, y, axis, state, length_s, variance, u, gate)
+        body, rejected = body._replace(belief=belief), some([rejected, outside])
+    return body._replace(increment_rejected=rejected, increment_too_old=measured & logical_not(remembered))
+
+
+def use_motion(
+    belief: Belief, y: Scalar, axis: int, state: int, length_s: Scalar, variance: Scalar, u: MotionInput, gate: float
+) -> tuple[Belief, Scalar]:
+    """The belief after y = (component of the twist) length_s + noise, and the condition that it was outside its gate.
+
+    state: slip that is opened then.
+    """
+
+    def moved(x: np.ndarray) -> np.ndarray:
+        return twist(x, u)[axis : axis + 1] * length_s
+
+    nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
+    after, accepted = correct_scalar(belief, y, moved, variance, gate)
+    rejected = isfinite(y) & logical_not(accepted)
+    slip = clip(nu / (maximum(u.motion_std[axis], _LEAST_STD) * length_s), -MOST_OPENED, MOST_OPENED)
+    return choose(rejected, inflate(belief, state, slip * slip), after), rejected
+
+
+def correct_scalar(belief: Belief, y: Scalar, h: Function, variance: Scalar, gate: float) -> tuple[Belief, Scalar]:
+    """The belief after y = h(x) (1,) with noise of this variance where nu^2 / S passes the gate, and that condition.
+
+    P - C C'/S with C = P H', in a third of the operations of Joseph's form.
+    """
+    y_hat, H = linearize(h, belief.mean)
+    C = belief.cov @ H[0]
+    S = maximum(H[0] @ C + variance, TINY)
+    nu = where(isfinite(y), y, y_hat[0]) - y_hat[0]
+    accepted = isfinite(y) & (nu * nu <= gate * S)
+    K = C * where(accepted, 1.0 / S, 0.0)
+    return Belief(belief.mean + K * nu, mirror_lower(belief.cov - np.outer(K, C))), accepted
+
+
+def forgotten(age_s: Scalar, noise: OdometryNoise) -> Scalar:
+    """Share of the variance of a correlated error that has changed since: 1 - e^(-2 t / T)."""
+    return 1.0 - exp(-2.0 * age_s / noise.correlation_s)

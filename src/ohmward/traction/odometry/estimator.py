@@ -1,0 +1,187 @@
+"""Odometry for people: a filter that remembers. `update` takes live samples, `run` takes a whole drive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
+from ohmward.filters.run import Run
+from ohmward.logs.drive_log import DriveLog
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.shown_motion import rim_matrix
+from ohmward.traction.robot.file import load_robot
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+
+#: A pose increment: forward, left [m] and turn [rad].
+Increment = Sequence[float] | np.ndarray
+
+
+#: No pose increment.
+NO_INCREMENT = np.full(3, np.nan)
+
+
+class OdometryRun(Run[OdometryEstimate]):
+    """Pose and twist along a whole drive, every field of `OdometryEstimate` with time in front."""
+
+    flag_type = OdometryFlag
+
+
+class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
+    """Pose and twist with their covariances, live or from logs.
+
+    >>> odometry = Odometry("robot.toml")                                                             # doctest: +SKIP
+    >>> pose = odometry.update(time_s=0.0, wheel_speed_rad_s=[1.0, 1.0], yaw_rate_rad_s=0.01)         # doctest: +SKIP
+    >>> pose.x_m, pose.y_m, pose.yaw_rad, pose.pose_cov                                               # doctest: +SKIP
+
+    With a speed observer the slip of the wheels is known: `odometry.update(..., observed=slip.update(...))`.
+
+    Args:
+        robot: a robot, the path of its file, or the name of a packaged one. Or the settings of a filter.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+        noise: of sensors and wheels; by default that of the kind of chassis.
+    """
+
+    flag_type = OdometryFlag
+    known = OdometryEstimate._fields.index("x_m"), OdometryEstimate._fields.index("position_std_m")
+    longest_step_s = LONGEST_STEP_S
+
+    def __init__(
+        self, robot: Robot | PoseFilter | str, lowering: str | None = None, noise: OdometryNoise | None = None
+    ):
+        if isinstance(robot, PoseFilter):
+            settings = robot
+        else:
+            settings = pose_filter(robot if isinstance(robot, Robot) else load_robot(robot), noise)
+        super().__init__(settings, lowering)
+        self._driven = settings.robot.driven
+        self._wheels = len(settings.robot.places)
+
+    def update(
+        self,
+        time_s: float,
+        wheel_speed_rad_s: PerWheel | None = None,
+        yaw_rate_rad_s: float | None = None,
+        *,
+        speed_m_s: float | None = None,
+        speed_std_m_s: float | None = None,
+        speed_left_m_s: float | None = None,
+        speed_left_std_m_s: float | None = None,
+        speed_age_s: float = 0.0,
+        increment: Increment | None = None,
+        increment_std: Increment | None = None,
+        increment_s: float | None = None,
+        increment_age_s: float = 0.0,
+        observed: SlipEstimate | None = None,
+    ) -> OdometryEstimate:
+        """Estimate after one live sample; None and nan are missing. A bad one is survived and flagged (`OdometryFlag`).
+
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+        wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first; those that are not driven are not used.
+        observed: estimate of a speed observer after the same sample. A speed that it was given is in it, and must not
+            be given here again.
+        All others: see `OdometrySample`.
+
+        Raises:
+            InputError: something else than a number, or another count of numbers.
+        """
+        time_s = number("time_s", time_s)
+        speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
+        sample = OdometrySample(
+            self._since_last(time_s),
+            speeds[: self._driven],
+            number("yaw_rate_rad_s", yaw_rate_rad_s),
+            number("speed_m_s", speed_m_s),
+            number("speed_std_m_s", speed_std_m_s),
+            number("speed_left_m_s", speed_left_m_s),
+            number("speed_left_std_m_s", speed_left_std_m_s),
+            number("speed_age_s", speed_age_s),
+            NO_INCREMENT if increment is None else numbers("increment", increment, 3),
+            NO_INCREMENT if increment_std is None else numbers("increment_std", increment_std, 3),
+            number("increment_s", increment_s),
+            number("increment_age_s", increment_age_s),
+            *(() if observed is None else motion_of_observer(self.settings, observed)),
+        )
+        return self._advance(sample, self._clock(time_s))
+
+    def run(self, log: DriveLog, observed: SlipEstimate | None = None, progress: Progress | None = None) -> OdometryRun:
+        """Pose and twist at every sample of a log, from this odometry's state on; a new one starts at the log's start.
+
+        observed: estimates (T, ...) of a speed observer along the same log; the external speed of the log, if there is
+            one, is then in them.
+        progress: called now and then with (steps done, T).
+
+        Raises:
+            InputError: the log is of a robot with other wheels, or `observed` of another log.
+        """
+        samples = samples_of(log, self.settings, observed, self.time_s)
+        first = OdometrySample(0.0, *(values[0] for values in samples[1:]))
+        return OdometryRun(log.time_s, *self._scan(samples, first, float(log.time_s[-1]), progress))
+
+    def __repr__(self) -> str:
+        e = self.last
+        now = f", at ({e.x_m:.2f}, {e.y_m:.2f}) ± {e.position_std_m:.2f} m" if e else ""
+        return f"Odometry({self.settings.robot.name}{now})"
+
+
+def samples_of(
+    log: DriveLog, settings: PoseFilter, observed: SlipEstimate | None = None, before_s: float = np.nan
+) -> OdometrySample:
+    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+
+    Raises:
+        InputError: the log has other wheels than the robot, or `observed` another number of samples.
+    """
+    robot, T = settings.robot, len(log)
+    if log.wheel_speed_rad_s.shape[1] != len(robot.places):
+        raise InputError(
+            f"log {log.name!r} has {log.wheel_speed_rad_s.shape[1]} wheels, robot {robot.name!r} has "
+            f"{len(robot.places)}; read the log for this robot"
+        )
+    if observed is not None and len(observed.speed_m_s) != T:
+        raise InputError(f"observed must have the {T} samples of log {log.name!r}, got {len(observed.speed_m_s)}")
+    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
+    nothing = settings.no_sample()
+    given: dict[str, Any] = {
+        name: np.broadcast_to(value, (T, *np.shape(value))) for name, value in nothing._asdict().items()
+    }
+    given["dt_s"] = np.diff(log.time_s, prepend=start_s)
+    given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
+    names = ("yaw_rate_rad_s", *(SPEED if observed is None else ()))
+    given |= {name: values for name in names if (values := getattr(log, name)) is not None}
+    if observed is not None:
+        given |= dict(zip(OBSERVED, motion_of_observer(settings, observed), strict=True))
+    return OdometrySample(**given)
+
+
+#: Channels of an external speed in a log.
+SPEED = ("speed_m_s", "speed_std_m_s", "speed_age_s")
+
+#: Fields of a sample that a speed observer fills.
+OBSERVED = tuple(name for name in OdometrySample._fields if name.startswith("observed_"))
+
+
+def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> tuple[Any, ...]:
+    """The fields `OBSERVED` of a sample from estimates (...) of a speed observer."""
+    robot = settings.robot
+    rim = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None] * estimate.wheel_speed_rad_s
+    left_m_s = (rim - estimate.slip_speed_m_s) @ rim_matrix(robot)[1]
+    radius_std = np.asarray(estimate.radius_std)
+    scale = np.minimum(radius_std / settings.noise.radius_std, 1.0) if settings.noise.radius_std else 0.0 * radius_std
+    return (
+        estimate.speed_m_s,
+        estimate.speed_std_m_s,
+        left_m_s,
+        estimate.yaw_rate_rad_s,
+        estimate.yaw_rate_std_rad_s,
+        np.where(radius_std > 0.0, scale, 1.0),
+        np.min(estimate.grip, axis=-1),
+    )

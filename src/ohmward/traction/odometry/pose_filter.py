@@ -1,0 +1,196 @@
+"""The odometry as a filter: `init` and `step` are pure functions of its settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_between, require_each_positive
+from ohmward.filters import extended
+from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
+from ohmward.filters.flags import flags_of
+from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.linear_algebra import std as std_of
+from ohmward.filters.sanitize import CleanStep, every, sanitize_step
+from ohmward.trace import linearize, logical_not, sqrt
+from ohmward.trace.expression import Scalar
+from ohmward.traction.odometry.corrections import (
+    PoseCorrection,
+    TurnSums,
+    add_turn,
+    use_increment,
+    use_speeds,
+    use_turn,
+)
+from ohmward.traction.odometry.model import (
+    OFFSET,
+    RADIUS,
+    YAW,
+    MotionInput,
+    X,
+    Y,
+    first_belief,
+    next_state,
+    position_std,
+    process_noise,
+    twist,
+)
+from ohmward.traction.odometry.noise import OdometryNoise, noise_of
+from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.shown_motion import MotionState, ShownMotion, no_motion, rim_matrix, sense, show
+from ohmward.traction.odometry.trail import Trail, empty_trail, extend
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.speed_observer.late import History, empty_history, remember
+
+
+class PoseState(NamedTuple):
+    """State from sample to sample: plain numbers.
+
+    belief: packed, of `model.NAMES`.
+    motion: last values of the sensors.
+    sums: angles of gyro and wheels since they were last compared.
+    history: changes of the speed, for speeds that come late.
+    trail: the last steps, for pose increments.
+    speed_m_s: after the last step.
+    distance_m: length of the path.
+    """
+
+    belief: PackedBelief
+    motion: MotionState
+    sums: TurnSums
+    history: History
+    trail: Trail
+    speed_m_s: Any = 0.0
+    distance_m: Any = 0.0
+
+
+@dataclass(frozen=True)
+class PoseFilter:
+    """Settings; `init` and `step` are pure functions of them.
+
+    Attributes:
+        robot: whose wheels these are.
+        noise: of sensors and wheels.
+        gate: NIS beyond which a measurement is not used; 10.8 is 99.9 %.
+        reset_after_s: time for which gyro and wheels disagree after which the gyro's offset may have changed.
+        gap_s: a longer step is flagged.
+        late_steps: number of samples by which a speed from outside may be late, and within which a pose increment must
+            have begun; 0 leaves increments out.
+    """
+
+    robot: Robot
+    noise: OdometryNoise
+    gate: float = 10.8
+    reset_after_s: float = 5.0
+    gap_s: float = 0.5
+    late_steps: int = 20
+
+    def __post_init__(self) -> None:
+        require_each_positive("", self, "gate", "gap_s", "reset_after_s")
+        require_between("late_steps", self.late_steps, 0, 1000)
+
+    @cached_property
+    def turn_per_slip(self) -> float:
+        """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
+        return float(np.linalg.norm(rim_matrix(self.robot)[2]))
+
+    def no_sample(self) -> OdometrySample:
+        """A sample without any measurement, to be filled with `_replace`."""
+        return OdometrySample(0.0, np.full(self.robot.driven, np.nan))
+
+    def init(self, first: OdometrySample) -> PoseState:
+        """State before the first sample: the origin of the frame `odom`."""
+        belief = first_belief(self.noise, self.turn_per_slip)
+        steps = self.late_steps
+        return PoseState(pack(belief), no_motion(self.robot), TurnSums(), empty_history(steps), empty_trail(steps))
+
+    def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
+        """State and estimate after a sample: dead reckoning, then each measurement corrects."""
+        time = sanitize_step(sample.dt_s, LONGEST_STEP_S, self.gap_s)
+        before = unpack(state.belief)
+        sensors, jump = sense(state.motion, sample, time, self.robot)
+        motion = show(sensors, jump, time.dt_s, self.robot, self.noise)
+        reckoned = self.predict(before, motion.input)
+        trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
+        speed_m_s = twist(reckoned.mean, motion.input)[0]
+        history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
+        sums = add_turn(state.sums, motion.input, motion.rim_m_s, motion.comparable)
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion.input, history, trail)
+        distance_m = state.distance_m + travelled(body.belief, motion.input)
+        estimate = self.conclude(body.belief, motion, distance_m)
+        flags = self.flags(before, time, motion, body)
+        after = PoseState(pack(body.belief), sensors, sums, history, trail, speed_m_s, distance_m)
+        return after, estimate._replace(flags=flags)
+
+    def predict(self, before: Belief, u: MotionInput) -> Belief:
+        """Belief at the end of a step by dead reckoning."""
+        Q = process_noise(before.mean, u, self.noise)
+        return extended.predict(before, lambda x: next_state(x, u, self.noise), Q)
+
+    def correct(
+        self,
+        body: PoseCorrection,
+        sums: TurnSums,
+        sample: OdometrySample,
+        u: MotionInput,
+        history: History,
+        trail: Trail,
+    ) -> tuple[PoseCorrection, TurnSums]:
+        """Correct with wheels against gyro, with external speeds and with a pose increment."""
+        noise, gate = self.noise, self.gate
+        counting_rad = self.turn_per_slip * self.robot.wheel.radius_m * noise.encoder_std_rad
+        body, sums = use_turn(body, sums, noise, counting_rad, gate, self.reset_after_s)
+        body = use_speeds(body, sample, u, history, noise, gate)
+        return use_increment(body, sample, u, trail, noise, gate), sums
+
+    def conclude(self, belief: Belief, motion: ShownMotion, distance_m: Scalar) -> OdometryEstimate:
+        """The estimate still without flags."""
+        x, P = belief
+        rates, J = linearize(lambda state: twist(state, motion.input), x)
+        return OdometryEstimate(
+            x_m=x[X],
+            y_m=x[Y],
+            yaw_rad=x[YAW],
+            pose_cov=P[:3, :3],
+            position_std_m=position_std(P),
+            speed_m_s=rates[0],
+            speed_left_m_s=rates[1],
+            yaw_rate_rad_s=rates[2],
+            twist_cov=mirror_lower(J @ P @ J.T + np.diag(motion.white_variance)),
+            distance_m=distance_m,
+            gyro_offset_rad_s=x[OFFSET],
+            gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
+            radius_ratio=1.0 + x[RADIUS],
+            radius_std=std_of(P[RADIUS, RADIUS]),
+            flags=0.0,
+        )
+
+    def flags(self, before: Belief, time: CleanStep, motion: ShownMotion, body: PoseCorrection) -> Scalar:
+        """Flags of a sample."""
+        return flags_of({
+            OdometryFlag.BAD_TIME: logical_not(time.credible),
+            OdometryFlag.GAP: time.gap,
+            OdometryFlag.NO_WHEELS: motion.no_wheels,
+            OdometryFlag.NO_GYRO: motion.no_gyro,
+            OdometryFlag.WHEEL_JUMP: motion.jump,
+            OdometryFlag.TURN_REJECTED: body.turn_rejected,
+            OdometryFlag.SPEED_REJECTED: body.speed_rejected,
+            OdometryFlag.INCREMENT_REJECTED: body.increment_rejected,
+            OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
+            OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
+        })  # fmt: skip
+
+
+def travelled(belief: Belief, u: MotionInput) -> Scalar:
+    """Length [m] of the path of a step."""
+    forward, left, _ = twist(belief.mean, u)
+    return sqrt(forward * forward + left * left) * u.dt_s
+
+
+def pose_filter(robot: Robot, noise: OdometryNoise | None = None) -> PoseFilter:
+    """The filter of a robot, with the noise of its kind of chassis unless given."""
+    return PoseFilter(robot, noise or noise_of(robot))

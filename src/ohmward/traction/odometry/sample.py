@@ -1,0 +1,100 @@
+"""Sample and estimate of the odometry: plain numbers, one sample at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.filters.flags import SampleFlag
+
+
+class OdometrySample(NamedTuple):
+    """One sample of the sensors; nan where there is nothing new.
+
+    dt_s: time since the sample before [s]; 0 for the first.
+    wheel_speed_rad_s: (driven,) from encoders, the mean over the step.
+    yaw_rate_rad_s: from a gyro, the mean over the step, > 0 to the left.
+    speed_m_s, speed_std_m_s: forward, from outside, and its standard deviation where the source gives one.
+    speed_left_m_s, speed_left_std_m_s: to the left, the same.
+    speed_age_s: age of both.
+    increment: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame
+        of its start, and the turn.
+    increment_std: (3,) standard deviations where the source gives them.
+    increment_s: time between its start and its end.
+    increment_age_s: time since its end.
+    observed_speed_m_s, observed_speed_std_m_s: of a speed observer, which knows the slip of the wheels.
+    observed_left_m_s: the same to the left.
+    observed_yaw_rate_rad_s, observed_yaw_rate_std_rad_s: of a speed observer; used where there is no gyro.
+    observed_scale: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it.
+    observed_grip: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn.
+    """
+
+    dt_s: Any
+    wheel_speed_rad_s: np.ndarray
+    yaw_rate_rad_s: Any = math.nan
+    speed_m_s: Any = math.nan
+    speed_std_m_s: Any = math.nan
+    speed_left_m_s: Any = math.nan
+    speed_left_std_m_s: Any = math.nan
+    speed_age_s: Any = 0.0
+    increment: np.ndarray = np.full(3, math.nan)
+    increment_std: np.ndarray = np.full(3, math.nan)
+    increment_s: Any = math.nan
+    increment_age_s: Any = 0.0
+    observed_speed_m_s: Any = math.nan
+    observed_speed_std_m_s: Any = math.nan
+    observed_left_m_s: Any = math.nan
+    observed_yaw_rate_rad_s: Any = math.nan
+    observed_yaw_rate_std_rad_s: Any = math.nan
+    observed_scale: Any = 1.0
+    observed_grip: Any = 1.0
+
+
+class OdometryEstimate(NamedTuple):
+    """Estimate after a sample.
+
+    x_m, y_m: of the robot's centre of gravity in the frame `odom`: where it was at first, x forward, y to the left.
+    yaw_rad: > 0 to the left; full turns are counted.
+    pose_cov: (3, 3) covariance of x, y and yaw in that frame [m2, m rad, rad2].
+    position_std_m: largest standard deviation of the position in any direction.
+    speed_m_s, speed_left_m_s, yaw_rate_rad_s: twist in the frame of the robot, forward and to the left.
+    twist_cov: (3, 3) covariance of the twist.
+    distance_m: length of the path.
+    gyro_offset_rad_s, gyro_offset_std_rad_s: of the gyro at rest.
+    radius_ratio, radius_std: effective radius of the wheels over the robot's; the std is relative.
+    flags: sum of `OdometryFlag` values; 0 is a sample without incident.
+    """
+
+    x_m: Any
+    y_m: Any
+    yaw_rad: Any
+    pose_cov: np.ndarray
+    position_std_m: Any
+    speed_m_s: Any
+    speed_left_m_s: Any
+    yaw_rate_rad_s: Any
+    twist_cov: np.ndarray
+    distance_m: Any
+    gyro_offset_rad_s: Any
+    gyro_offset_std_rad_s: Any
+    radius_ratio: Any
+    radius_std: Any
+    flags: Any
+
+
+class OdometryFlag(SampleFlag):
+    """Incidents of a sample of the odometry."""
+
+    BAD_TIME = 1  #: dt_s is negative, too long or no number; the step counts as none
+    GAP = 2  #: a long step; the motion in it is that of its end
+    NO_WHEELS = 4  #: nothing shows the speed any more: the last one goes on, and the band grows
+    NO_GYRO = 8  #: the gyro has stopped: the wheels tell the turn
+    WHEEL_JUMP = 16  #: a wheel changed its speed as no robot can; not used
+    TURN_REJECTED = 32  #: gyro and wheels disagree beyond their sigmas: a wheel that slips, or a gyro that failed
+    SPEED_REJECTED = 64  #: an external speed outside its gate; not used, the band was opened
+    INCREMENT_REJECTED = 128  #: a pose increment outside its gate; not used, the band was opened
+    INCREMENT_TOO_OLD = 256  #: a pose increment that began before the samples that are remembered; not used
+    NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
+    RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample

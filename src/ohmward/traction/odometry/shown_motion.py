@@ -1,0 +1,178 @@
+"""Motion over a step from the wheels, the gyro or a speed observer; what is slower than the samples holds."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.filters.sanitize import CleanStep, every, some, within
+from ohmward.trace import logical_not, maximum, sqrt, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.odometry.model import MotionInput
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.robot.chassis import PLANAR
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, MOST_YAW_RAD_S
+from ohmward.traction.speed_observer.intervals import NEVER_S, Intervals, advance, holds, never, was_seen
+
+#: A faster wheel is a fault of its encoder [rad/s].
+MOST_WHEEL_RAD_S = 500.0
+
+#: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
+JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
+
+#: A shorter step [s] is none, and counts over it show no speed.
+LEAST_STEP_S = 1e-3
+
+#: Wheels with less grip than this show no turn.
+LEAST_GRIP = 0.5
+
+#: Channels whose usual interval is learnt.
+WHEELS, GYRO, OBSERVER = range(3)
+
+
+class Observed(NamedTuple):
+    """The last motion that a speed observer gave, see `OdometrySample`."""
+
+    speed_m_s: Any = 0.0
+    speed_std_m_s: Any = 0.0
+    left_m_s: Any = 0.0
+    yaw_rate_rad_s: Any = 0.0
+    yaw_rate_std_rad_s: Any = 0.0
+    scale: Any = 1.0
+    grip: Any = 1.0
+
+
+#: Larger values are no observer's.
+CREDIBLE = Observed(FASTEST_M_S, FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S, 1.0, 1.0)
+
+
+class MotionState(NamedTuple):
+    """The last values of the sensors and their clocks.
+
+    wheel_speed_rad_s: (driven,).
+    gyro_rad_s: yaw rate of the gyro.
+    observed: of the speed observer.
+    intervals: of `WHEELS`, `GYRO` and `OBSERVER`.
+    """
+
+    wheel_speed_rad_s: np.ndarray
+    gyro_rad_s: Any
+    observed: Observed
+    intervals: Intervals
+
+
+class ShownMotion(NamedTuple):
+    """Motion over a step, and conditions on its sensors.
+
+    input: of the model.
+    white_variance: (3,) of the twist, by counting and by the gyro's noise over one step.
+    rim_m_s: speed of the rims whatever its direction.
+    comparable: gyro and wheels both show the turn.
+    no_wheels, no_gyro, jump: see `OdometryFlag`.
+    """
+
+    input: MotionInput
+    white_variance: np.ndarray
+    rim_m_s: Scalar
+    comparable: Scalar
+    no_wheels: Scalar
+    no_gyro: Scalar
+    jump: Scalar
+
+
+def no_motion(robot: Robot) -> MotionState:
+    """State before the first sample."""
+    return MotionState(np.zeros(robot.driven), 0.0, Observed(), never(3))
+
+
+def rim_matrix(robot: Robot) -> np.ndarray:
+    """B (3, driven): forward, left and turning motion of a robot from the speeds of its rims, none of which slips."""
+    B = np.zeros((3, robot.driven))
+    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = np.linalg.pinv(robot.rolling[: robot.driven])
+    return B
+
+
+def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> tuple[MotionState, Scalar]:
+    """The state with the sample's values where they are credible, and the condition that wheels have jumped."""
+    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
+    most_m_s = JUMP_M_S + JUMP_M_S2 * (before.intervals.age_s[WHEELS] + time.dt_s)
+    changes = zip(sample.wheel_speed_rad_s, before.wheel_speed_rad_s, strict=True)
+    jump = measured & some([abs(now - last) * robot.wheel.radius_m > most_m_s for now, last in changes])
+    rolled = measured & logical_not(jump)
+    turned = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
+    new = Observed(*sample[-len(Observed._fields) :])
+    credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
+    observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
+    latest = [
+        where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
+    ]
+    after = MotionState(
+        wheel_speed_rad_s=where(rolled, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
+        gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
+        observed=Observed(*latest),
+        intervals=advance(before.intervals, np.array([rolled, turned, observed]), time.dt_s),
+    )
+    return after, jump
+
+
+def show(now: MotionState, jump: Scalar, dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> ShownMotion:
+    """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both."""
+    rolls, by_gyro, observed = holds(now.intervals)
+    B = rim_matrix(robot)
+    rim = B @ (robot.wheel.radius_m * now.wheel_speed_rad_s)
+    rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
+    o = now.observed
+    speed_std_m_s = where(observed, o.speed_std_m_s, noise.slip_share * rim_m_s)
+    turn_observed = observed & logical_not(by_gyro)
+    turn_std = hypot(noise.slip_difference_share * np.linalg.norm(B[2]) * rim_m_s, noise.turn_share * rim[2])
+    u = MotionInput(
+        dt_s=dt_s,
+        motion=np.array([
+            where(observed, o.speed_m_s, rim[0]),
+            where(observed, o.left_m_s, rim[1]),
+            where(turn_observed, o.yaw_rate_rad_s, rim[2]),
+        ]),
+        motion_std=np.array([
+            speed_std_m_s,
+            side_std(speed_std_m_s, rim_m_s, rim[2], robot, noise),
+            where(turn_observed, o.yaw_rate_std_rad_s, turn_std),
+        ]),
+        scale=where(observed, o.scale, 1.0),
+        gyro_rad_s=now.gyro_rad_s,
+        by_gyro=by_gyro,
+        unseen_s=unseen(now.intervals, rolls | observed, by_gyro),
+    )  # fmt: skip
+    comparable = by_gyro & rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP))
+    no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
+    white = white_variance(dt_s, observed, by_gyro, robot, noise)
+    return ShownMotion(u, white, rim_m_s, comparable, logical_not(rolls | observed), no_gyro, jump)
+
+
+def white_variance(dt_s: Scalar, observed: Scalar, by_gyro: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
+    """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in."""
+    step_s = maximum(dt_s, LEAST_STEP_S)
+    counts_m_s = robot.wheel.radius_m * noise.encoder_std_rad / step_s
+    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counts_m_s**2
+    gyro = noise.gyro_walk**2 / step_s
+    return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(by_gyro, gyro, rims[2])])
+
+
+def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
+    """Standard deviation [m/s] of the sideways speed: of side slip, and of driven slip where wheels roll sideways."""
+    side = hypot(noise.side_slip_share * rim_m_s, noise.side_arm_std_m * turn_rad_s)
+    return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
+
+
+def unseen(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
+    """Time (3,) [s] for which nothing has shown each motion, since the start at most."""
+    age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
+    since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))
+    return np.array([since_s, since_s, where(by_gyro, 0.0, since_s)])
+
+
+def hypot(a: Scalar, b: Scalar) -> Scalar:
+    """Root of the sum of the squares."""
+    return sqrt(a * a + b * b)

@@ -1,0 +1,71 @@
+"""Drives whose pose is known: robots drawn from the noise that the filter claims."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.traction import RLMA
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.pose_filter import PoseFilter
+from ohmward.traction.odometry.sample import OdometrySample
+
+DT_S = 0.02
+NOISE = OdometryNoise()
+
+
+class Drive(NamedTuple):
+    """Samples (T, ...), the true pose (T, 3) after each, and the gyro's offset."""
+
+    samples: OdometrySample
+    pose: np.ndarray
+    offset_rad_s: float
+
+
+def samples(settings: PoseFilter, **given) -> OdometrySample:
+    """Samples (T, ...) with nothing but what is given."""
+    T = len(given["wheel_speed_rad_s"])
+    nothing = settings.no_sample()._asdict() | {"dt_s": DT_S}
+    return OdometrySample(**({k: np.broadcast_to(v, (T, *np.shape(v))) for k, v in nothing.items()} | given))
+
+
+def gauss_markov(rng, T, noise):
+    """(T,) of unit variance."""
+    decay = np.exp(-DT_S / noise.correlation_s)
+    z = np.empty(T)
+    z[0] = rng.standard_normal()
+    for k in range(1, T):
+        z[k] = decay * z[k - 1] + np.sqrt(1 - decay**2) * rng.standard_normal()
+    return z
+
+
+def integrate(v, left, w):
+    """Pose (T, 3) at the end of each step."""
+    yaw = np.cumsum(w) * DT_S
+    middle = yaw - w * DT_S / 2
+    x = np.cumsum(v * np.cos(middle) - left * np.sin(middle)) * DT_S
+    y = np.cumsum(v * np.sin(middle) + left * np.cos(middle)) * DT_S
+    return np.column_stack([x, y, yaw])
+
+
+def drive(settings: PoseFilter, seed: int, distance_m: float = 50.0) -> Drive:
+    """[T]'s robot at 0.5 m/s after a rest of three seconds, with turns; all errors as the noise says."""
+    rng, noise = np.random.default_rng(seed), settings.noise
+    n = rng.standard_normal
+    time_s = DT_S * np.arange(round((3.0 + distance_m / 0.5) / DT_S))
+    rim_m_s = np.clip(0.4 * (time_s - 3.0), 0.0, 0.5)
+    rim_rad_s = 0.3 * np.sin(0.3 * time_s + rng.uniform(0, 6)) * (rim_m_s > 0) * (np.sin(0.1 * time_s) > 0)
+    T = len(time_s)
+    v = rim_m_s * (1 + noise.radius_std * n()) + noise.slip_share * rim_m_s * gauss_markov(rng, T, noise)
+    turn_std = np.hypot(
+        noise.slip_difference_share * settings.turn_per_slip * rim_m_s, noise.turn_share * np.abs(rim_rad_s)
+    )
+    curvature = noise.wheel_difference_std * settings.turn_per_slip * n()
+    w = rim_rad_s * (1 + noise.turn_scale_std * n()) + curvature * rim_m_s + turn_std * gauss_markov(rng, T, noise)
+    side_std = np.hypot(noise.side_slip_share * rim_m_s, noise.side_arm_std_m * rim_rad_s)
+    left = side_std * gauss_markov(rng, T, noise)
+    offset = noise.gyro_offset_std_rad_s * n() + np.cumsum(noise.gyro_offset_walk * np.sqrt(DT_S) * n(T))
+    gyro = w / (1 + noise.gyro_scale_std * n()) + offset + noise.gyro_walk / np.sqrt(DT_S) * n(T)
+    motion = np.column_stack([rim_m_s, rim_rad_s])
+    speeds = motion @ RLMA.rolling[: RLMA.driven].T / RLMA.wheel.radius_m
+    given = {"dt_s": np.full(T, DT_S), "wheel_speed_rad_s": speeds, "yaw_rate_rad_s": gyro}
+    return Drive(samples(settings, **given), integrate(v, left, w), float(offset[-1]))

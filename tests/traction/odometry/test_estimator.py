@@ -1,0 +1,69 @@
+"""Odometry live, over logs, with a speed observer, and through a restart."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ohmward import DriveLog, InputError, SlipEstimator
+from ohmward.traction import RLMA, Odometry, hard_terrain
+from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.speed_observer.make_observer import make_observer
+
+
+def log(steps=300, **others):
+    time_s = 0.02 * np.arange(steps)
+    wheels = 3.0 + np.outer(np.sin(time_s), [-1, 1, -1, 1])
+    current_A = np.full((steps, 2), 0.5)
+    return DriveLog("drive", time_s, wheels, current_A, yaw_rate_rad_s=0.8 * np.sin(time_s) + 0.01, **others)
+
+
+def test_live_samples_give_what_a_log_gives_and_go_on_after_a_restart():
+    drive = log()
+    run = Odometry(RLMA).run(drive)
+    live = Odometry(RLMA)
+    gyro = np.asarray(drive.yaw_rate_rad_s)
+    for k in range(len(drive)):
+        now = live.update(drive.time_s[k], drive.wheel_speed_rad_s[k], gyro[k])
+        if k == 100:
+            live = Odometry.restore(live.settings, json.loads(json.dumps(live.snapshot())))
+    assert_allclose([now.x_m, now.y_m, now.yaw_rad], [run.x_m[-1], run.y_m[-1], run.yaw_rad[-1]], rtol=1e-9)
+    assert_allclose(now.pose_cov, run.pose_cov[-1], rtol=1e-9)
+    assert "Odometry(RLMA, at (" in repr(live)
+
+
+def test_an_observer_takes_the_slip_out():
+    """Driven wheels spin for a second; the passive ones tell the observer."""
+    drive = log()
+    wheels = np.array(drive.wheel_speed_rad_s)
+    wheels[:] = 3.0
+    wheels[100:150, :2] = 9.0
+    spin = DriveLog("spin", drive.time_s, wheels, drive.motor_current_A, yaw_rate_rad_s=np.zeros(300))
+    observer = make_observer(RLMA, spin, hard_terrain("dry asphalt"), "ekf").observer
+    slip = SlipEstimator(observer).run(spin)
+    way_m = 3.0 * RLMA.wheel.radius_m * spin.time_s[-1]
+    with_observer = Odometry(RLMA).run(spin, observed=slip.estimates)
+    alone = Odometry(RLMA).run(spin)
+    assert with_observer.x_m[-1] == pytest.approx(way_m, abs=0.1)
+    assert alone.x_m[-1] > way_m + 0.3
+    live, slips = Odometry(RLMA), SlipEstimator(observer)
+    for k in range(300):
+        observed = slips.update(spin.time_s[k], wheels[k], spin.motor_current_A[k], 0.0)
+        now = live.update(spin.time_s[k], wheels[k], 0.0, observed=observed)
+    assert now.x_m == pytest.approx(with_observer.x_m[-1], abs=1e-3)
+
+
+def test_bad_samples_are_flagged_and_bad_calls_refused():
+    odometry = Odometry("rlma")
+    assert odometry.update(0.0, [1.0, 1.0], 0.0).flags == 0
+    assert odometry.update(0.02, [math.nan, 1.0]).flags == 0  # slower than the samples: the last ones hold
+    assert odometry.update(7200.0, None).flags & OdometryFlag.BAD_TIME
+    with pytest.raises(InputError, match="increment must have the shape"):
+        odometry.update(0.1, [1.0, 1.0], increment=[1.0])
+    with pytest.raises(InputError, match="has 2 wheels, robot 'RLMA' has 4"):
+        Odometry(RLMA).run(DriveLog("other", np.arange(3.0), np.ones((3, 2)), np.ones((3, 2))))
+    slip = SlipEstimator(RLMA, filter="ekf").run(log(50))
+    with pytest.raises(InputError, match="observed must have the 300 samples"):
+        Odometry(RLMA).run(log(), observed=slip.estimates)

@@ -1,0 +1,247 @@
+"""Pose and twist against closed forms, against robots drawn from the noise, and with sensors that fail."""
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ohmward.errors import InputError
+from ohmward.filters.consistency import mean_bounds
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, ROBOTINO, SkidSteer
+from ohmward.traction.odometry.noise import OdometryNoise, noise_of
+from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.sample import OdometryFlag
+from traction.odometry.examples import DT_S, drive, samples
+
+FREE = ("encoder_std_rad", "correlation_s", "speed_std_m_s", "increment_walk")
+EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
+FILTER = pose_filter(RLMA)
+KERNELS: dict[PoseFilter, Kernel] = {}
+
+
+def run(settings, given):
+    """Estimates (T, ...)."""
+    if settings not in KERNELS:
+        nothing = settings.no_sample()
+        KERNELS[settings] = Kernel(settings.step, settings.init(nothing), nothing)
+    return KERNELS[settings].scan(settings.init(settings.no_sample()), given)[1]
+
+
+def rolling(v, w, steps):
+    """Wheel speeds (T, 2) of [T]'s robot that rolls so."""
+    speeds = RLMA.rolling[:2] @ np.array([v, w]) / RLMA.wheel.radius_m
+    return np.tile(speeds, (steps, 1))
+
+
+def nees(e, pose, k):
+    error = np.array([e.x_m[k], e.y_m[k], e.yaw_rad[k]]) - pose[k]
+    return float(error @ np.linalg.solve(e.pose_cov[k], error))
+
+
+@pytest.mark.parametrize("gyro", [True, False])
+def test_a_circle_ends_where_it_began(gyro):
+    steps = 1000
+    w = 2 * math.pi / (steps * DT_S)
+    given = {"wheel_speed_rad_s": rolling(0.5, w, steps)} | ({"yaw_rate_rad_s": np.full(steps, w)} if gyro else {})
+    e = run(PoseFilter(RLMA, EXACT), samples(FILTER, **given))
+    assert_allclose([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]], [0.0, 0.0, 2 * math.pi], atol=1e-9)
+    # Chords of equal steps on the circle of radius v/w.
+    chord = 2 * 0.5 / w * math.sin(math.pi / 2) * (w * DT_S / 2) / math.sin(w * DT_S / 2)
+    assert e.y_m[steps // 2 - 1] == pytest.approx(chord, rel=1e-5)
+    assert e.distance_m[-1] == pytest.approx(0.5 * steps * DT_S)
+    assert not e.flags.any()
+
+
+def test_omnidirectional_wheels_show_the_sideways_speed():
+    motion = np.array([0.0, 0.2, 0.0])
+    speeds = np.tile(ROBOTINO.rolling @ motion / ROBOTINO.wheel.radius_m, (100, 1))
+    settings = PoseFilter(ROBOTINO, EXACT)
+    e = run(settings, samples(settings, wheel_speed_rad_s=speeds))
+    assert_allclose([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]], [0.0, 0.2 * 100 * DT_S, 0.0], atol=1e-12)
+    assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.0, 0.2], atol=1e-12)
+
+
+def test_the_way_is_as_uncertain_as_correlated_slip_makes_it():
+    """Var of the way: radius^2 s^2 + 2 sigma^2 tau (T - tau (1 - e^(-T/tau))), an integrated Gauss-Markov process."""
+    noise = replace(EXACT, radius_std=0.004, slip_share=0.02)
+    steps, tau = 1500, noise.correlation_s
+    settings = PoseFilter(RLMA, noise)
+    e = run(settings, samples(settings, wheel_speed_rad_s=rolling(0.5, 0.0, steps)))
+    T = steps * DT_S
+    slip = 2 * (0.02 * 0.5) ** 2 * tau * (T - tau * (1 - math.exp(-T / tau)))
+    assert e.pose_cov[-1, 0, 0] == pytest.approx((0.004 * 0.5 * T) ** 2 + slip, rel=0.02)
+    assert e.twist_cov[-1, 0, 0] == pytest.approx(
+        (0.004 * 0.5) ** 2 + (0.02 * 0.5) ** 2 + (RLMA.wheel.radius_m * noise.encoder_std_rad / DT_S) ** 2 / 2, rel=1e-6
+    )
+
+
+def test_the_offset_is_learnt_at_rest_as_well_as_its_noise_allows():
+    """Var of the mean of white noise of density q^2 over T is q^2 / T."""
+    steps = 500
+    rng = np.random.default_rng(1)
+    noise = replace(OdometryNoise(), gyro_offset_walk=0.0)
+    gyro = 0.01 + noise.gyro_walk / math.sqrt(DT_S) * rng.standard_normal(steps)
+    settings = PoseFilter(RLMA, noise)
+    e = run(settings, samples(settings, wheel_speed_rad_s=np.zeros((steps, 2)), yaw_rate_rad_s=gyro))
+    assert e.gyro_offset_std_rad_s[-1] == pytest.approx(noise.gyro_walk / math.sqrt(steps * DT_S), rel=0.02)
+    assert abs(e.gyro_offset_rad_s[-1] - 0.01) < 3 * e.gyro_offset_std_rad_s[-1]
+    assert abs(e.yaw_rad[-1]) < 3 * math.sqrt(e.pose_cov[-1, 2, 2])
+    assert e.position_std_m[-1] < 1e-3
+
+
+def test_the_pose_is_consistent_over_drives_of_fifty_metres():
+    """NEES of the pose over 50 robots drawn from the noise, at three places of the way: in the 99.9 % bounds."""
+    drives = [drive(FILTER, seed) for seed in range(50)]
+    found = [run(FILTER, d.samples) for d in drives]
+    T = len(drives[0].pose)
+    lower, upper = mean_bounds(3, len(drives), 0.999)
+    for share in (0.3, 0.6, 1.0):
+        k = int(share * T) - 1
+        assert lower < np.mean([nees(e, d.pose, k) for e, d in zip(found, drives, strict=True)]) < upper
+    offsets = [
+        (e.gyro_offset_rad_s[-1] - d.offset_rad_s) / e.gyro_offset_std_rad_s[-1]
+        for e, d in zip(found, drives, strict=True)
+    ]
+    lower, upper = mean_bounds(1, len(drives), 0.999)
+    assert lower < np.mean(np.square(offsets)) < upper
+
+
+def test_a_traced_step_is_the_step():
+    d = drive(FILTER, 3, distance_m=2.0)
+    state = FILTER.init(FILTER.no_sample())
+    traced = run(FILTER, d.samples)
+    for k in range(150):
+        state, e = FILTER.step(state, type(d.samples)(*(values[k] for values in d.samples)))
+    assert_allclose([e.x_m, e.y_m, e.yaw_rad], [traced.x_m[149], traced.y_m[149], traced.yaw_rad[149]], atol=1e-12)
+    assert_allclose(e.pose_cov, traced.pose_cov[149], rtol=1e-9, atol=1e-18)
+
+
+def test_speeds_from_outside_show_slip_forward_and_to_the_left():
+    """Wheels that turn twice as fast as the robot moves, and a robot that slides to its left."""
+    steps = 500
+    outside = np.full(steps, math.nan)
+    outside[::5] = 0.25
+    left = np.where(np.isnan(outside), math.nan, 0.1)
+    stds = np.full(steps, 0.01)
+    settings = PoseFilter(RLMA, replace(OdometryNoise(), slip_share=0.5, side_slip_share=0.2))
+    e = run(settings, samples(
+        settings, wheel_speed_rad_s=rolling(0.5, 0.0, steps), yaw_rate_rad_s=np.zeros(steps),
+        speed_m_s=outside, speed_std_m_s=stds, speed_left_m_s=left, speed_left_std_m_s=stds,
+    ))  # fmt: skip
+    assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.25, 0.1], atol=0.01)
+    assert_allclose([e.x_m[-1], e.y_m[-1]], [2.5, 1.0], atol=0.15)
+
+
+def test_a_speed_beyond_its_gate_opens_the_band_and_is_believed_when_it_comes_again():
+    steps = 300
+    outside = np.full(steps, math.nan)
+    outside[100::10] = 0.1
+    given = {"speed_m_s": outside, "speed_std_m_s": np.full(steps, 0.01)}
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.0, steps), **given))
+    assert int(e.flags[100]) & OdometryFlag.SPEED_REJECTED
+    assert e.twist_cov[100, 0, 0] > 0.3**2
+    assert_allclose(e.speed_m_s[110:], 0.1, atol=0.1)  # it goes back to the wheels' in between
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.06])
+def test_pose_increments_correct_slip_and_a_gyro(age_s):
+    """Wheels that spin, a gyro with an offset, and visual odometry of a robot on a circle, late."""
+    steps, v, w = 600, 0.3, 0.2
+    late, length = round(age_s / DT_S), 5
+    pose = integrate_circle(v, w, length)
+    increment = np.full((steps, 3), math.nan)
+    increment[length + late :: length] = pose
+    settings = replace(FILTER, noise=replace(FILTER.noise, slip_share=0.3))
+    e = run(settings, samples(
+        settings, wheel_speed_rad_s=rolling(0.4, w, steps), yaw_rate_rad_s=np.full(steps, w + 0.02),
+        increment=increment, increment_std=np.tile([1e-3, 1e-3, 1e-3], (steps, 1)),
+        increment_s=np.full(steps, length * DT_S), increment_age_s=np.full(steps, age_s),
+    ))  # fmt: skip
+    assert not e.flags.any()
+    assert e.speed_m_s[-1] == pytest.approx(v, abs=0.01)
+    assert e.gyro_offset_rad_s[-1] == pytest.approx(0.02, abs=3 * e.gyro_offset_std_rad_s[-1] + 1e-3)
+    error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - integrate_circle(v, w, steps)
+    assert np.hypot(*error[:2]) < 0.1 and abs(error[2]) < 0.03
+
+
+def integrate_circle(v, w, steps):
+    """Pose (3,) after so many steps."""
+    middle = (np.arange(steps) + 0.5) * w * DT_S
+    return np.array([np.sum(v * DT_S * np.cos(middle)), np.sum(v * DT_S * np.sin(middle)), w * DT_S * steps])
+
+
+def test_an_increment_that_began_before_what_is_remembered_is_not_used():
+    steps = 100
+    increment = np.full((steps, 3), math.nan)
+    increment[60] = [1.0, 0.0, 0.0]
+    e = run(FILTER, samples(
+        FILTER, wheel_speed_rad_s=rolling(0.5, 0.0, steps), increment=increment, increment_s=np.full(steps, 1.0),
+    ))  # fmt: skip
+    assert int(e.flags[60]) == OdometryFlag.INCREMENT_TOO_OLD
+    assert e.x_m[-1] == pytest.approx(0.5 * steps * DT_S)
+
+
+def test_a_wheel_that_spins_does_not_turn_the_robot():
+    """One wheel twice as fast for two seconds: the gyro says that the robot goes straight, and its offset stays."""
+    steps = 1000
+    speeds = rolling(0.3, 0.0, steps)
+    speeds[500:600, 0] *= 2.0
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=speeds, yaw_rate_rad_s=np.full(steps, 0.01)))
+    assert e.gyro_offset_rad_s[-1] == pytest.approx(0.01, abs=1e-3)
+    assert abs(e.yaw_rad[-1]) < 0.02
+    assert (e.flags.astype(int) & OdometryFlag.TURN_REJECTED).any()
+
+
+def test_an_offset_that_has_changed_is_found_at_the_next_rest():
+    steps = 2000
+    gyro = np.where(np.arange(steps) < 500, 0.01, 0.2)
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=np.zeros((steps, 2)), yaw_rate_rad_s=gyro))
+    assert e.gyro_offset_rad_s[-1] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_without_wheels_the_band_grows_as_an_unseen_acceleration_makes_it():
+    steps = 400
+    speeds = rolling(0.5, 0.0, steps)
+    speeds[100:] = math.nan
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=speeds))
+    assert int(e.flags[-1]) == OdometryFlag.NO_WHEELS
+    assert e.pose_cov[-1, 0, 0] ** 0.5 == pytest.approx(0.25 * 6.0**2, rel=0.05)
+
+
+def test_glitches_of_an_encoder_move_nothing():
+    steps = 500
+    clean = rolling(0.5, 0.0, steps)
+    speeds = clean.copy()
+    speeds[25::50, 0] += 40.0
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=speeds, yaw_rate_rad_s=np.zeros(steps)))
+    assert_allclose([e.x_m[-1], e.y_m[-1]], [0.5 * steps * DT_S, 0.0], atol=0.02)
+    assert int(np.sum(e.flags.astype(int) & OdometryFlag.WHEEL_JUMP != 0)) == steps // 50
+
+
+def test_no_sample_makes_the_state_no_number():
+    rng = np.random.default_rng(7)
+    bad = np.array([math.nan, math.inf, -math.inf, 1e300, -1.0, 0.0, 1e9])
+    steps = 3000
+    given = samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.1, steps), yaw_rate_rad_s=np.full(steps, 0.1))
+    noisy = []
+    for values in given:
+        values = np.array(values, dtype=float)
+        wrong = rng.random(values.shape) < 0.3
+        noisy.append(np.where(wrong, rng.choice(bad, values.shape), values))
+    e = run(FILTER, type(given)(*noisy))
+    assert np.isfinite(e.x_m).all() and np.isfinite(e.pose_cov).all()
+    assert (e.position_std_m >= 0).all()
+
+
+def test_noise_is_checked_and_that_of_a_skid_steered_robot_is_wide():
+    with pytest.raises(InputError, match=r"noise\.gyro_walk must be >= 0"):
+        OdometryNoise(gyro_walk=-1.0)
+    with pytest.raises(InputError, match="increment_walk must have 3 values"):
+        OdometryNoise(increment_walk=(0.1, 0.1))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="late_steps"):
+        PoseFilter(RLMA, OdometryNoise(), late_steps=-1)
+    scrubbing = replace(RLMA, chassis=SkidSteer(0.3, 0.3, 0.3))
+    assert noise_of(scrubbing).turn_scale_std > 10 * noise_of(RLMA).turn_scale_std
