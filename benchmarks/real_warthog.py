@@ -18,6 +18,7 @@ from figure import Figure, at_least, at_most
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
+from ohmward.traction.calibration import CalibrationDrive, calibrate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.make_observer import make_observer
@@ -134,7 +135,26 @@ def speed_figures(data: str, windows: Windows, estimates: list[SlipEstimate], ch
 
 def turn_figures(windows: Windows, estimates: list[SlipEstimate], chosen: np.ndarray) -> Iterator[Figure]:
     turned = np.array([np.mean(e.yaw_rate_rad_s) for e in estimates])
-    by_wheels = WARTHOG.wheel.radius_m / WARTHOG.chassis.track_m * (windows.right_rad_s - windows.left_rad_s)
-    for method, rate in ((METHOD, turned), ("wheels alone", by_wheels.mean(axis=1))):
+    robot = in_two_steps(windows)
+    text = (
+        f"wheels alone, radius {robot.wheel.radius_m:.3f} m and track {robot.chassis.turning_track_m:.2f} m calibrated"
+    )
+    methods = {METHOD: turned, "wheels alone": by_wheels(windows, WARTHOG), text: by_wheels(windows, robot)}
+    for method, rate in methods.items():
         error = (rate - windows.turn_rad_s)[chosen]
         yield at_most(DATA, method, "yaw rate over a window, RMSE [rad/s]", float(np.sqrt(np.mean(error**2))))
+
+
+def in_two_steps(windows: Windows) -> Robot:
+    """The robot calibrated with the steady windows that are not held out: the radius first, the track then."""
+    drives = []
+    for k in np.flatnonzero(windows.steady & ~windows.held_out):
+        log = drive(windows, k, 1.0)
+        drives.append(CalibrationDrive(log, np.tile([windows.speed_m_s[k], 0.0, windows.turn_rad_s[k]], (len(log), 1))))
+    return calibrate(drives, WARTHOG, parts=("radius", "track")).robot
+
+
+def by_wheels(windows: Windows, robot: Robot) -> np.ndarray:
+    """Mean yaw rate of each window by its wheels."""
+    sides_m_s = robot.wheel.radius_m * (windows.right_rad_s - windows.left_rad_s).mean(axis=1)
+    return sides_m_s / robot.chassis.turning_track_m

@@ -17,6 +17,7 @@ from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
+from ohmward.traction.speed_observer.turning import yaw_rate_of_wheels
 
 #: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
@@ -127,8 +128,7 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
     """A robot that turns left by its wheels and right by its gyro, over a full turn in all."""
     if log.yaw_rate_rad_s is None:
         return []
-    n = robot.driven
-    wheels = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1] * robot.wheel.radius_m
+    wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
     rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
     turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
     if rows.sum() < FEWEST or turned_rad < 2 * math.pi:

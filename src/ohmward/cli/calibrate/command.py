@@ -26,7 +26,7 @@ from ohmward.traction.calibration import (
     motion_from_truth,
     with_wheel_loads,
 )
-from ohmward.traction.calibration.calibrate import PARTS
+from ohmward.traction.calibration.calibrate import PARTS, usual_parts
 from ohmward.traction.calibration.motor import ROLLING
 from ohmward.traction.calibration.truth import without_lateral
 from ohmward.traction.terrain.file import Floors, load_floors, save_floors
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Outcome:
         robot = with_wheel_loads(robot, args.wheel_load)
     with progress() as report:
         drives = read_drives(args, robot, report)
-        found = calibrate(drives, robot, wanted(args), args.floor, rolling(args.rolling))
+        found = calibrate(drives, robot, wanted(args, robot), args.floor, rolling(args.rolling))
     write(found, args)
     figures = summary(found) | {"output": args.output, "floors": args.floors, "report": args.report}
     return Outcome(figures, describe(found, figures), figures["notes"], partial(make_page, found, figures))
@@ -61,14 +61,14 @@ def check(args: argparse.Namespace) -> None:
     check_output("--floors", args.floors, (".toml",), inputs)
 
 
-def wanted(args: argparse.Namespace) -> tuple[str, ...]:
+def wanted(args: argparse.Namespace, robot: Robot) -> tuple[str, ...]:
     """Parts of the robot to calibrate.
 
     Raises:
         InputError: something else.
     """
     if args.what is None:
-        return () if args.floor else PARTS
+        return () if args.floor else usual_parts(robot)
     names = tuple(name.strip() for name in args.what.split(","))
     if unknown := [name for name in names if name not in PARTS]:
         raise InputError(f"--what takes {', '.join(PARTS)}, separated by commas; got {unknown[0]!r}")

@@ -5,6 +5,7 @@ from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import calibrate_motor
 from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_pose, motion_from_speed, motion_from_truth
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "calibrate",
     "calibrate_motor",
     "calibrate_radius",
+    "calibrate_track",
     "learn_floor",
     "motion_from_pose",
     "motion_from_speed",

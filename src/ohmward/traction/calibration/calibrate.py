@@ -1,4 +1,4 @@
-"""Calibration of a robot in one call: radius first, then the motors with it, then the floor with both."""
+"""Calibration of a robot in one call: radius first, then track and motors with it, then the floor with all."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
 from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
 #: Parts of a robot that can be calibrated.
-PARTS = ("radius", "motor")
+PARTS = ("radius", "track", "motor")
 #: Loads that add up to less or more than the weight by this factor are not in newtons.
 _OTHER_UNIT = 3.0
 
@@ -34,7 +35,7 @@ class Calibration(NamedTuple):
 def calibrate(
     drives: Sequence[CalibrationDrive | DriveLog],
     robot: Robot,
-    parts: Collection[str] = PARTS,
+    parts: Collection[str] | None = None,
     floor: str | None = None,
     rolling: tuple[float, float] = ROLLING,
 ) -> Calibration:
@@ -42,23 +43,32 @@ def calibrate(
 
     drives: with the motion of the body; a log whose speed from outside was measured will do.
     robot: its mass and geometry are believed.
-    parts: of `PARTS`.
+    parts: of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
     rolling: rolling resistance of the floor, share of the load, and its standard deviation.
 
     Raises:
         InputError: the drives have no stretch to calibrate from.
     """
+    parts = usual_parts(robot) if parts is None else parts
     known = [drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, drive) for drive in drives]
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))
+        robot = with_parameters(robot, found)
+    if "track" in parts:
+        found.append(calibrate_track(known, robot))
         robot = with_parameters(robot, found)
     if "motor" in parts:
         found += calibrate_motor(known, robot, rolling)
         robot = with_parameters(robot, found)
     learnt = learn_floor(floor, known, robot) if floor else None
     return Calibration(robot, tuple(found), learnt, tuple(known))
+
+
+def usual_parts(robot: Robot) -> tuple[str, ...]:
+    """Parts that a calibration usually finds: the track only where no ruler can measure it, because wheels scrub."""
+    return tuple(part for part in PARTS if part != "track" or robot.chassis.scrubs)
 
 
 def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:

@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.truth import CalibrationDrive
+from ohmward.traction.calibration.truth import CalibrationDrive, between
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import travel_speed
 
 LENGTH_S = 1.0
+#: Largest difference of the sides' speeds by the robot's turning, as a share of its speed, where it drives straight.
+STRAIGHT_SHARE = 0.1
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
 SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
 
@@ -37,22 +39,44 @@ class Stretches(NamedTuple):
 
 
 def cut(
-    drives: Sequence[CalibrationDrive], robot: Robot, *, steady: bool = True, length_s: float = LENGTH_S
+    drives: Sequence[CalibrationDrive],
+    robot: Robot,
+    *,
+    steady: bool = True,
+    turning: bool = False,
+    length_s: float = LENGTH_S,
 ) -> Stretches:
     """All stretches of the drives in which the body's motion is known.
 
+    Sensors may have rates of their own: between the samples of a slower one stand straight lines.
+
     steady: leave out those in which the wheels change their speed much, among them starts and stops.
+    turning: keep the turns of a robot whose wheels scrub, which no other fit than that of the track can use.
 
     Raises:
         InputError: none is left.
     """
-    rows = [row for number, drive in enumerate(drives) for row in _of_drive(number, drive, robot, steady, length_s)]
+    each = (_of_drive(number, drive, robot, steady, turning, length_s) for number, drive in enumerate(drives))
+    rows = [row for stretches in each for row in stretches]
     if not rows:
         raise InputError(
             f"no stretch of {length_s:g} s in which the wheels turn{' steadily' if steady else ''} and the "
             "motion of the body is known; give longer drives, or check the columns of the truth"
         )
-    return Stretches(*(np.array(column) for column in zip(*rows, strict=True)))
+    found = Stretches(*(np.array(column) for column in zip(*rows, strict=True)))
+    return found if turning or not robot.chassis.scrubs else _straight(found, robot)
+
+
+def _straight(found: Stretches, robot: Robot) -> Stretches:
+    """Those in which hardly any wheel is dragged sideways; InputError where there are none."""
+    by_turning_m_s = np.ptp(robot.rolling[:, -1]) * np.abs(found.motion[:, -1])
+    straight = by_turning_m_s <= STRAIGHT_SHARE * travel_speed(found.motion)
+    if not straight.any():
+        raise InputError(
+            f"{robot.name} drags its wheels sideways in turns, and no stretch of the drives is straight; add a drive "
+            "straight ahead, or calibrate the track alone (--what track)"
+        )
+    return Stretches(*(values[straight] for values in found))
 
 
 def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
@@ -60,27 +84,42 @@ def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
-def _of_drive(number: int, drive: CalibrationDrive, robot: Robot, steady: bool, length_s: float) -> Iterator[tuple]:
+def _of_drive(
+    number: int, drive: CalibrationDrive, robot: Robot, steady: bool, turning: bool, length_s: float
+) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
-    rim = rim_motion(robot, log.wheel_speed_rad_s[:, : robot.driven])
+    wheels, current = (_bridged(t, values, length_s) for values in (log.wheel_speed_rad_s, log.motor_current_A))
+    rim = rim_motion(robot, wheels[:, : robot.driven])
+    pace = rim @ robot.rolling[: robot.driven].T if turning else rim[:, :-1]  # of the wheels, or of the body alone
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
     for first, last in zip(edges, [*edges[1:], t.size], strict=True):
         part = slice(first, last)
-        if last - first < 3 or np.isfinite(drive.motion[part]).all(axis=1).sum() < 3:
+        if min(np.isfinite(values[part]).all(axis=1).sum() for values in (drive.motion, rim)) < 3:
             continue
-        weight, half = parabola(t[part]), (last - first) // 2
+        weight = parabola(t[part])
         mean = _mean(rim[part], weight)
-        change = np.abs(rim[part][half:].mean(axis=0) - rim[part][:half].mean(axis=0))[:-1].max()
-        speed = travel_speed(mean)
-        if speed >= SLOWEST_M_S and (not steady or change <= STEADY_SHARE * speed):
+        speed = np.abs(_mean(pace[part], weight)).max() if turning else travel_speed(mean)
+        if speed >= SLOWEST_M_S and (not steady or _change(pace[part]) <= STEADY_SHARE * speed):
             yield (
                 number,
-                _mean(log.wheel_speed_rad_s[part], weight),
-                _mean(log.motor_current_A[part], weight),
+                _mean(wheels[part], weight),
+                _mean(current[part], weight),
                 mean,
                 _mean(drive.motion[part], weight),
                 _slope(t[part], drive.motion[part]),
             )
+
+
+def _bridged(time_s: np.ndarray, values: np.ndarray, length_s: float) -> np.ndarray:
+    """The values (T, n) with straight lines across gaps shorter than a stretch."""
+    return np.column_stack([between(time_s, column, length_s) for column in values.T])
+
+
+def _change(pace: np.ndarray) -> float:
+    """Largest difference [m/s] between the means of both halves of the known rows (rows, n)."""
+    known = pace[np.isfinite(pace).all(axis=1)]
+    half = len(known) // 2
+    return float(np.abs(known[half:].mean(axis=0) - known[:half].mean(axis=0)).max())
 
 
 def parabola(time_s: np.ndarray) -> np.ndarray:

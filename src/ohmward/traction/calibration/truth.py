@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
+from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveTruth
 
@@ -47,20 +48,21 @@ def motion_from_pose(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, headi
 def motion_from_speed(
     robot: Robot, time_s: np.ndarray, speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None = None
 ) -> np.ndarray:
-    """Motion (T, 2) of a robot that cannot move sideways, from its forward speed; straight ahead without a yaw rate.
+    """Motion (T, freedoms) of a robot from its forward speed; straight ahead without a yaw rate.
 
     Between speeds that come less often than the log's samples it is a straight line, nan before the first and after the
-    last.
+    last. A skid-steered robot is taken to turn about a point abreast of its centre of gravity.
 
     Raises:
-        InputError: the robot moves sideways too.
+        InputError: the robot moves sideways at will.
     """
-    if robot.freedoms != 2:
+    if isinstance(robot.chassis, Omni):
         raise InputError(
             f"{robot.name} moves sideways too: one speed does not say how; give its pose (--pose X,Y,HEADING)"
         )
     yaw_rate = np.zeros_like(speed_m_s) if yaw_rate_rad_s is None else between(time_s, yaw_rate_rad_s)
-    return np.column_stack([between(time_s, speed_m_s), yaw_rate])
+    speed = between(time_s, speed_m_s)
+    return without_lateral(robot, np.column_stack([speed, np.zeros_like(speed), yaw_rate]))
 
 
 def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np.ndarray:
@@ -80,12 +82,16 @@ def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
     return motion if robot.freedoms == 3 else motion[:, [0, 2]]
 
 
-def between(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (T,) with straight lines across gaps, nan before the first and after the last."""
+def between(time_s: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
+    """Values (T,) with straight lines across gaps up to `longest_s`, nan before the first and after the last."""
     known = np.isfinite(values)
-    if not known.any():
+    if known.all() or not known.any():
         return values
-    return np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
+    t = time_s[known]
+    line = np.interp(time_s, t, values[known], left=np.nan, right=np.nan)
+    after = np.minimum(np.searchsorted(t, time_s), t.size - 1)
+    gap_s = t[after] - t[np.maximum(after - 1, 0)]
+    return np.where(known | (gap_s <= longest_s), line, np.nan)
 
 
 def local_slope(time_s: np.ndarray, values: np.ndarray, half_window_s: float = HALF_WINDOW_S) -> np.ndarray:

@@ -89,17 +89,28 @@ class SkidSteer:
     Attributes:
         front_m, rear_m: from the centre of gravity to the axles, > 0.
         track_m: between left and right wheels, > 0.
+        effective_track_m: difference of the sides' speeds over the yaw rate that it gives: the distance between the
+            instantaneous centres of rotation of the left and the right wheels (Mandow et al. 2007), > 0, as `calibrate`
+            finds it; over `track_m` it is ROS's `wheel_separation_multiplier`. None: not known, `track_m`.
     """
 
     front_m: float
     rear_m: float
     track_m: float
+    effective_track_m: float | None = None
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
     scrubs: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_rectangle(self.front_m, self.rear_m, self.track_m)
+        if self.effective_track_m is not None:
+            require_positive("chassis.effective_track_m", self.effective_track_m)
+
+    @property
+    def turning_track_m(self) -> float:
+        """The effective track, or the track where none is known."""
+        return self.effective_track_m or self.track_m
 
     @property
     def wheelbase_m(self) -> float:

@@ -166,11 +166,11 @@ class Robot:
 
 
 def free_sideways(robot: Robot) -> Robot:
-    """The robot as observers can have it: a skid-steered one with wheels that are free sideways."""
+    """The robot as observers can have it: a skid-steered one with wheels that are free sideways, that turns alike."""
     chassis = robot.chassis
     if not isinstance(chassis, SkidSteer):
         return robot
-    return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.track_m, driven="all"))
+    return replace(robot, chassis=Differential(chassis.front_m, chassis.rear_m, chassis.turning_track_m, driven="all"))
 
 
 def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> float:

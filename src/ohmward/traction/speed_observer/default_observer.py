@@ -11,6 +11,7 @@ from dataclasses import replace
 from ohmward.errors import InputError
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain, terrain_named
+from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.make_observer import (
@@ -19,10 +20,11 @@ from ohmward.traction.speed_observer.make_observer import (
     PITCH_RAD,
     RADIUS_STD,
     SCRUBBING_SHARE,
-    SCRUBBING_YAW_WALK,
+    encoder_lag_share,
     states_of,
     unmeasured_force_walk,
     unmeasured_torque_Nm,
+    yaw_rate_walk,
 )
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.sensor_noise import LEAST_SPEED_M_S
@@ -60,6 +62,8 @@ def default_observer(
         terrain = terrain_named(terrain, robot.wheel.radius_m, robot.wheel.width_m)
     rolling, force = free_sideways(robot), not robot.chassis.scrubs
     noise = any_noise(rolling, terrain, force)
+    if isinstance(robot.chassis, SkidSteer):
+        noise = replace(noise, yaw_rate_walk=yaw_rate_walk(robot.chassis))
     states = replace(states_of(noise, force), radius=False)
     return SpeedObserver(scene(rolling, terrain), states, noise, method, matching)
 
@@ -75,8 +79,8 @@ def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:
         return noise
     return replace(
         noise,
+        encoder_lag_share=encoder_lag_share(force),
         radius_std=math.hypot(RADIUS_STD, SCRUBBING_SHARE),
         torque_std_Nm=unmeasured_torque_Nm(robot, USUAL_STEP_S),
         speed_walk=unmeasured_force_walk(robot, USUAL_SPEED_M_S, terrain),
-        yaw_rate_walk=SCRUBBING_YAW_WALK,
     )

@@ -19,6 +19,7 @@ from ohmward.logs.log import Note
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways
 from ohmward.traction.speed_observer.disturbance import disturbance_m_s2
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -31,6 +32,7 @@ from ohmward.traction.speed_observer.sensor_noise import (
 )
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
+from ohmward.traction.speed_observer.turning import with_effective_track
 
 #: Filters by name: method, and whether R of the encoders is matched.
 FILTERS = {"ekf": ("ekf", False), "aekf": ("ekf", True), "ukf": ("ukf", False), "aukf": ("ukf", True)}
@@ -68,6 +70,9 @@ DISTURBANCE_S = 5.0
 #: known, and the walk of a yaw rate that is not the wheels' [rad/s over the root of a second].
 SCRUBBING_SHARE = 0.25
 SCRUBBING_YAW_WALK = 3.0
+#: The same walk where the wheels turn the robot as their effective track says, within the tenth or so that scrubbing
+#: changes by: a third of it.
+TRACKED_YAW_WALK = 1.0
 SCRUBBING = (
     "a skid-steered robot is observed as one whose wheels are free sideways: its turns are the gyro's, and its motor "
     "currents tell no force, because much of them drags the wheels sideways"
@@ -102,12 +107,15 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
             f"log {log.name!r} has no speed of a driven wheel; name its column with --column, or correct the robot"
         )
     method, matching = FILTERS[name]
-    rolling = free_sideways(robot)
+    tracked = with_effective_track(robot, log)
+    rolling = free_sideways(tracked)
     # The motor currents tell the force that drives the robot; those of wheels that scrub mostly do not.
     force = not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
     disturbance_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
     noise = sensor_noise(rolling, log, force)
-    noise = with_unknown_motion(noise, rolling, log, terrain, force, robot.chassis.scrubs)
+    noise = with_unknown_motion(noise, rolling, log, terrain, force)
+    if isinstance(tracked.chassis, SkidSteer):
+        noise = replace(noise, yaw_rate_walk=yaw_rate_walk(tracked.chassis))
     noise = with_disturbance(noise, disturbance_g)
     if "speed_m_s" not in log.channels:
         slip = SCRUBBING_SHARE if robot.chassis.scrubs else slip_of_disturbance(disturbance_g)
@@ -115,7 +123,7 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     states = states_of(noise, force)
     gap_s = max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log))
     observer = SpeedObserver(scene(rolling, terrain), states, noise, method, matching, gap_s=gap_s)
-    return Chosen(observer, notes_of(observer, log, robot, disturbance_g))
+    return Chosen(observer, notes_of(observer, log, robot, disturbance_g) + track_notes(robot, tracked))
 
 
 def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
@@ -129,6 +137,7 @@ def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
     first_std_m_s = RADIUS_STD * first_speed_m_s(robot, driven)
     return ObserverNoise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
+        encoder_lag_share=encoder_lag_share(force),
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
         gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
         speed_std_m_s=speed_std_m_s(robot, log) if "speed_m_s" in has else None,
@@ -141,14 +150,27 @@ def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
     )
 
 
+def encoder_lag_share(force: bool) -> float:
+    """Age of an encoder's speed in steps; 0 where no force tells how wheels change their speed within a step.
+
+    What the model then predicts is its own errors settling: added to a slow encoder, they build up from value to value.
+    """
+    return ObserverNoise.encoder_lag_share if force else 0.0
+
+
 def with_unknown_motion(
-    noise: ObserverNoise, robot: Robot, log: DriveLog, terrain: Terrain, force: bool, scrubs: bool
+    noise: ObserverNoise, robot: Robot, log: DriveLog, terrain: Terrain, force: bool
 ) -> ObserverNoise:
-    """The noise with the walks of motions that the sensors of the log do not explain."""
-    if not force:
-        rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
-        noise = replace(noise, speed_walk=unmeasured_force_walk(robot, rim_m_s, terrain))
-    return replace(noise, yaw_rate_walk=SCRUBBING_YAW_WALK) if scrubs else noise
+    """The noise with the walk of a speed that the sensors of the log do not explain."""
+    if force:
+        return noise
+    rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
+    return replace(noise, speed_walk=unmeasured_force_walk(robot, rim_m_s, terrain))
+
+
+def yaw_rate_walk(chassis: SkidSteer) -> float:
+    """Walk of the yaw rate [rad/s over the root of a second] of wheels that scrub."""
+    return SCRUBBING_YAW_WALK if chassis.effective_track_m is None else TRACKED_YAW_WALK
 
 
 def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNoise:
@@ -209,6 +231,15 @@ def notes_of(observer: SpeedObserver, log: DriveLog, robot: Robot, disturbance_g
     if robot.chassis.scrubs:
         notes.append(Note(SCRUBBING))
     return (*notes, *sensor_notes(observer.noise, log))
+
+
+def track_notes(robot: Robot, tracked: Robot) -> tuple[Note, ...]:
+    """A note where the effective track is that of the log."""
+    if tracked is robot or not isinstance(tracked.chassis, SkidSteer):
+        return ()
+    found_m, track_m = tracked.chassis.turning_track_m, tracked.chassis.track_m
+    text = f"effective track taken from wheels and gyro: {found_m:.3g} m, {found_m / track_m:.3g} times the track"
+    return (Note(f"{text}; a robot file from `ohmward calibrate` has it"),)
 
 
 def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:

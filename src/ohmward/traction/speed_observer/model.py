@@ -157,7 +157,8 @@ class Model:
         B = self.torque_noise(step, clean)
         C = self.curve_shape_noise(step, clean)
         gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)
-        Q[:own, :own] = Q[:own, :own] + B @ B.T + C @ C.T + gap**2 * self.gap_covariance
+        within = where(clean.unmodelled_s > 0.0, 0.0, 1.0)  # D has what torques do in a gap
+        Q[:own, :own] = Q[:own, :own] + within * (B @ B.T) + C @ C.T + gap**2 * self.gap_covariance
         return mirror_lower(Q)
 
     def motion_variances(self, clean: CleanSlipSample) -> list[Scalar]:
@@ -186,7 +187,8 @@ class Model:
         Where a current is not measured its torque may be any that the ground takes.
         """
         most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
-        return step.torque_response * (self.stds(clean).torque_Nm + where(clean.current_measured, 0.0, most_Nm))
+        usual_Nm = self.stds(clean).torque_Nm
+        return step.torque_response * where(clean.current_measured, usual_Nm, maximum(usual_Nm, most_Nm))
 
     def torque_noise_rad_s(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
         """Standard deviation (driven,) of each wheel's predicted speed by the error of its own torque."""
