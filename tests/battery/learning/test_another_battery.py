@@ -67,6 +67,12 @@ def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):
     assert learnt.battery is taught
 
 
+def test_a_swap_is_noticed_by_a_file_that_many_days_have_confirmed(taught):
+    days = [day(MODEL, k) for k in range(3, 9)]
+    lessons = learn(taught, [*days, day(worn(MODEL, 0.85, 1.35), 99)]).lessons
+    assert [lesson.verdict for lesson in lessons] == [*["learnt"] * 6, "set aside"]
+
+
 def test_the_day_after_a_swap_back_is_learnt(taught):
     lessons = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).lessons
     assert [lesson.verdict for lesson in lessons] == ["set aside", "learnt"]

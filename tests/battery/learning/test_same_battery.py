@@ -6,6 +6,7 @@ import pytest
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.learning.same_battery import (
     LogFindings,
+    confirms,
     explained_worse,
     forgotten,
     is_label,
@@ -76,6 +77,12 @@ def test_a_sensor_with_another_offset_is_told_from_another_battery():
 def test_a_log_moves_what_a_file_knows_by_no_more_than_that_may_err():
     assert moved_too_far(FILE, seen(10.7, 0.020)) == ""
     assert "its capacity is 10.9 +-" in moved_too_far(FILE, seen(10.9, 0.020))
+
+
+def test_a_log_that_moves_nothing_confirms_its_file():
+    assert confirms(FILE, seen(10.02, 0.0201))
+    assert not confirms(FILE, seen(10.05, 0.020))
+    assert not confirms(FILE, seen(10.02, 0.0201)._replace(misfit=1.5))
 
 
 def test_a_voltage_that_does_not_follow_from_the_current_is_unexplained():

@@ -38,6 +38,7 @@ from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
     LogFindings,
+    confirms,
     explained_worse,
     forgotten,
     is_label,
@@ -178,6 +179,8 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
         return larger
     if is_label(battery):
         return unexplained(after) or other_label(known, after)
+    if confirms(known, after):
+        return ""
     _, alone = learn_log(forgotten(battery), log)
     if alone.verdict != "learnt":
         return alone.reason

@@ -30,6 +30,10 @@ _OTHER_LABEL = 4.5
 #: A log that goes through more than this share of the capacity that was fitted to it is of a larger battery: SoC axis
 #: and sensor err by less.
 _DEEPEST = 1.15
+#: A log that moves capacity and resistance together by less than this many standard deviations of the file, and fits it
+#: but for this factor, confirms it: files never know them better than a seventh as well as a log alone, so that one
+#: which differed by `_OTHER_BATTERY` would move them by 0.5.
+_CONFIRMS, _FITS = 0.2, 1.1
 #: A difference that is told, where both together have set a log aside.
 _WORTH_TELLING = 1.0
 #: The offset of a sensor differs by so many standard deviations where the sensor is another one, or has a fault.
@@ -96,6 +100,12 @@ def unexplained(found: LogFindings) -> str:
         "mV are expected; was the current sensor dead for a while, does it miss the charger or a load, has the column "
         "lost its sign or its unit?"
     )
+
+
+def confirms(known: LogFindings, after: LogFindings) -> bool:
+    """True for a log that fits its file and moves nothing in it: it need not be learnt alone."""
+    moved = [_moved(old, new) for old, new in zip(known.of_battery, after.of_battery, strict=True)]
+    return bool(np.linalg.norm(moved) < _CONFIRMS and after.misfit < _FITS)
 
 
 def other_label(known: LogFindings, after: LogFindings) -> str:
