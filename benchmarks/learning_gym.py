@@ -42,6 +42,7 @@ from lives_health import pulse_ohm
 from lives_table import SETTLED_S
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
+from ohmward.battery.learning.known import ocv_std_V
 from ohmward.battery.learning.learn import Learnt, learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.battery.soc.estimator import SocEstimator
@@ -198,7 +199,11 @@ def same(cell: LifeCell) -> Iterator[Figure]:
 
 
 def differences(one: Learnt, two: Learnt) -> dict[str, float]:
-    """Differences of two files in their own sigmas, and of the logarithms of these sigmas."""
+    """Differences of two files in their own sigmas, and of the logarithms of these sigmas.
+
+    The sigma of the curve is that of the file, the error of its SoC axis included: where the curve is steep, a
+    difference in voltage is first of all one of the axis.
+    """
     a, b = one.lessons[-1], two.lessons[-1]
     soc = np.linspace(0.1, 0.9, 33)
 
@@ -207,13 +212,9 @@ def differences(one: Learnt, two: Learnt) -> dict[str, float]:
         curve = learnt.battery.thevenin.ocv.voltage_V
         return np.interp(soc, np.linspace(0.0, 1.0, len(curve)), curve)
 
-    def ocv_std_V(learnt: Learnt) -> np.ndarray:
-        std_V = learnt.battery.noise.model_std_V
-        return np.interp(soc, np.linspace(0.0, 1.0, len(std_V)), std_V)
-
     return {
         "capacity, sigmas": abs(a.capacity_Ah.mean - b.capacity_Ah.mean) / a.capacity_Ah.std,
         "resistance, sigmas": abs(a.resistance_ohm.mean - b.resistance_ohm.mean) / a.resistance_ohm.std,
-        "largest of the curve, sigmas": float(np.max(np.abs(ocv_V(one) - ocv_V(two)) / ocv_std_V(one))),
+        "largest of the curve, sigmas": float(np.max(np.abs(ocv_V(one) - ocv_V(two)) / ocv_std_V(one.battery, soc))),
         "sigma of the capacity, logarithm": abs(float(np.log(b.capacity_Ah.std / a.capacity_Ah.std))),
     }
