@@ -18,7 +18,7 @@ KEYS = {
     "speed_max_m_s", "speed_final_m_s", "speed_std_final_m_s", "slip_episodes", "immobilised_episodes",
     "unobserved_share", "friction_ratio", "friction_std", "grade_rad", "grade_std_rad", "radius_ratio", "radius_std",
     "fits", "flags", "truth", "notes", "output", "report", "travel_slip_mean", "travel_slip_std", "floor_share",
-    "floor_crossings",
+    "floor_crossings", "pose",
 }  # fmt: skip
 SCORES = {
     "speed_rmse_m_s", "speed_max_error_m_s", "speed_coverage_95", "slip_rmse", "coverage_95", "false_alarm_rate",

@@ -11,8 +11,9 @@ from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, cells, slip, terrain
+from ohmward.figures import battery, cells, odometry, slip, terrain
 from ohmward.report import TIME, Band, Figure, Plot, Series
+from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
@@ -47,6 +48,11 @@ def _(result: SlipRun) -> Plot:
 @plot.register
 def _(result: FloorRun) -> Plot:
     return Plot("Slip on floors", terrain.run_figures(result))
+
+
+@plot.register
+def _(result: OdometryRun) -> Plot:
+    return Plot("Path", [odometry.path_figure(result)])
 
 
 @plot.register

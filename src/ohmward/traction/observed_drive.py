@@ -19,6 +19,7 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.episodes import ImmobilisedEpisode, SlipEpisode, immobilised_episodes, slip_episodes
 from ohmward.traction.fit_checks import fit_notes, misfits
 from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.odometry.estimator import Odometry, OdometryRun
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
@@ -49,6 +50,7 @@ class ObservedDrive(NamedTuple):
 
     robot: the robot that drove.
     track: speed and slip.
+    path: pose and twist.
     notes: faults of the log, and everything that was assumed.
     fits: the model fits the log, so that the estimates can be trusted.
     on_floors: None without learnt floors.
@@ -56,6 +58,7 @@ class ObservedDrive(NamedTuple):
 
     robot: Robot
     track: SlipRun
+    path: OdometryRun
     notes: tuple[Note, ...]
     fits: bool = True
     on_floors: OnFloors | None = None
@@ -87,6 +90,23 @@ class DriveFigures(NamedTuple):
     grade_std_rad: float | None
     radius_ratio: float | None
     radius_std: float | None
+
+
+class PoseFigures(NamedTuple):
+    """Pose at the end of a drive, in the frame of its start, and the gyro's offset.
+
+    x_m, y_m, yaw_rad: forward, to the left, and the turn.
+    position_std_m, yaw_std_rad: standard deviations, the first in the direction in which it is largest.
+    gyro_offset_rad_s, gyro_offset_std_rad_s: None without a gyro.
+    """
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    position_std_m: float
+    yaw_std_rad: float
+    gyro_offset_rad_s: float | None
+    gyro_offset_std_rad_s: float | None
 
 
 class FloorFigures(NamedTuple):
@@ -122,7 +142,10 @@ def observe_drive(
     faults = check_drive(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
-    return ObservedDrive(robot, track, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track))
+    path = Odometry(robot).run(log, track.estimates)
+    return ObservedDrive(
+        robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
+    )
 
 
 def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = "ukf") -> ObservedDrive:
@@ -139,7 +162,8 @@ def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = 
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors))
-    return ObservedDrive(robot, track, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
+    path = Odometry(robot).run(log, track.estimates)
+    return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
 
 def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:
@@ -200,6 +224,20 @@ def drive_figures(observed: ObservedDrive) -> DriveFigures:
         *_estimated(e.friction_ratio[-1, 0], e.friction_std[-1, 0]),
         *_estimated(e.grade_rad[-1], e.grade_std_rad[-1]),
         *_estimated(e.radius_ratio[-1], e.radius_std[-1]),
+    )
+
+
+def pose_figures(observed: ObservedDrive, has_gyro: bool) -> PoseFigures:
+    """Pose at the end, and the offset of the gyro if the robot has one."""
+    e = observed.path.estimates
+    gyro = (float(e.gyro_offset_rad_s[-1]), float(e.gyro_offset_std_rad_s[-1])) if has_gyro else (None, None)
+    return PoseFigures(
+        float(e.x_m[-1]),
+        float(e.y_m[-1]),
+        float(e.yaw_rad[-1]),
+        float(e.position_std_m[-1]),
+        float(np.sqrt(e.pose_cov[-1, 2, 2])),
+        *gyro,
     )
 
 

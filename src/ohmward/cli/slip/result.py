@@ -13,10 +13,13 @@ from ohmward.cli.drive_inputs import DriveReference, driven_wheels
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.traction import Robot, Terrain
-from ohmward.traction.observed_drive import FloorFigures, ObservedDrive, drive_figures, floor_figures
+from ohmward.traction.observed_drive import FloorFigures, ObservedDrive, drive_figures, floor_figures, pose_figures
 from ohmward.traction.score import DriveScore, score_drive
 
 _MOST_EPISODES = 8
+
+#: Elements of the pose in the names of its covariances.
+POSE = ("x", "y", "yaw")
 
 
 class SlipTask(NamedTuple):
@@ -43,6 +46,7 @@ def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any
         "seconds": observed.track.seconds,
         "duration_s": task.log.duration_s,
         **drive,
+        "pose": pose_figures(observed, task.log.yaw_rate_rad_s is not None)._asdict(),
         "fits": observed.fits,
         "flags": observed.track.counts(),
         **_scores(task, observed),
@@ -94,6 +98,8 @@ def result(figures: Mapping[str, Any]) -> dict[str, str]:
         "drive": f"{figures['distance_m']:.3g} m in {wording.duration(figures['duration_s'])}, "
         f"{figures['speed_min_m_s']:z.2f} to {figures['speed_max_m_s']:z.2f} m/s",
         "speed at the end": f"{figures['speed_final_m_s']:.3g} ± {band_m_s:.2g} m/s (95 %)",
+        "pose at the end": _pose_text(figures["pose"]),
+        "offset of the gyro": _gyro_text(figures["pose"]),
         "friction": _ratio_text(figures, "friction"),
         "grade": _grade_text(figures),
         "radius": _ratio_text(figures, "radius"),
@@ -127,6 +133,21 @@ def _ratio_text(figures: Mapping[str, Any], name: str) -> str:
     relative = BAND_95 * std * (ratio if name == "friction" else 1.0)
     of = "the ground's that was believed" if name == "friction" else "the robot's"
     return f"{wording.percent(ratio, 1)} ± {wording.percent(relative, 1)} of {of}"
+
+
+def _pose_text(pose: Mapping[str, Any]) -> str:
+    """Where the robot is in the frame of its start, with the 95 % band of the worst direction."""
+    degrees, band = math.degrees(pose["yaw_rad"]), math.degrees(BAND_95 * pose["yaw_std_rad"])
+    return (
+        f"{pose['x_m']:z.2f} m forward, {pose['y_m']:z.2f} m to the left ± {BAND_95 * pose['position_std_m']:.2g} m, "
+        f"turned by {degrees:z.1f} ± {band:.2g} degrees (95 %)"
+    )
+
+
+def _gyro_text(pose: Mapping[str, Any]) -> str:
+    if pose["gyro_offset_rad_s"] is None:
+        return ""
+    return f"{pose['gyro_offset_rad_s']:z.4f} ± {BAND_95 * pose['gyro_offset_std_rad_s']:.2g} rad/s"
 
 
 def _grade_text(figures: Mapping[str, Any]) -> str:
@@ -190,7 +211,17 @@ def estimate_table(task: SlipTask, observed: ObservedDrive) -> dict[str, np.ndar
         }
     if task.reference:
         columns["speed_truth_m_s"] = task.reference.truth.speed_m_s
-    return columns | _floor_columns(task, observed)
+    return columns | path_columns(observed) | _floor_columns(task, observed)
+
+
+def path_columns(observed: ObservedDrive) -> dict[str, np.ndarray]:
+    """Columns (T,) of pose and sideways speed, by name; the covariance by its lower triangle."""
+    e = observed.path.estimates
+    columns = {"x_m": e.x_m, "y_m": e.y_m, "yaw_rad": e.yaw_rad}
+    for i, row in enumerate(POSE):
+        for j, column in enumerate(POSE[: i + 1]):
+            columns[f"cov_{column}_{row}"] = e.pose_cov[:, i, j]
+    return columns | {"speed_left_m_s": e.speed_left_m_s, "gyro_offset_rad_s": e.gyro_offset_rad_s}
 
 
 def _floor_columns(task: SlipTask, observed: ObservedDrive) -> dict[str, np.ndarray]:
