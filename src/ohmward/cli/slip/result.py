@@ -136,7 +136,7 @@ def _ratio_text(figures: Mapping[str, Any], name: str) -> str:
 
 
 def _pose_text(pose: Mapping[str, Any]) -> str:
-    """Where the robot is in the frame of its start, with the 95 % band of the worst direction."""
+    """Pose of the robot in the frame of its start, with the 95 % band of the worst direction."""
     degrees, band = math.degrees(pose["yaw_rad"]), math.degrees(BAND_95 * pose["yaw_std_rad"])
     return (
         f"{pose['x_m']:z.2f} m forward, {pose['y_m']:z.2f} m to the left ± {BAND_95 * pose['position_std_m']:.2g} m, "
