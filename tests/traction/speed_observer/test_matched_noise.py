@@ -125,3 +125,10 @@ def test_a_filter_that_does_not_match_carries_no_noise():
     matched = replace(observer, matching=True).init(observer.no_sample()).matched
     assert all(len(values) == 0 for white in kept for values in white)
     assert [len(white.variance) for white in matched] == [2, 2, 1]
+
+
+def test_a_robot_without_a_gyro_is_matched_too():
+    observer = SpeedObserver(believed(np.random.default_rng(1)), matching=True)
+    state = observer.init(observer.no_sample())
+    after, _ = observer.step(state, observer.no_sample()._replace(dt_s=DT_S, wheel_speed_rad_s=np.zeros(4)))
+    assert len(after.matched.gyro.variance) == 0

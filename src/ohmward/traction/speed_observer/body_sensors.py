@@ -1,7 +1,8 @@
-"""Sensors of the body, each an update of its own: passive wheels, gyro, pitch, accelerometer, speed, standstill.
+"""Sensors of the body, each an update of its own: passive wheels, gyro, pitch, accelerometer, standstill.
 
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
-costs nothing; a measurement that is missing or outside its gate changes nothing.
+costs nothing; a measurement that is missing or outside its gate changes nothing. Speeds from outside have a file of
+their own, `external_speed`.
 """
 
 from __future__ import annotations
@@ -13,24 +14,19 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
-from ohmward.filters.linear_algebra import std as std_of
-from ohmward.filters.sanitize import between, every, some, within
+from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.late import History, change_since
 from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
 
-#: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
-OPENED_S = 0.2
-
 #: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
 MOST_YAW_RAD_S = 35.0
+
 
 #: An external speed beyond these limits is a source's fault: the speed [m/s] and its age [s] make it no measurement, a
 #: standard deviation [m/s] outside of its own is replaced by the one of `ObserverNoise`.
@@ -39,14 +35,18 @@ SPEED_STD_M_S = (1e-4, 10.0)
 
 
 class BodyTimers(NamedTuple):
-    """Time [s] for which a sensor of the body has been outside its gate.
+    """Time [s] for which a sensor of the body has been outside its gate, and by how much.
 
     speed_s: external speed.
+    disputed_m_s: innovation of the last external speed where it was outside; 0 where it was used.
+    innovation_sum: of external speeds that were used, over their standard deviations, and fading.
     gyro_s: gyro.
     passive_s: (wheels - driven,) encoders of the wheels that are not driven.
     """
 
     speed_s: Any
+    disputed_m_s: Any
+    innovation_sum: Any
     gyro_s: Any
     passive_s: np.ndarray
 
@@ -59,7 +59,7 @@ class BodyCorrection(NamedTuple):
     observable: one of them shows the speed of the body.
     gyro_rejected, speed_rejected, passive_rejected: outside its gate.
     passive_doubted: one of the passive wheels has been so for too long.
-    speed_reset: the estimate was opened for an external speed that contradicted it for too long.
+    speed_reset: the estimate was opened for an external speed that contradicted it again.
     """
 
     belief: Belief
@@ -148,58 +148,6 @@ def use_accelerometer(
     return body._replace(belief=belief)
 
 
-def use_speed(
-    body: BodyCorrection,
-    sample: SlipSample,
-    clean: CleanSlipSample,
-    history: History,
-    fastest_m_s: Scalar,
-    model: Model,
-    gate: SensorGate,
-) -> BodyCorrection:
-    """Correct with the external speed, which may be late: y = v - (predicted change since) + noise.
-
-    A disturbance of the grade's sigma may have acted over its age. A speed outside its gate is not used, but where a
-    robot may have it, |y| <= fastest_m_s, the estimate is opened at once: as uncertain as the innovation, on a ground
-    as unknown as at first. Where it has been outside for longer than `reset_after_s`, it is used then, too.
-    """
-    std = model.noise.speed_std_m_s
-    if std is None:
-        return body
-    own_std = where(between(sample.speed_std_m_s, *SPEED_STD_M_S), sample.speed_std_m_s, std)
-    age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
-    drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std_rad(body.belief, model)) * age_s
-    credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
-    y = where(credible, sample.speed_m_s + change_since(history, age_s), np.nan)
-
-    nu = where(credible, y, body.belief.mean[0]) - body.belief.mean[0]
-    since_s = time_rejected(body.rejected.speed_s, clean.dt_s, True, False, sparse=True)
-    reset = credible & (since_s > gate.reset_after_s)
-    opened = opened_for(body.belief, nu, model)
-    prior = choose(reset, opened, body.belief)
-    belief, accepted = correct_sensor(prior, y, lambda x: x[:1], own_std * own_std + drift * drift, gate.nis)
-    rejected = isfinite(y) & logical_not(accepted)
-    return body._replace(
-        belief=choose(rejected & (abs(y) <= fastest_m_s), opened, belief),
-        observable=some([body.observable, accepted]),
-        speed_rejected=rejected,
-        speed_reset=reset,
-        rejected=body.rejected._replace(
-            speed_s=time_rejected(body.rejected.speed_s, clean.dt_s, rejected, credible, sparse=True)
-        ),
-    )
-
-
-def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
-    """The belief as uncertain of the speed as this innovation, on a ground as unknown as at first."""
-    belief = disturbance_unknown(inflate(belief, 0, nu_m_s * nu_m_s), model, nu_m_s / (GRAVITY * OPENED_S))
-    if model.states.friction == "known":
-        return belief
-    for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
-        belief = inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
-    return belief
-
-
 def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyCorrection:
     """Correct with the zero speed and yaw rate of a robot at rest."""
     belief = body.belief
@@ -215,12 +163,6 @@ def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gat
         return extended.correct(belief, measured, h, np.array([[variance]]))
 
     return correct_gated(belief, y, correct, gate)
-
-
-def grade_std_rad(belief: Belief, model: Model) -> Scalar:
-    """Standard deviation [rad] of the grade; 0 where it is no state."""
-    i = model.layout.index("grade_rad") if model.states.grade else None
-    return 0.0 if i is None else std_of(belief.cov[i, i])
 
 
 def disturbance_unknown(belief: Belief, model: Model, least_rad: Scalar = 0.0) -> Belief:

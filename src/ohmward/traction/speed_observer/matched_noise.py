@@ -115,10 +115,11 @@ def match(
     window: effective number of samples in the mean.
     """
     given = unmatched(model)
-    wheels = slice(len(given.encoder.variance))
+    wheels, gyros = len(given.encoder.variance), len(given.gyro.variance)
     turns = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
-    values = (clean.wheel_speed_rad_s[wheels], clean.current_A, np.array([where(turns, sample.yaw_rate_rad_s, 0.0)]))
-    measured = (clean.wheel_measured[wheels], clean.current_measured, np.array([turns]))
+    yaw_rad_s = where(turns, sample.yaw_rate_rad_s, 0.0)
+    values = (clean.wheel_speed_rad_s[:wheels], clean.current_A, np.array([yaw_rad_s] * gyros))
+    measured = (clean.wheel_measured[:wheels], clean.current_measured, np.array([turns] * gyros))
     sensors = zip(matched, given, values, measured, strict=True)
     return MatchedNoise(*(follow(*sensor, clean.dt_s, window) for sensor in sensors))
 

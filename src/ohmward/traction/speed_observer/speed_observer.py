@@ -44,7 +44,6 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_gyro,
     use_passive_wheels,
     use_pitch,
-    use_speed,
     use_standstill,
 )
 from ohmward.traction.speed_observer.clean_sample import (
@@ -72,6 +71,7 @@ from ohmward.traction.speed_observer.encoders import (
     turned,
 )
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
+from ohmward.traction.speed_observer.external_speed import use_speed
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
 from ohmward.traction.speed_observer.intervals import advance, holds, share_measured
 from ohmward.traction.speed_observer.late import History, remember
