@@ -36,6 +36,8 @@ from ohmward.battery.models.thevenin import Thevenin
 
 #: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
+#: The same of a battery that gases: acid that moves slowly leaves 18 to 50 mV of 12 V after a day of loads.
+_GASSING_MODEL_STD_V = 0.01
 #: Least relative errors: of the capacity, of all resistances, of the overpotential at one SoC, of the hysteresis.
 _CAPACITY_STD, _RESISTANCE_STD, _SHARE, _HYSTERESIS_STD = 0.01, 0.05, 0.1, 0.15
 #: Least error of the activation temperatures, as identification knows them best [K].
@@ -57,8 +59,10 @@ _NEIGHBOUR = 0.1
 
 def model_floor_V(battery: Battery) -> float:
     """Least error of the model's voltage [V] that stays with SoC."""
+    model = thevenin_of(battery)
     cell_V = LFP_WITHOUT_LOW_RATE_V if battery.chemistry == "lfp" else MODEL_STD_V
-    return cell_V * float(np.mean(thevenin_of(battery).ocv.voltage_V)) / CELL_V
+    cell_V = cell_V if model.gassing_V is None else _GASSING_MODEL_STD_V
+    return cell_V * float(np.mean(model.ocv.voltage_V)) / CELL_V
 
 
 def fold(

@@ -39,6 +39,9 @@ _SHAPE_SHARES, _TAU_SHARES = 2.0, 3.0
 #: On RESISTANCE_KNOTS: towards empty resistances differ more, over half charge by exp(0.1 to 0.5) in R_0 and by
 #: exp(0.4 to 4.6) in the pairs, in full tests of three simulated cells.
 _SHAPE_FACTORS = np.array([2.7, 1.6, 1.0, 1.0, 1.0])
+#: The acid of a battery that gases goes into its plates: in a full test of a porous one R_0 grows from full on, over
+#: half charge by exp(-0.7) there and exp(0.6), exp(1.0) and exp(1.0) at 0.3, 0.1 and empty.
+_GASSING_SHAPE_FACTORS = np.array([4.0, 3.0, 2.0, 1.3, 1.0])
 #: Levels of two RC pairs differ from their common level by this share of its error: they share what relaxes.
 _PAIR_SHARE = 0.5
 #: Error of a coulombic efficiency as a share of what it loses: 1 - 0.97 comes from cells with 1 to 5 %.
@@ -188,7 +191,8 @@ class _Prior(NamedTuple):
     @property
     def shape(self) -> np.ndarray:
         """Covariance of the logarithm of a resistance along SoC about its level."""
-        std = _SHAPE_SHARES * self.share * _SHAPE_FACTORS
+        factors = _GASSING_SHAPE_FACTORS if self.model.gassing_V else _SHAPE_FACTORS
+        std = _SHAPE_SHARES * self.share * factors
         return np.outer(std, std) * _correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
 
     @property
