@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.known import ocv_std_V
-from ohmward.battery.models.noise import on_soc_grid
+from ohmward.battery.learning.pulse_resistance import PULSE_S, pulse_ohm_along
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.figures.battery import SOC_AXIS
 from ohmward.figures.parts import band_95
@@ -21,16 +21,6 @@ from ohmward.report.palette import Meaning
 _SOC = np.linspace(0.0, 1.0, 201)
 #: Where the curve is steep its band is far wider: the change is drawn on the scale of the middle.
 _MIDDLE = 0.1, 0.95
-#: Length of the current whose resistance is shown [s].
-PULSE_S = 10.0
-
-
-def pulse_resistance_ohm(model: Thevenin, soc: np.ndarray) -> np.ndarray:
-    """Resistance to `PULSE_S` of current at the model's temperature, along SoC."""
-    total = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
-    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
-        total = total + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
-    return total
 
 
 def ocv_change_figure(before: Battery, after: Battery) -> Figure:
@@ -56,7 +46,7 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     """Resistance to ten seconds of current before and after, each with its 95 % band."""
     series, bands = [], []
     for battery, state in zip((before, after), _STATES, strict=True):
-        ohm = 1e3 * pulse_resistance_ohm(_model(battery), _SOC)
+        ohm = 1e3 * pulse_ohm_along(_model(battery), _SOC)
         ratio = np.exp(BAND_95 * _log_resistance_std(battery, _SOC))
         series.append(Series(100 * _SOC, ohm, state.name, state.style, state.role))
         bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {state.name}", state.role))

@@ -47,7 +47,7 @@ class Newness(NamedTuple):
     """Battery when new, that health is measured against.
 
     capacity_Ah: between full and empty.
-    resistance_ohm: of a pulse of ten seconds at half charge and 25 degC.
+    resistance_ohm: of a pulse of 1 C and ten seconds at half charge and 25 degC.
     notes: where they are from.
     """
 

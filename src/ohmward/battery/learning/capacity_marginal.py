@@ -34,24 +34,36 @@ _COARSE, _ROWS = 10, 300
 
 
 def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Normal:
-    """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills."""
+    """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills.
+
+    Some rows are enough for a log that has one hill; where they show another one, all rows are asked.
+    """
     q = model.parameters.group("capacity").start
-    coarse = model.linear_about(found.x, max(1, min(_COARSE, model.rows.size // _ROWS)))
+    for every in (max(1, min(_COARSE, model.rows.size // _ROWS)), 1):
+        points = _scan(model.linear_about(found.x, every), prior, anchors, found)
+        if points:
+            return moments(points)
+    return Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+
+
+def _scan(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
+    """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest hill."""
+    q = model.parameters.group("capacity").start
     step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
-    x, cost = _profile(coarse, prior, anchors, found.x, float(found.x[q]), found.misfit)
+    x, cost = _profile(model, prior, anchors, found.x, float(found.x[q]), found.misfit)
     points = {float(found.x[q]): cost}
     for side in (1.0, -1.0):
         value, width, here = float(found.x[q]), step, x
         for _ in range(_MOST):
             value += side * width
-            here, there = _profile(coarse, prior, anchors, here, value, found.misfit)
+            here, there = _profile(model, prior, anchors, here, value, found.misfit)
             if there < cost - _HIGHER:
-                return Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+                return {}
             points[value] = there
             width *= _LONGER
             if there > min(points.values()) + _FAR:
                 break
-    return moments(points)
+    return points
 
 
 def _profile(

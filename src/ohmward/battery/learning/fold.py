@@ -28,6 +28,7 @@ from ohmward.battery.learning.parameters import (
     parameters_of,
     thevenin_of,
 )
+from ohmward.battery.learning.pulse_resistance import pulse_ohm
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
@@ -51,8 +52,6 @@ _UNANCHORED_SHARE = 0.5
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
 #: Time constants stay apart by this factor at least.
 _TAU_RATIO = 1.5
-#: The resistance that is told is that to a pulse of so many seconds at this SoC.
-_PULSE_S, _HALF = 10.0, 0.5
 #: Correlations between knots of the curve that tell how long its error lasts.
 _NEIGHBOUR = 0.1
 
@@ -235,8 +234,8 @@ def offset_normal(battery: Battery, covariance: np.ndarray) -> Normal:
 
 
 def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Resistance [ohm] to ten seconds of current at half charge and the temperature of the file."""
-    mean = ten_seconds_ohm(thevenin_of(battery))
+    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
+    mean = pulse_ohm(thevenin_of(battery))
     return Normal(mean, mean * max(resistance_std(battery, covariance), _RESISTANCE_STD))
 
 
@@ -251,14 +250,6 @@ def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
         weights[place] = along * np.interp(RESISTANCE_KNOTS, grid, ohm)
     total = weights.sum()
     return float(np.sqrt(weights @ covariance @ weights) / total) if total > 0 else 0.0
-
-
-def ten_seconds_ohm(model: Thevenin) -> float:
-    """Resistance [ohm] to a current of ten seconds at half charge."""
-    grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
-    ohmic = float(np.interp(_HALF, grid, model.r0_discharge_ohm))
-    relaxed = [1 - np.exp(-_PULSE_S / tau) for tau in model.tau_s]
-    return ohmic + sum(float(np.interp(_HALF, grid, r)) * a for r, a in zip(model.r_ohm, relaxed, strict=True))
 
 
 def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tuple[np.ndarray, float]:

@@ -52,6 +52,7 @@ from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts
 from ohmward.battery.learning.told_soc import full_at_start, soc_anchors, span_of, told_at_start
+from ohmward.battery.learning.unknown_age import prior_of_age
 from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
@@ -65,6 +66,8 @@ Progress = Callable[[str, float], None]
 #: Random walk of the logarithms of capacity and resistances by use, in one full cycle: cells lose 0.02 to 0.3 % of
 #: their capacity in one, and a trend that goes on for some ten cycles is followed.
 _CYCLE_WALK = 0.005
+#: Rounds in which a file that has learnt from no log finds how much its battery has aged since it was written.
+_AGE_ROUNDS = 3
 #: Steps of the search with which hills of the posterior are compared.
 _FEW_STEPS = 3
 #: Every so many rows are enough to compare them.
@@ -252,6 +255,9 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     prior = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
+    for _ in range(_AGE_ROUNDS if battery.knowledge is None else 0):
+        prior = prior_of_age(model, _prior(model), found.x)
+        found = solve(model, prior, anchors, found.x)
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs

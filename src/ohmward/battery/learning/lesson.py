@@ -20,8 +20,8 @@ class Lesson(NamedTuple):
     reason: why it was set aside, or what it taught, in a sentence.
     hours: its length.
     soc_min, soc_max: range of SoC in it.
-    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of current at
-        half charge and the temperature of the file.
+    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of 1 C at half
+        charge and the temperature of the file.
     information: by what factor the standard deviation of each group of parameters narrowed, by its name.
     residual_rms_V: measured minus expected voltage.
     misfit: factor by which the squares of these errors exceed what the file expects of them, at least 1.

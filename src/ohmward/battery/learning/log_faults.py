@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.fold import ten_seconds_ohm
+from ohmward.battery.learning.pulse_resistance import pulse_ohm
 from ohmward.battery.log_check import check_log, other_cells
 from ohmward.battery.soc.clean_sample import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.errors import InputError
@@ -115,7 +115,7 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
         return 0.0
     smooth = np.sign(current_A) * _medians(known)
     against_V = float(np.max(np.maximum.accumulate(smooth) - smooth))
-    return against_V - _WARMED * abs(current_A) * ten_seconds_ohm(model)
+    return against_V - _WARMED * abs(current_A) * pulse_ohm(model)
 
 
 def _without_hidden_current(log: Log, battery: Battery) -> Log:

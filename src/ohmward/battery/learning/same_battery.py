@@ -50,7 +50,7 @@ _UNEXPLAINED, _MISFITS = 12.0, 3.0
 class LogFindings(NamedTuple):
     """LogFindings of a file or of a log about the battery.
 
-    capacity_Ah, resistance_ohm: the resistance to ten seconds of current.
+    capacity_Ah, resistance_ohm: the resistance to ten seconds of 1 C.
     offset_A: of the current sensor.
     rms_V: of the errors of the voltage.  misfit: factor by which their squares exceed what was expected.
     """

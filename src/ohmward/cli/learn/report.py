@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ohmward.battery.learning.pulse_resistance import PULSE_S
 from ohmward.cli.learn.files import BatteryFiles
 from ohmward.cli.learn.journal import Row
 from ohmward.cli.learn.result import (
@@ -54,7 +55,7 @@ def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Seq
         return page
     steps = [
         ("Capacity", "Capacity [Ah]", "capacity_Ah", 1.0),
-        (f"Resistance to {pictures.PULSE_S:g} s of current", "Resistance [mΩ]", "resistance_ohm", 1e3),
+        (f"Resistance to {PULSE_S:g} s of current", "Resistance [mΩ]", "resistance_ohm", 1e3),
     ]
     return page.plot(
         *(
