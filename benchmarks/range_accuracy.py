@@ -31,12 +31,14 @@ from ohmward.energy import (
     energy_demand,
     get_home,
     learn,
+    prior_from_mass,
     prior_from_robot,
     range_left,
     start,
     stretch_of,
     with_terrain,
 )
+from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.points import normal_points, quantiles
 from ohmward.energy.range import DIMENSIONS, needed_J
 from ohmward.traction import RLMA
@@ -46,6 +48,8 @@ MISSIONS = 300
 LEARNING_S, BEFORE_S, LONGEST_S = 1800.0, 900.0, 7 * 3600.0
 CAPACITY_STD, RESISTANCE_STD = 0.02, 0.1
 PLANT = "300 simulated robots"
+#: Robots that meet a slope which is steeper than those of the drives that taught them, and the slope [rad].
+SLOPES, SLOPE_DRIVES, STEEP_RAD = 60, 3, 0.12
 
 
 class Mission(NamedTuple):
@@ -84,6 +88,8 @@ def rows() -> Iterator[Figure]:
     yield from range_rows(answers)
     yield from home_rows(answers)
     yield from band_rows([band for m in missions for band in m.bands])
+    for name, prior in (("robot file", prior_from_robot(ROBOT)), ("mass alone", prior_from_mass(ROBOT.mass_kg))):
+        yield from slope_rows(name, np.array([on_a_slope(seed, prior) for seed in range(SLOPES)]))
 
 
 def make_mission(seed: int) -> Mission:
@@ -181,6 +187,28 @@ def band_rows(bands: list[tuple[bool, int]]) -> Iterator[Figure]:
     few = drives <= 3
     for name, rows in (("<= 3 drives", few), ("> 3 drives", ~few)):
         yield at_least(PLANT, f"energy by terrain, {name}", "truth within P10-P90 [%]", 100 * inside[rows].mean())
+
+
+def on_a_slope(seed: int, prior: ConsumptionPrior) -> tuple[bool, bool]:
+    """Is the energy of steep legs within its band, and is it above, after drives on gentle slopes?"""
+    rng = np.random.default_rng([seed, 1234])
+    world, c = draw_world(rng), start(prior)
+    for _ in range(SLOPE_DRIVES):
+        c = taught(begin_drive(c, days=1.0), drive(rng, world, draw_course(rng), LEARNING_S))
+    legs = [replace(leg, grade_rad=STEEP_RAD, terrain=c.terrains[0]) for leg in draw_course(rng).legs[:4]]
+    seen = drive(rng, world, Course(tuple(legs)), sum(leg.distance_m / leg.speed_m_s + leg.stop_s for leg in legs))
+    demand = energy_demand(begin_drive(c, days=1.0), [d.stretch for d in stretches(seen)])
+    band, true_J = quantiles(needed_J(demand, normal_points(DIMENSIONS))), float(np.sum(seen.power_W)) * DT_S
+    return band.p10 <= true_J <= band.p90, true_J > band.p90
+
+
+def slope_rows(name: str, found: np.ndarray) -> Iterator[Figure]:
+    """found: (robots, 2) from `on_a_slope`."""
+    plant = f"{len(found)} simulated robots, slope of {STEEP_RAD:g} after three drives on slopes of 0.03, {name}"
+    inside, above = 100 * found.mean(axis=0)
+    met = abs(inside - 80) <= 10
+    yield Figure(plant, "energy of the climb", "truth within P10-P90 [%]", f"{inside:.1f}", "80 ± 10", met)
+    yield at_most(plant, "energy of the climb", "truth above P90 [%]", above)
 
 
 def within(method: str, hits: np.ndarray, quantity: str, tolerance: float, aim: float = 80.0) -> Iterator[Figure]:

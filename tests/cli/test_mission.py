@@ -155,7 +155,6 @@ def test_bad_requests(words, message, there, refused):
         (("distance_m = 1000.0", "distance_m = -5.0"), "leg[0]: leg.distance_m must be >= 0, got -5"),
         (("distance_m = 1000.0", "distance_km = 1.0"), "did you mean distance_m? Units are part of the names"),
         (("speed_m_s = 0.4", ""), "leg[1].speed_m_s is missing"),
-        (('terrain = "gravel"', 'terrain = "ice"'), "terrain 'ice' is not in table.toml, which knows: grass, gravel"),
         (("reserve_soc = 0.1", "reserve_soc = 10"), "reserve_soc must be between 0 and 0.99"),
         (("reserve_soc = 0.1", 'reserve_soc = "little"'), "reserve_soc: expected `float"),
         (("ohmward-plan/1", "plan"), "format must be"),
@@ -166,6 +165,16 @@ def test_bad_requests(words, message, there, refused):
 def test_bad_plans(change, message, table, there, refused):
     (there / "plan.toml").write_text(PLAN.replace(*change))
     assert message in refused(*AHEAD, "--consumption", table)
+
+
+def test_a_terrain_that_is_not_in_the_table_keeps_its_prior(table, there, as_json):
+    known = as_json(*AHEAD, "--consumption", table)
+    (there / "plan.toml").write_text(PLAN.replace('terrain = "gravel"', 'terrain = "clinker"'))
+    found = as_json(*AHEAD, "--consumption", table)
+    note = "warning: nobody has driven on 'clinker': its resistance is a broad guess; the table knows grass, gravel"
+    assert note in found["notes"]
+    widths = [r["range_m"]["p90"] / r["range_m"]["p10"] for r in (known, found)]
+    assert widths[1] > widths[0]
 
 
 def test_the_file_is_read_once(there, as_json, monkeypatch):

@@ -34,7 +34,12 @@ def certain(idle_W=10.0, force_N=20.0, speed_N_s_per_m=0.0, climb=1.0, regenerat
     mean = np.array([idle_W, speed_N_s_per_m, climb, regeneration, 0.0, 0.0, force_N, 0.0])
     nothing = Variance(1e12, 1e-12)
     return replace(
-        c, prior=replace(PRIOR, model_std=0.0), mean=mean, cov=np.zeros((8, 8)), scatter=nothing, day=nothing
+        c,
+        prior=replace(PRIOR, model_std=0.0, slope_std=0.0),
+        mean=mean,
+        cov=np.zeros((8, 8)),
+        scatter=nothing,
+        day=nothing,
     )
 
 

@@ -17,7 +17,7 @@ from ohmward.energy.consumption import (
     with_terrain,
 )
 from ohmward.energy.consumption_prior import ConsumptionPrior
-from ohmward.energy.leg import Leg, Stretch, stretch_of
+from ohmward.energy.leg import Leg, Stretch, stretch_of, way_back
 from ohmward.errors import InputError
 
 SURE = 1e15
@@ -166,6 +166,19 @@ def test_a_steep_slope_gives_back_only_a_share_of_the_braking():
     found = energy_demand(c, [stretch_of(Leg(100.0, "grass", 0.5, -0.2))])
     braking_J = (40.0 * 9.80665 * np.sin(0.2) - 10.0) * 100.0
     assert found.mean_J == pytest.approx(10.0 * 200.0 - 0.3 * braking_J)
+
+
+def test_what_gentle_slopes_do_not_teach_of_steep_ones():
+    c = certain(regeneration=0.5)
+    doubtful = replace(c, prior=replace(c.prior, slope_std=0.15))
+    level, up = stretch_of(Leg(100.0, "grass", 0.5)), stretch_of(Leg(100.0, "grass", 0.5, 0.12))
+    down = way_back(up)
+    climb_J = 40.0 * 9.80665 * 100.0 * np.sin(0.12)
+    assert energy_demand(doubtful, [level]).std_J == energy_demand(c, [level]).std_J
+    assert energy_demand(doubtful, [up]).std_J == pytest.approx(0.15 * climb_J, rel=1e-5)
+    spared_J = 2000.0 + 0.5 * (climb_J - 2000.0)  # the resistance, and half of the braking
+    assert energy_demand(doubtful, [up, down]).std_J == pytest.approx(0.15 * (climb_J - spared_J), rel=1e-5)
+    assert energy_demand(doubtful, [Stretch("", 10.0)]).std_J == energy_demand(c, [Stretch("", 10.0)]).std_J
 
 
 def test_this_drive_is_known_better_than_the_next():

@@ -228,11 +228,12 @@ def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     x = np.sum([design_row(c, s) for s in stretches], axis=0)
     effects = c.day_effects
     mean_J, all_J2 = x @ c.mean, x @ c.cov @ x
+    slope_J = sum(energy_of_slope_J(c, s) for s in stretches)
     day_J2 = x[effects] @ c.cov[np.ix_(effects, effects)] @ x[effects]
     weight = sum(scatter_weight(c, s) for s in stretches)
     return EnergyDemand(
         float(mean_J),
-        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * mean_J) ** 2),
+        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * mean_J) ** 2 + (c.prior.slope_std * slope_J) ** 2),
         float(min(day_J2, all_J2)),
         c.scatter.value * weight,
         c.day.dof,
@@ -315,6 +316,15 @@ def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
 def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
     """W / d: mean force [N] of the wheels."""
     return wheel_work_J(c, stretch) / stretch.distance_m if stretch.distance_m else 0.0
+
+
+def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
+    """Energy [J] of a stretch beyond that of level ground, < 0 where it goes down: climb, braking and heat."""
+    if not stretch.terrain:
+        return 0.0
+    x = design_row(c, stretch)
+    level = design_row(c, stretch._replace(climb_m=0.0, descent_m=0.0, kinetic_m2_s2=0.0))
+    return float((x - level) @ c.mean)
 
 
 def moving_time_s(stretch: Stretch) -> float:

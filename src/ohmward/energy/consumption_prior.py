@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward.traction.terrain.floor import STIFFNESS, STIFFNESS_STD
 
 #: Rolling resistance over load, as in handbooks of vehicles, taken for the small wheels of robots.
 RESISTANCE = {
@@ -31,6 +32,12 @@ RESISTANCE_STD = 0.6
 SPEED_RESISTANCE_S_PER_M = 0.02
 #: Of motor controllers.
 ELECTRONICS_EFFICIENCY = 0.9
+#: Heat of the windings at a pull of the robot's whole weight, over that weight [m/s], where the motors are not known:
+#: 0.5 for the Robotino's geared motors, 1.0 for those of a Husky, 2.0 for the hub motors of RLMA. Standard deviation
+#: relative to it; with motors of a data sheet, whose windings warm up and whose supply is not ideal, it is smaller.
+ANY_HEAT_M_S, ANY_HEAT_STD, HEAT_STD = 1.0, 0.7, 0.3
+#: Speed [m/s] at which the slip of the wheels, whose loss goes with the force squared as well, adds to that heat.
+SLIP_SPEED_M_S = 1.0
 #: Idle power [W] of a robot without one.
 ANY_IDLE_W = 10.0
 
@@ -46,10 +53,12 @@ class ConsumptionPrior:
         speed_N_s_per_m, speed_std_N_s_per_m: its growth with speed.
         climb, climb_std: energy from the battery over the potential energy gained, about 1/efficiency.
         regeneration, regeneration_std: regeneration efficiency, energy that comes back over the energy of braking.
-        heat_W_per_N2, heat_std_W_per_N2: heat of the windings over the square of the force.
+        heat_W_per_N2, heat_std_W_per_N2: heat of the windings, and loss to slip, over the square of the force.
         scatter_m: sigma^2 of `consumption`; 1 m is a fifth over 25 m.
         day_std: tau, standard deviation of the resistance from drive to drive, relative to it.
         model_std: error that no drive teaches, relative to the energy: gains of the sensors, curves taken as lines.
+        slope_std: error that gentle slopes do not teach of steep ones, relative to the energy that slopes add; as large
+            as on slopes of 0.12 after drives on slopes of 0.03, simulated robots whose slopes are measured with noise.
         drift_std: change of forces and idle power in a month, as a share of the prior's.
         dof: degrees of freedom of sigma^2 and tau^2, >= 3.
         terrain_force_N: resistance of terrains that handbooks know, by name.
@@ -71,6 +80,7 @@ class ConsumptionPrior:
     scatter_m: float = 1.0
     day_std: float = 0.15
     model_std: float = 0.02
+    slope_std: float = 0.15
     drift_std: float = 0.05
     dof: float = 4.0
     terrain_force_N: dict[str, float] = field(default_factory=dict)
@@ -78,7 +88,9 @@ class ConsumptionPrior:
     def __post_init__(self) -> None:
         require_each_positive("prior.", self, "mass_kg", "force_N", "force_std_N", "scatter_m", "day_std", "climb")
         require_each_not_negative("prior.", self, "idle_W", "idle_std_W", "heat_W_per_N2", "heat_std_W_per_N2")
-        require_each_not_negative("prior.", self, "speed_N_s_per_m", "speed_std_N_s_per_m", "drift_std", "model_std")
+        require_each_not_negative(
+            "prior.", self, "speed_N_s_per_m", "speed_std_N_s_per_m", "drift_std", "model_std", "slope_std"
+        )
         require_each_not_negative("prior.", self, "climb_std", "regeneration", "regeneration_std")
         require_between("prior.dof", self.dof, 3.0, math.inf)
         for name, force_N in self.terrain_force_N.items():
@@ -94,7 +106,8 @@ def prior_from_robot(robot: Robot) -> ConsumptionPrior:
     efficiency = robot.motor.gear_efficiency * ELECTRONICS_EFFICIENCY
     friction_N = robot.driven * robot.motor.friction_Nm / robot.wheel.radius_m
     damping = robot.driven * robot.motor.damping_Nms_per_rad / robot.wheel.radius_m**2
-    return _prior(robot.mass_kg, robot.idle_W, efficiency, friction_N, damping, heat_W_per_N2(robot))
+    heat = heat_W_per_N2(robot)
+    return _prior(robot.mass_kg, robot.idle_W, efficiency, friction_N, damping, heat, HEAT_STD * heat)
 
 
 def heat_W_per_N2(robot: Robot) -> float:
@@ -106,13 +119,30 @@ def heat_W_per_N2(robot: Robot) -> float:
 def prior_from_mass(mass_kg: float, idle_W: float = 0.0) -> ConsumptionPrior:
     """Prior from the mass alone; idle_W: 0 where it is not known."""
     require_positive("mass_kg", mass_kg)
-    return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0, 0.0)
+    heat = ANY_HEAT_M_S / (mass_kg * GRAVITY)
+    return _prior(mass_kg, idle_W, 0.8 * ELECTRONICS_EFFICIENCY, 0.0, 0.0, heat, ANY_HEAT_STD * heat)
+
+
+def slip_W_per_N2(weight_N: float) -> tuple[float, float]:
+    """Loss to slip over the square of the force on any floor, and its standard deviation.
+
+    F v lambda with lambda = F/(C N): v/(C N), the stiffness C of a floor being lognormal (`terrain.floor`).
+    """
+    mean = SLIP_SPEED_M_S / weight_N * math.exp(STIFFNESS_STD**2 / 2) / STIFFNESS
+    return mean, mean * math.sqrt(math.expm1(STIFFNESS_STD**2))
 
 
 def _prior(
-    mass_kg: float, idle_W: float, efficiency: float, friction_N: float, damping_N_s_per_m: float, heat: float
+    mass_kg: float,
+    idle_W: float,
+    efficiency: float,
+    friction_N: float,
+    damping_N_s_per_m: float,
+    heat: float,
+    heat_std: float,
 ) -> ConsumptionPrior:
     weight_N = mass_kg * GRAVITY
+    slip, slip_std = slip_W_per_N2(weight_N)
     force_N = (ANY_RESISTANCE * weight_N + friction_N) / efficiency
     drag = (SPEED_RESISTANCE_S_PER_M * weight_N + damping_N_s_per_m) / efficiency
     return ConsumptionPrior(
@@ -125,7 +155,7 @@ def _prior(
         speed_std_N_s_per_m=drag,
         climb=1.0 / efficiency,
         climb_std=0.2 / efficiency,
-        heat_W_per_N2=heat,
-        heat_std_W_per_N2=0.3 * heat,
+        heat_W_per_N2=heat + slip,
+        heat_std_W_per_N2=math.hypot(heat_std, slip_std),
         terrain_force_N={name: (c * weight_N + friction_N) / efficiency for name, c in RESISTANCE.items()},
     )

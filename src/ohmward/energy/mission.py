@@ -242,7 +242,8 @@ def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Not
     notes = []
     for leg in plan.legs if plan else ():
         if leg.terrain not in c.terrains:
-            text = f"nobody has driven on {leg.terrain!r}: its resistance is a broad guess"
+            known = f"; the table knows {', '.join(c.terrains)}" if c.terrains else ""
+            text = f"nobody has driven on {leg.terrain!r}: its resistance is a broad guess{known}"
             notes.append(Note(text, "warning"))
             c = with_terrain(c, leg.terrain)
     return c, notes

@@ -8,7 +8,6 @@ from functools import partial
 from ohmward.cli.drive_inputs import make_robot
 from ohmward.cli.mission.inputs import (
     check,
-    check_plan,
     earlier_consumption,
     read_logs,
     settings_of,
@@ -34,7 +33,6 @@ def run(args: argparse.Namespace) -> Outcome:
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args, robot)
     log, drive, ground = read_logs(args, robot)
-    check_plan(args, plan, before, ground)
     settings = settings_of(args, robot)
     with progress() as report:
         told = counting(report, "ukf") if drive else None

@@ -13,7 +13,6 @@ from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.parser import split_selection
 from ohmward.energy import Consumption, load_consumption, prior_from_mass, prior_from_robot, start
 from ohmward.energy.mission import MissionSettings
-from ohmward.energy.plan_file import Plan
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, Log, Note
 from ohmward.logs.clock import nanosecond_column, read_clock
@@ -77,24 +76,6 @@ def earlier_consumption(args: argparse.Namespace, robot: Robot | None) -> tuple[
         return start(prior_from_robot(robot)), f"info: consumption expected from the data of {robot.name!r}: broad"
     expected = start(prior_from_mass(args.mass_kg))
     return expected, f"info: consumption expected from a mass of {args.mass_kg:g} kg: broad"
-
-
-def check_plan(args: argparse.Namespace, plan: Plan | None, c: Consumption, ground: Ground) -> None:
-    """Refuse terrains that are neither in the table of --consumption nor in the log; without a table they are guessed.
-
-    Raises:
-        InputError: such a terrain.
-    """
-    if plan is None or not args.consumption:
-        return
-    driven = [ground] if isinstance(ground, str) else list(ground)
-    known = list(dict.fromkeys([*c.terrains, *(driven if args.log else [])]))
-    for leg in plan.legs:
-        if leg.terrain not in known:
-            raise InputError(
-                f"{args.plan}: terrain {leg.terrain!r} is not in {args.consumption}, which knows: "
-                f"{', '.join(known) or 'none yet'}; name one of these, or drive there once and learn it"
-            )
 
 
 def read_logs(args: argparse.Namespace, robot: Robot | None) -> tuple[Log | None, DriveLog | None, Ground]:
