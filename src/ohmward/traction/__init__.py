@@ -7,7 +7,7 @@ from ohmward.traction.friction.rolling import CompactionResistance, RollingResis
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
-from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
+from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot, Wheel
@@ -28,6 +28,7 @@ __all__ = [
     "SensorInbox",
     "SkidSteer",
     "Terrain",
+    "TwoWheeled",
     "Wheel",
     "forces",
     "hard_terrain",

@@ -14,7 +14,7 @@ from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy
 from ohmward.traction.friction.rolling import RollingResistance
-from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.chassis import Omni, TwoWheeled
 from ohmward.traction.robot.motor import copper_loss, friction_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
@@ -70,8 +70,9 @@ def parameters(robot: Robot, patch: Patch, rolling: float) -> RlmaParameters:
         InputError: another chassis than four wheels on two axles, or a drive with losses, which MuJoCo does not have.
     """
     motor, chassis = robot.motor, robot.chassis
-    if isinstance(chassis, Omni):
-        raise InputError('plant = "mujoco" has four wheels on two axles, not omni-wheels; take plant = "own"')
+    if isinstance(chassis, Omni | TwoWheeled):
+        other = "omni-wheels" if isinstance(chassis, Omni) else "casters"
+        raise InputError(f'plant = "mujoco" has four wheels on two axles, not {other}; take plant = "own"')
     if motor.gear_efficiency < 1 or motor.friction_Nm or motor.damping_Nms_per_rad:
         raise InputError('plant = "mujoco" has no losses in the drive; take plant = "own", or drop them from the robot')
     driven = tuple(k for k, p in enumerate(robot.places) if p.driven)

@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.checks import require_positive
+from ohmward.checks import require_finite, require_positive
 from ohmward.errors import InputError
 
 #: The motion of a body in the plane: forward and leftward speed [m/s], yaw rate [rad/s].
@@ -121,6 +121,42 @@ class SkidSteer:
     def places(self) -> tuple[Place, ...]:
         """Front left, front right, rear left, rear right."""
         return _rectangle(self.front_m, self.rear_m, self.track_m, True)
+
+
+@dataclass(frozen=True)
+class TwoWheeled:
+    """Two driven wheels and casters, which swivel: they carry and roll, and neither steer nor count.
+
+    Attributes:
+        axle_m: of the driven wheels, ahead of the centre of gravity; < 0 behind it.
+        track_m: between left and right wheel, > 0.
+        casters_m: of each caster on the centre line, ahead of the centre of gravity; a pair side by side counts as one.
+    """
+
+    axle_m: float
+    track_m: float
+    casters_m: tuple[float, ...]
+
+    freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
+    scrubs: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        require_positive("chassis.track_m", self.track_m)
+        require_finite("chassis.axle_m, chassis.casters_m", (self.axle_m, *self.casters_m))
+        stands = any(caster_m != self.axle_m for caster_m in self.casters_m)
+        if not stands or np.any(load_matrix(self.places)[:, 0] <= 0):
+            raise InputError(
+                "chassis.casters_m must have a caster on the other side of the centre of gravity than chassis.axle_m, "
+                f"or the robot tips over; got {list(self.casters_m)} and {self.axle_m:g}"
+            )
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Left, right, then the casters."""
+        half = self.track_m / 2
+        driven = Place("left", self.axle_m, half), Place("right", self.axle_m, -half)
+        casters = enumerate(self.casters_m, start=1)
+        return (*driven, *(Place(f"caster_{k}", x_m, 0.0, driven=False) for k, x_m in casters))
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,24 @@ from pathlib import Path
 
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
-from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer
+from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
 
 #: Robots that need no file.
 PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO}
 
 #: What `kind` in the table [chassis] may be.
-CHASSIS: Mapping[str, type] = {"differential": Differential, "skid-steer": SkidSteer, "omni": Omni}
+CHASSIS: Mapping[str, type] = {
+    "differential": Differential,
+    "skid-steer": SkidSteer,
+    "two-wheel": TwoWheeled,
+    "omni": Omni,
+}
 _HEADER = """\
 # A robot as ohmward knows it. Edit what you know better; every key carries its unit.
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
-#   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m),
-#   omni (arm_m, bearings_deg).
+#   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m, and
+#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 #: Its `dump` and `parse` give and take the text.

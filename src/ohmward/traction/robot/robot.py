@@ -15,6 +15,7 @@ from ohmward.traction.robot.chassis import (
     Omni,
     Place,
     SkidSteer,
+    TwoWheeled,
     load_matrix,
     rolling_matrix,
     sideways_matrix,
@@ -64,7 +65,7 @@ class Robot:
     name: str
     mass_kg: float
     yaw_inertia_kg_m2: float
-    chassis: Differential | SkidSteer | Omni
+    chassis: Differential | SkidSteer | TwoWheeled | Omni
     wheel: Wheel
     motor: Motor
     height_m: float = 0.0
@@ -139,7 +140,7 @@ class Robot:
                         f"chassis: wheels {b.name} and {a.name} stand {gap:g} m apart, less than wheel.width_m = "
                         f"{self.wheel.width_m:g}; correct the geometry (metres, not millimetres?)"
                     )
-        if not isinstance(self.chassis, Omni) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
+        if isinstance(self.chassis, Differential | SkidSteer) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
             raise InputError(
                 f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
                 f"wheels overlap; got {self.wheel.radius_m:g}"
