@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief
+from ohmward.filters.gate import inflate
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
@@ -124,6 +125,15 @@ class Model:
         """sigma^2 (1 - e^(-2 dt/T)) of a Gauss-Markov state."""
         decay = self.decay_factor(name, dt_s)
         return self.gauss_markov(name).std ** 2 * (1.0 - decay * decay)
+
+    def with_unknown_mass(self, belief: Belief) -> Belief:
+        """The belief with a grade no surer than the mass allows: sigma >= sigma_m |F| / (m g), with the traction F."""
+        if self.noise.mass_std is None or not self.states.grade:
+            return belief
+        i, robot = self.layout.index("grade_rad"), self.scene.robot
+        force_N = robot.rolling[: self.driven, 0] @ self.traction_N(belief.mean)
+        slope_rad = self.noise.mass_std * force_N / (robot.inertia[0] * GRAVITY)
+        return inflate(belief, i, slope_rad**2 - belief.cov[i, i])
 
     def slip_step(self, x: np.ndarray, clean: CleanSlipSample, start_m_s: np.ndarray | None = None) -> SlipStep:
         """Step of body and wheels from state x (n,); start_m_s as in `slip_step`."""

@@ -12,7 +12,14 @@ import numpy as np
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 
-_OPTIONAL = ("gyro_std_rad_s", "passive_std_rad_s", "speed_std_m_s", "pitch_std_rad", "accelerometer_std_m_s2")
+_OPTIONAL = (
+    "gyro_std_rad_s",
+    "passive_std_rad_s",
+    "speed_std_m_s",
+    "pitch_std_rad",
+    "accelerometer_std_m_s2",
+    "mass_std",
+)
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,8 @@ class ObserverNoise:
         initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about the first motion by the encoders.
         friction_std, stiffness_std: relative, of the terrain's values.
         grade_std_rad: about level; 1 degree is a disturbance of 0.17 m/s^2, of whatever origin.
+        mass_std: relative, of the robot's mass with its load; None where the mass is known. An error of it acts like a
+            slope while wheels drive or brake, so the grade is at least as uncertain as it makes it.
         rolling_std: relative, of the terrain's rolling resistance.
         radius_std: relative, of the effective radius.
         accelerometer_offset_std_m_s2: of the state of that name.
@@ -64,6 +73,7 @@ class ObserverNoise:
     friction_std: float = 0.7
     stiffness_std: float = 0.7
     grade_std_rad: float = math.radians(1.0)
+    mass_std: float | None = None
     rolling_std: float = 0.7
     radius_std: float = 0.005
     accelerometer_offset_std_m_s2: float = 0.1

@@ -264,6 +264,7 @@ class SpeedObserver:
 
     def predict(self, state: ObserverState, before: Belief, clean: CleanSlipSample) -> Prediction:
         """Predict the belief over one step."""
+        before = self.model.with_unknown_mass(before)
         step = self.model.slip_step(before.mean, clean)
         Q = self.model.process_noise(step, clean)
         start_m_s = step.slip_m_s if self.method == "ukf" else None
