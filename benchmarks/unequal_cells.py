@@ -38,6 +38,8 @@ PLANS = (DayPlan(25.0, 3.0, charged_fully=True), DayPlan(25.0, 3.0))
 _PASSES, _SETTLED_SHARE = 6, 0.002
 #: Share of a charge by which the charger stays below what the cells would take, so that none is at its limit alone.
 _CHARGER_SHARE = 0.98
+#: A charge is over once the fullest cell is as close to its fullest as this, in SoC.
+_FULL_WITHIN = 0.002
 #: Offset of a channel of a cell monitor [V], 1 sigma.
 _CHANNEL_V = 0.001
 _HOUR_S = 3600.0
@@ -83,7 +85,7 @@ def rows(cell: LifeCell) -> Iterator[Figure]:
         bar = RMSE_BAR if tested == PULSES else None
         run = estimate(file, unequal)
         yield from weakest_figures(f"{cell.name}, {tested}", run, unequal, bar)
-        yield from warning_figures(f"{cell.name}, {tested}", run, estimate(file, healthy))
+        yield from warning_figures(f"{cell.name}, {tested}", run, estimate(file, healthy), cycle_s(unequal))
         yield from unseen_figures(f"{cell.name}, {tested}", file, unequal)
 
 
@@ -102,13 +104,18 @@ def weakest_figures(data: str, run: PackRun, found: Pack, bar: float | None) -> 
     yield at_least(data, "cell voltages", "weakest cell, covered [%]", 100 * float(covered), 100 * COVERAGE_BAR, ".0f")
 
 
-def warning_figures(data: str, unequal: PackRun, healthy: PackRun) -> Iterator[Figure]:
-    """Time of the first warning, the cells that it names, and false ones of a healthy pack."""
-    cycle_h = float(unequal.time_s[np.argmax(unequal.typical.soc[1:] > 0.99)]) / _HOUR_S
+def cycle_s(found: Pack) -> float:
+    """Time of the first cycle [s]: until the night's charge has filled the first cell, which ends it."""
+    fullest = found.soc.max(axis=1)
+    return float(found.log.time_s[np.argmax(fullest >= fullest.max() - _FULL_WITHIN)])
+
+
+def warning_figures(data: str, unequal: PackRun, healthy: PackRun, limit_s: float) -> Iterator[Figure]:
+    """Time of the first warning and its limit, the cells that it names, and false ones of a healthy pack."""
     warned_s = unequal.first_warning_s()
     named = {warning.cell + 1 for warning in unequal.warnings()}
     warned_h = np.inf if warned_s is None else warned_s / _HOUR_S
-    yield at_most(data, "cell voltages", "first warning [h], within one cycle", warned_h, max(cycle_h, 1.0), ".2f")
+    yield at_most(data, "cell voltages", "first warning [h], within one cycle", warned_h, limit_s / _HOUR_S, ".2f")
     yield Figure(data, "cell voltages", "cells named", str(sorted(named)), "[4]", named == {4})
     false_s = healthy.first_warning_s()
     when = "none" if false_s is None else f"{false_s / _HOUR_S:.1f} h"
