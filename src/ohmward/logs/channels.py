@@ -107,11 +107,13 @@ TEMPERATURE = Channel(
     _words("temperature", "temp", "t", "tbat", "tbatt", "temperature t"), _BESIDE_BATTERY, letters, first_of_many=True,
 )  # fmt: skip
 WHEEL_SPEED = Channel(
-    "wheel_speed", ("rotation", "speed", "turn"), UNITS["rad/s"], "rad/s, rpm, m/s or counts",
+    "wheel_speed", ("rotation", "speed", "turn", "angle"), UNITS["rad/s"], "rad/s, rpm, m/s, counts or rad",
     _words("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"), _BESIDE_WHEELS,
 )  # fmt: skip
 WHEEL_COUNTS = WHEEL_SPEED._replace(
-    dimensions=("turn",), default=UNITS["counts"], words=_words("counts", "count", "ticks", "tick", "encoder", "enc")
+    dimensions=("turn", "angle"),
+    default=UNITS["counts"],
+    words=_words("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle"),
 )
 MOTOR_CURRENT = Channel(
     "motor_current", ("current",), UNITS["a"], "A or mA",

@@ -21,6 +21,7 @@ from ohmward.logs.channels import (
 )
 from ohmward.logs.columns import Column, find_column, given_unit, guess, listed, named_column, only_one
 from ohmward.logs.units import split_unit
+from ohmward.logs.wheel_speed import POSITIONS
 
 
 class Wheels(NamedTuple):
@@ -158,8 +159,9 @@ def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
     """The name as a channel of a wheel, if all its words are known and one of them says so, or the unit of a speed."""
     naming = frozenset[str]().union(*channel.words)
     counts = channel is WHEEL_COUNTS
-    for stem, unit in [(name, channel.default)] if counts else split_unit(name):
-        if unit and (unit.dimension not in channel.dimensions or (unit.dimension == "turn" and not counts)):
+    angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension == "angle"]
+    for stem, unit in [*angles, (name, channel.default)] if counts else split_unit(name):
+        if unit and (unit.dimension not in channel.dimensions or (unit.dimension in POSITIONS and not counts)):
             continue
         words = robot_words(stem)
         corner = CORNERS & set(words)

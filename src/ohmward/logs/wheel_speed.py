@@ -17,6 +17,9 @@ from ohmward.logs.columns import Column, listed
 from ohmward.logs.note import Note
 from ohmward.logs.units import UNITS, Unit
 
+#: Dimensions of a wheel's position, whose change is its speed.
+POSITIONS = ("turn", "angle")
+
 #: Widths of counters that roll over within a drive.
 WIDTHS = (8, 16, 32)
 
@@ -85,6 +88,8 @@ def wheel_speed(
     gear_ratio = mechanics.gear_ratio if mechanics.at_motor_shaft else 1.0
     if unit.dimension == "rotation":
         return unit.in_si(values) / gear_ratio, ()
+    if unit.dimension == "angle":
+        return speed_from_angle(unit.in_si(values), time_s) / gear_ratio, ()
     if mechanics.counts_per_turn is None:
         raise InputError(
             f"{source}: {name!r} counts the turns of a wheel; say how far with --counts-per-turn 4096 "
@@ -112,6 +117,21 @@ def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: f
     speed[known[1:][find_gaps(time_s[known])]] = np.nan
     rollovers = int(np.count_nonzero(steps != np.diff(values)))
     return EncoderSpeed(speed, bits if rollovers else None, rollovers)
+
+
+def speed_from_angle(angle_rad: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """The speed (T,) [rad/s] of a wheel from its position (T,) [rad], NaN in rows without a new one and after gaps.
+
+    A position that stays within one turn is one that starts anew each turn, if it ever jumps by more than half of it.
+    """
+    known = np.flatnonzero(np.isfinite(angle_rad))
+    steps = np.diff(angle_rad[known])
+    if known.size and np.ptp(angle_rad[known]) <= 2 * math.pi + 1e-6:
+        steps = np.mod(steps + math.pi, 2 * math.pi) - math.pi
+    speed = np.full(angle_rad.size, np.nan)
+    speed[known[1:]] = steps / np.diff(time_s[known])
+    speed[known[1:][find_gaps(time_s[known])]] = np.nan
+    return speed
 
 
 def counter_bits(counts: np.ndarray) -> int | None:
