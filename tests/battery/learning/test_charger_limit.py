@@ -10,9 +10,10 @@ from ohmward.battery.battery import Provenance
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.charger_limit import full_at_charger_limit, with_full_at
+from ohmward.battery.learning.charger_limit import full_at_charger_limit, raised_to, with_full_at
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance, thevenin_of
 from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.simulate import BATTERIES
 
 #: Voltage of a full simulated cell is 4.18 V; its charger stops at this one [V].
@@ -76,6 +77,30 @@ def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():
     for found, true in ((lesson.soc_start, of_robot[0]), (lesson.soc_end, of_robot[-1])):
         assert abs(found.mean - true) < 2.5 * found.std
     assert thevenin_of(learnt.battery).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=0.015)
+
+
+def test_a_charger_that_goes_higher_later_raises_full_again():
+    battery = label("nca")
+    for limit_V in (LIMIT_V, LIMIT_V, None, None):
+        log, truth = day("nca", 0.3, PHASES, limit_V=limit_V)
+        battery = learn(battery, [replace(log, name=f"at {limit_V}", start_unix_s=None)]).battery
+    cell = BATTERIES["nca"]
+    assert thevenin_of(battery).ocv.voltage_V[-1] == pytest.approx(cell.circuit.ocv.voltage_V[-1], abs=0.015)
+    assert battery.capacity_Ah == pytest.approx(cell.circuit.capacity_Ah, rel=0.1)
+    run = SocEstimator(battery).run(log)
+    settled = log.time_s > 3600.0
+    assert np.mean(np.abs(run.soc - truth)[settled] < 1.96 * run.soc_std[settled]) > 0.9
+
+
+def test_a_raised_curve_is_the_lower_one_and_that_of_the_chemistry_above_it():
+    before = with_full_at(generic_battery("nmc", 10.0, 3), 0.9)
+    after = raised_to(before, 3 * 4.19)
+    z = np.linspace(0.0, 1.0, 11)
+    whole = thevenin_of(generic_battery("nmc", 10.0, 3)).ocv
+    np.testing.assert_allclose(thevenin_of(after).ocv.mean_V(z, 25.0), whole.mean_V(z, 25.0), atol=0.01)
+    assert after.capacity_Ah == pytest.approx(before.capacity_Ah / 0.9, rel=2e-3)
+    assert after.noise.soc_axis_std >= generic_battery("nmc", 10.0, 3).noise.soc_axis_std
+    assert raised_to(after, 3 * 4.19) is after
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ tapered. With the SoC z_c of the curve at that voltage,
                                 Q' = Q z_c              where logs have shown the charge along the curve
 
 A file from a test knows the full end itself, and so does one that has learnt from a full charge: to them a charger that
-stops below it leaves the battery less than full.
+stops below it leaves the battery less than full. Where the charger of a label was the lower one and a later one holds a
+higher voltage, the curve of the chemistry goes on from there, z_c > 1, with the widths of a label.
 """
 
 from __future__ import annotations
@@ -18,27 +19,53 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import chemistry, generic_battery
 from ohmward.battery.knowledge import Knowledge
-from ohmward.battery.learning.parameters import thevenin_of
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance, thevenin_of
+from ohmward.battery.learning.same_battery import forgotten
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
-from ohmward.battery.soc.anchor_rule import AnchorRule
-from ohmward.battery.soc.anchors import charger_limit_V
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin
+from ohmward.battery.soc.anchor_rule import BEYOND_DOUBT, AnchorRule
+from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors
 from ohmward.logs.log import Log
 
+#: A full end was lowered by more than 7 points, twice what the curve of a label may err there. It is raised by no less
+#: than this factor: a full battery at rest lies some 30 mV below its charger.
+_LEAST_RAISE = 1.05
 #: Points of the curve at least.
 _POINTS = 201
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     """The battery that is full where its charger stops in this log; as it is where its full end is known."""
-    if battery.identification is not None or thevenin_of(battery).gassing_V is not None or _was_full(battery.knowledge):
-        return battery
-    limit_V = charger_limit_V(log, battery)
-    if limit_V is None:
+    if battery.identification is not None or thevenin_of(battery).gassing_V is not None:
         return battery
     rule = AnchorRule(thevenin_of(battery), battery.noise, battery.sensor)
-    return with_full_at(battery, float(rule.soc_at(limit_V)))
+    if _was_full(battery.knowledge):
+        highest_V = max(
+            (float(rule.relaxed_V(a.voltage_V, _input(a))) for a in _full_charges(log, battery)), default=0.0
+        )
+        return raised_to(battery, highest_V)
+    limit_V = charger_limit_V(log, battery)
+    return battery if limit_V is None else with_full_at(battery, float(rule.soc_at(limit_V)))
+
+
+def raised_to(battery: Battery, full_V: float) -> Battery:
+    """The battery that is full at this higher voltage, known no better than a label; as it is where it is no higher."""
+    if not _was_lowered(battery):
+        return battery
+    before_soc = _soc_of_chemistry(battery, thevenin_of(battery).ocv.voltage_V[-1])
+    longer = _soc_of_chemistry(battery, full_V) / before_soc
+    if longer < _LEAST_RAISE:
+        return battery
+    wide = forgotten(battery)
+    model, knowledge = thevenin_of(wide), battery.knowledge
+    raised = replace(model, ocv=_prolonged(battery, before_soc, longer), capacity_Ah=model.capacity_Ah * longer)
+    changed = _with_model(wide, raised)
+    names, logs = parameters_of(changed).names, () if knowledge is None else knowledge.logs
+    return replace(changed, knowledge=Knowledge.of(names, prior_covariance(changed), logs))
 
 
 def with_full_at(battery: Battery, soc: float) -> Battery:
@@ -58,14 +85,57 @@ def with_full_at(battery: Battery, soc: float) -> Battery:
         soc_axis_std=math.hypot(noise.soc_axis_std, half),
         capacity_std=math.hypot(noise.capacity_std, half),
     )
-    return replace(
-        battery,
-        capacity_Ah=capacity_Ah,
-        thevenin=stretched,
-        rc=None if battery.rc is None else rc_of_thevenin(stretched),
-        noise=wider,
-        rc_noise=replace(battery.rc_noise, capacity_std=wider.capacity_std),
-        knowledge=knowledge,
+    rc_noise = replace(battery.rc_noise, capacity_std=wider.capacity_std)
+    return replace(_with_model(battery, stretched), noise=wider, rc_noise=rc_noise, knowledge=knowledge)
+
+
+def _with_model(battery: Battery, model: Thevenin) -> Battery:
+    """The battery with this circuit and its capacity."""
+    rc = None if battery.rc is None else rc_of_thevenin(model)
+    return replace(battery, capacity_Ah=model.capacity_Ah, thevenin=model, rc=rc)
+
+
+def _full_charges(log: Log, battery: Battery) -> list[Anchor]:
+    """The full charges that the voltage shows, of a battery whose full end may have been higher; else none."""
+    if not _was_lowered(battery):
+        return []
+    return [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.told_by == VOLTAGE]
+
+
+def _was_lowered(battery: Battery) -> bool:
+    """True where the full end lies below that of the chemistry beyond the doubt of a label; never on a flat curve."""
+    if not battery.chemistry:
+        return False
+    label = generic_battery(battery.chemistry, battery.capacity_Ah, battery.n_series)
+    rule = AnchorRule(thevenin_of(label), label.noise, label.sensor)
+    degC = thevenin_of(label).reference_degC
+    still = rule.at_rest(thevenin_of(battery).ocv.voltage_V[-1], CircuitInput(0.0, degC))
+    return bool(1.0 - still.soc > max(BEYOND_DOUBT * still.std, 1.0 - 1.0 / _LEAST_RAISE))
+
+
+def _input(anchor: Anchor) -> CircuitInput:
+    degC = anchor.temperature_degC if math.isfinite(anchor.temperature_degC) else ROOM_DEGC
+    return CircuitInput(anchor.current_A, degC)
+
+
+def _soc_of_chemistry(battery: Battery, voltage_V: float) -> float:
+    """SoC on the curve of the chemistry at this voltage of the battery."""
+    return float(chemistry(battery.chemistry).ocv().soc_at(voltage_V / battery.n_series))
+
+
+def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
+    """The curve of the file up to its full end, and that of the chemistry from there on."""
+    ocv = thevenin_of(battery).ocv
+    soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _POINTS)), ocv.reference_degC
+    beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
+    voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(np.minimum(soc, 1.0), degC))
+    inside = np.minimum(soc, 1.0)
+    return OcvCurve(
+        tuple(np.maximum.accumulate(voltage_V).tolist()),
+        tuple(np.asarray(ocv.hysteresis_at(inside)).tolist()),
+        tuple((np.asarray(ocv.mean_V(inside, degC + 1.0)) - np.asarray(ocv.mean_V(inside, degC))).tolist()),
+        degC,
+        ocv.interpolation,
     )
 
 

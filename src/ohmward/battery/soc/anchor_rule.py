@@ -40,7 +40,7 @@ _FULL_SOC, _BELOW_FULL = 0.985, 0.015
 _HELD_DROPS = 2.0
 #: That limit is below full where the curve says so by so many of its standard deviations. It is above this state of
 #: charge: less would be no charge for a day.
-_BEYOND_DOUBT, _LOWEST_LIMIT_SOC = 2.0, 0.8
+BEYOND_DOUBT, _LOWEST_LIMIT_SOC = 2.0, 0.8
 #: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
 #: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
 _TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
@@ -172,7 +172,7 @@ class AnchorRule:
         at_limit = clean.voltage_V > self.full_V
         if not self.gases:
             still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-            within_doubt = (1.0 - still.soc < _BEYOND_DOUBT * still.std) & (still.std < _MOST_STD)
+            within_doubt = (1.0 - still.soc < BEYOND_DOUBT * still.std) & (still.std < _MOST_STD)
             at_limit = at_limit | (self.is_held(memory, clean) & within_doubt)
         return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
 
@@ -181,7 +181,7 @@ class AnchorRule:
         if self.gases:
             return False
         still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-        below = (1.0 - still.soc > _BEYOND_DOUBT * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
+        below = (1.0 - still.soc > BEYOND_DOUBT * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
         return below & self.is_held(memory, clean) & self.has_tapered(memory, clean)
 
     def has_tapered(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
