@@ -1,8 +1,9 @@
 """Slip of Festo's Robotino on floors, from encoders and motor currents alone, against an overhead camera.
 
 Radius, motor and the table's floor are calibrated on the table; the gray floor is learnt from the gray runs of even
-number. What is judged: the gray runs of odd number, the runs along the seam of both floors, and floors that were never
-met. Every constant is one of the package or a measured one of the robot (`README` of the data).
+number. What is judged: the gray runs of odd number, the runs along the seam of both floors, floors that were never
+met, and three floors of which each is learnt from every other run. Every constant is one of the package or a measured
+one of the robot (`README` of the data).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
 from ohmward.traction.terrain.floor import Floor
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, slip_on_floors
-from robotino_live import live, looking_ahead
+from robotino_live import live
 
 FOLDER = "robotino_slip_tpu"
 #: The camera: metres per pixel, and how the mark on the robot is turned against the picture. Rows count downwards.
@@ -74,6 +75,7 @@ def rows() -> Iterator[Figure]:
     estimator = slip_on_floors(robot, floors)
     yield from _learnt(judge(estimator, odd), judge(estimator, table))
     yield from _unseen(robot, floors, gray, uniform, table)
+    yield from _three_floors(robot, {"table": table, "gray": gray, "green": runs("green_odd")})
     yield from _filters(robot, floors, odd)
     seam = runs("two_table_gray")
     yield from _crossings(estimator, seam, odd, table)
@@ -200,6 +202,35 @@ def _unseen(
         yield at_most(data, method, "mean slip of a run, mean absolute error", float(np.abs(_errors(judged)).mean()))
 
 
+def _three_floors(robot: Robot, floors: Mapping[str, Mapping[int, Run]]) -> Iterator[Figure]:
+    """Floors learnt from every other run, all in one file or each left out in turn; the other runs are judged."""
+    learnt = {name: floor_of(name, _every_other(of, 0), robot) for name, of in floors.items()}
+    known, method = slip_on_floors(robot, tuple(learnt.values())), f"UKF on learnt floors, {SENSORS}"
+    for name, of in floors.items():
+        others = _every_other(of, 1)
+        data = f"Robotino, {name}, one of three floors learnt from every other run"
+        yield from _band(data, method, judge(known, others), within=0.9)
+        told = slip_on_floors(robot, (learnt[name],), told=True)
+        yield from _band(data, f"{method}, told the floor", judge(told, others))
+        unseen = slip_on_floors(robot, tuple(floor for key, floor in learnt.items() if key != name))
+        yield from _band(
+            f"Robotino, {name}, only the two other floors learnt", method, judge(unseen, others), covered=0.85
+        )
+
+
+def _every_other(of: Mapping[int, Run], first: int) -> dict[int, Run]:
+    return {number: of[number] for number in sorted(of)[first::2]}
+
+
+def _band(
+    data: str, method: str, judged: list[Judged], within: float | None = None, covered: float | None = None
+) -> Iterator[Figure]:
+    close = _share(np.abs(_errors(judged)) <= 0.05)
+    yield at_least(data, method, "runs within 0.05", close, within, form=".1%")
+    yield at_least(data, method, "runs in the 95 % band", _covered(judged), covered, form=".1%")
+    yield at_most(data, method, "half width of the band", BAND_95 * float(np.mean([j.std for j in judged])))
+
+
 def _filters(robot: Robot, floors: tuple[Floor, ...], odd: Mapping[int, Run]) -> Iterator[Figure]:
     rms = {m: _rms(judge(slip_on_floors(robot, floors, m), odd)) for m in ("ekf", "aekf", "ukf", "aukf")}
     data = "Robotino, gray floor, runs not learnt from"
@@ -264,10 +295,6 @@ def _live(
         shown = [t.floor_probability[(t.time_s > START_S) & np.isfinite(t.travel_slip)] for t in tracks.values()]
         share = _share(np.concatenate(shown).argmax(axis=-1).ravel() == right)
         yield at_least(data, method, "floor under a wheel recognised, share of the time", share, form=".1%")
-        ahead = looking_ahead(estimator, logs)
-        judged = [_judged(ahead[number], run, robot) for number, run in of.items()]
-        smoother = f"UKF on learnt floors, looking ahead, {SENSORS}"
-        yield at_most(data, smoother, quantity, float(np.abs(_errors(judged)).mean()))
     yield from _delays(estimator, seam)
 
 

@@ -3,13 +3,11 @@
 import sys
 from dataclasses import replace
 from importlib import import_module
-from itertools import product
 
 import numpy as np
 import pytest
 
 from markdown_pages import ROOT
-from ohmward.traction import RLMA
 from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 from traction.terrain.drives import SMOOTH, SOFT
 
@@ -56,25 +54,6 @@ def test_a_recorded_run_sample_by_sample_is_the_run_at_once_and_survives_what_is
     )
     assert np.nanmean(holed.travel_slip) == pytest.approx(np.nanmean(at_once.travel_slip), abs=0.01)
     assert holed.counts()["no_current"] == lost.any(axis=1).sum()
-
-
-def test_looking_ahead_weighs_every_course_of_floors_by_all_that_is_seen():
-    estimator, rng = slip_on_floors(RLMA, (SMOOTH, SOFT)), np.random.default_rng(3)
-    r, dt_s, logs = estimator.recognition, np.array([0.2, 0.3, 0.1, 0.25]), rng.normal(0.0, 2.0, (4, 3))
-    belief, filtered = r.init(), []
-    for row, dt in zip(logs, dt_s, strict=True):
-        belief = r.step(belief, row, dt)
-        filtered.append(belief)
-    expected = np.zeros((4, 3))
-    for course in product(range(3), repeat=5):
-        weight = r.init()[course[0]]
-        for t, dt in enumerate(dt_s):
-            change = 1 - np.exp(-r.crossing_rate * dt)
-            passes = change * r.changes[course[t], course[t + 1]] + (1 - change) * (course[t] == course[t + 1])
-            weight *= passes * np.exp(min(dt / r.correlation_s, 1.0) * logs[t, course[t + 1]])
-        expected[range(4), course[1:]] += weight
-    found = robotino_live.smoothed(estimator, np.array(filtered), dt_s)
-    np.testing.assert_allclose(found, expected / expected.sum(axis=1, keepdims=True), rtol=1e-9)
 
 
 def test_a_wheel_has_crossed_once_it_stands_clearly_on_the_other_side():

@@ -77,6 +77,14 @@ def test_from_drives_to_a_robot_its_floors_and_its_slip(folder, as_json, capsys)
     assert "Floor under wheel 1" in (folder / "slip.html").read_text(encoding="utf-8")
     assert main(on_soft) == 0
     assert "floors under the wheels" in capsys.readouterr().out
+    told = as_json(*on_soft, "--floor", "soft")
+    assert told["floor_share"] == {"soft": pytest.approx(1.0)}
+    assert told["travel_slip_std"] < found["travel_slip_std"]
+    assert "robot" in {episode["wheel"] for episode in told["slip_episodes"]}
+    assert main([*on_soft, "--floor", "ice"]) == 2
+    assert "no floor 'ice' has been learnt; the file has smooth, soft" in capsys.readouterr().err
+    assert main(["slip", "soft.csv:run=1", "--robot", "robot.toml", "--floor", "soft"]) == 2
+    assert "--floor NAME chooses from --floors FILE.toml" in capsys.readouterr().err
 
 
 def test_what_people_read(folder, capsys):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from ohmward.traction.episodes import immobilised_episodes, slip_episodes
+from ohmward.traction.episodes import immobilised_episodes, robot_episodes, slip_episodes
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import SlipRun
+from ohmward.traction.terrain.estimate import FloorEstimate
+from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 TIME = 0.1 * np.arange(100)
 
@@ -52,3 +54,16 @@ def test_a_stuck_robot():
     stuck = np.where(np.arange(TIME.size) >= 90, 1.0, 0.0)
     (found,) = immobilised_episodes(track(0.0, stuck=stuck))
     assert (found.start_s, found.end_s) == pytest.approx((9.0, 9.9))
+
+
+def test_a_robot_that_loses_more_than_is_allowed_for_sure_has_an_episode_of_its_own():
+    slip = np.where((TIME > 2.95) & (TIME < 5.05), 0.23, 0.04)
+    blank = dict.fromkeys(FloorEstimate._fields, np.zeros(TIME.size))
+    rim = np.tile([0.0, 0.15, 0.0], (TIME.size, 1))
+    for std, count in ((0.1, 1), (0.12, 0)):
+        known = {"travel_slip": slip, "travel_slip_std": np.full(TIME.size, std), "rim": rim}
+        found = robot_episodes(FloorRun(TIME, FloorEstimate(**(blank | known)), 0.0))
+        assert len(found) == count  # 0.23 - 0.05 is 1.8 sigmas of 0.1 and 1.5 of 0.12
+        for episode in found:
+            assert episode[:3] == pytest.approx(("robot", 3.0, 5.0))
+            assert episode[3:] == pytest.approx((0.23 * 0.15, 0.23))

@@ -8,15 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.traction.speed_observer.estimator import SlipRun
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
+from ohmward.traction.terrain.demand import travel_speed
+from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5
+#: Sigmas above which 5 % of a normal distribution lie.
+ONE_SIDED_95 = 1.645
 
 
 class SlipEpisode(NamedTuple):
-    """A time in which a wheel slipped more than is allowed.
+    """A time in which a wheel, or the robot as a whole, slipped more than is allowed.
 
-    wheel: its name.  start_s, end_s: of the alarm, on the log's clock.
+    wheel: its name, or "robot".  start_s, end_s: of the alarm, on the log's clock.
     greatest_slip_m_s: slip speed r omega - v of the largest size in it.
     greatest_slip: slip ratio of the largest size, nan below the floor of speed.
     """
@@ -45,6 +50,23 @@ def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
             start_s, end_s = float(track.time_s[first]), float(track.time_s[last])
             found.append(SlipEpisode(wheel, start_s, end_s, _greatest(speed[part]), _greatest(ratio[part])))
     return sorted(found, key=lambda episode: episode.start_s)
+
+
+def robot_episodes(track: FloorRun) -> list[SlipEpisode]:
+    """Episodes in which a robot on learnt floors loses more than is allowed of the way of its wheels, for 95 % sure."""
+    slip, std = np.nan_to_num(track.travel_slip), np.nan_to_num(track.travel_slip_std)
+    speed = slip * travel_speed(track.rim)
+    alarm = slip - SlipAlarm().allowed_ratio > ONE_SIDED_95 * std
+    return [
+        SlipEpisode(
+            "robot",
+            float(track.time_s[first]),
+            float(track.time_s[last]),
+            _greatest(speed[first : last + 1]),
+            _greatest(slip[first : last + 1]),
+        )
+        for first, last in _joined_runs(track.time_s, alarm)
+    ]
 
 
 def immobilised_episodes(track: SlipRun) -> list[ImmobilisedEpisode]:

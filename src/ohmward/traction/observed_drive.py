@@ -7,7 +7,7 @@ drive_figures(observed).slip_episodes
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,13 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.traction.drive_checks import check_drive
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.episodes import ImmobilisedEpisode, SlipEpisode, immobilised_episodes, slip_episodes
+from ohmward.traction.episodes import (
+    ImmobilisedEpisode,
+    SlipEpisode,
+    immobilised_episodes,
+    robot_episodes,
+    slip_episodes,
+)
 from ohmward.traction.fit_checks import fit_notes, misfits
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun
@@ -148,20 +154,24 @@ def observe_drive(
     )
 
 
-def observe_on_floors(robot: Robot, log: DriveLog, known: Floors, method: str = "ukf") -> ObservedDrive:
+def observe_on_floors(
+    robot: Robot, log: DriveLog, known: Floors, method: str = "ukf", on: Sequence[str] = ()
+) -> ObservedDrive:
     """Speed and slip as learnt floors explain the motor currents.
 
     known: floors and the robot that learnt them.
+    on: names of the floors that the robot drives on, and no other; empty where nobody says so.
 
     Raises:
-        InputError: no floors, no such method, or a driven wheel without encoder or motor current.
+        InputError: no floors, no floor of such a name, no such method, or a driven wheel without encoder or motor
+            current.
     """
     faults = check_drive(robot, log)
     began = time.perf_counter()
-    estimator = slip_on_floors(robot, known.floor, method)
+    estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
-    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors))
+    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
     path = Odometry(robot).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
@@ -196,9 +206,10 @@ def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:
     )
 
 
-def _floor_notes(robot: Robot, known: Floors, track: FloorRun) -> list[Note]:
-    names = ", ".join(floor.name for floor in known.floor) or "none"
-    notes = [Note(f"slip follows from motor currents on learnt floors ({names}) or one that was never met")]
+def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]) -> list[Note]:
+    names = ", ".join(on or [floor.name for floor in known.floor]) or "none"
+    others = ", and no other: the robot is told so" if on else " or one that was never met"
+    notes = [Note(f"slip follows from motor currents on learnt floors ({names}){others}")]
     if known.robot != robot.name:
         notes.append(Note(f"the floors were learnt by {known.robot!r}, the robot is {robot.name!r}", "warning"))
     faults = {flag: count for flag, count in track.counts().items() if flag in FAULTS}
@@ -218,7 +229,7 @@ def drive_figures(observed: ObservedDrive) -> DriveFigures:
         float(e.speed_m_s.max()),
         float(e.speed_m_s[-1]),
         float(e.speed_std_m_s[-1]),
-        slip_episodes(track, wheels),
+        _episodes(observed, wheels),
         immobilised_episodes(track),
         float(np.mean(unobserved)),
         *_estimated(e.friction_ratio[-1, 0], e.friction_std[-1, 0]),
@@ -239,6 +250,12 @@ def pose_figures(observed: ObservedDrive, has_gyro: bool) -> PoseFigures:
         float(np.sqrt(e.pose_cov[-1, 2, 2])),
         *gyro,
     )
+
+
+def _episodes(observed: ObservedDrive, wheels: list[str]) -> list[SlipEpisode]:
+    """Episodes of the wheels, and of the robot on learnt floors, in order of time."""
+    of_robot = robot_episodes(observed.on_floors.track) if observed.on_floors else []
+    return sorted([*slip_episodes(observed.track, wheels), *of_robot], key=lambda episode: episode.start_s)
 
 
 def travel_speed_m_s(observed: ObservedDrive) -> np.ndarray:

@@ -25,9 +25,9 @@ SOFT = Floor("soft", 1.4, 3.0, 0.1, 0.22, 0.1, 0.03, -0.5, 0.01, 0.08, 0.04, 40)
 
 
 @cache
-def on_floors(floors: tuple[Floor, ...], method: str = "ukf") -> SlipOnFloors:
+def on_floors(floors: tuple[Floor, ...], method: str = "ukf", told: bool = False) -> SlipOnFloors:
     """The estimator of slip of the robot OMNI, compiled once for all tests."""
-    return slip_on_floors(OMNI, floors, method)
+    return slip_on_floors(OMNI, floors, method, told)
 
 
 def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -37,10 +37,10 @@ def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarr
     for _ in range(200):
         push = np.zeros(3)
         for k, place in enumerate(robot.places):
-            along, across = G[k] @ motion, robot.sideways[k] @ motion
+            along, across = G[k] @ rim, robot.sideways[k] @ rim
             size = np.hypot(np.hypot(along, across), 0.01)
             roll = floors[k].rolling * load[k] / size
-            roller = floors[k].roller * load[k] * np.tanh(across / 0.01)
+            roller = floors[k].roller * load[k] * np.tanh(across / (0.3 * size))
             c, s = np.cos(place.heading_rad), np.sin(place.heading_rad)
             force = roll * along * np.array([c, s]) + (roll * across + roller) * np.array([-s, c])
             push += [*force, place.x_m * force[1] - place.y_m * force[0]]

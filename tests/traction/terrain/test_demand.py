@@ -16,8 +16,9 @@ from traction.terrain.drives import OMNI, SOFT, steady
 @pytest.mark.parametrize("direction_deg", [0.0, 37.0, 90.0, 200.0, 330.0])
 def test_the_forces_are_those_of_the_balance_of_the_body(direction_deg):
     a = np.radians(direction_deg)
-    motion, force = steady(OMNI, [SOFT] * 3, 0.15 * np.array([np.cos(a), np.sin(a), 0.0]))
-    found = np.einsum("dws,s->d", drag_columns(OMNI, motion), [SOFT.rolling, SOFT.roller])
+    rim = 0.15 * np.array([np.cos(a), np.sin(a), 0.0])
+    _, force = steady(OMNI, [SOFT] * 3, rim)
+    found = np.einsum("dws,s->d", drag_columns(OMNI, rim), [SOFT.rolling, SOFT.roller])
     np.testing.assert_allclose(found, force, rtol=1e-3, atol=0.02)
 
 

@@ -13,8 +13,10 @@ from ohmward.traction.terrain.floor import (
     STIFFNESS,
     STIFFNESS_STD,
     Floor,
+    like,
     slip_at_force,
     slip_belief,
+    slips_of_floors,
     unseen_floor,
 )
 from traction.terrain.drives import SMOOTH, SOFT
@@ -88,3 +90,27 @@ def test_impossible_floors_are_refused(tmp_path):
     (tmp_path / "f.toml").write_text('format = "ohmward-floors/1"\nrobot = "r"\n[[floor]]\nname = "x"\nstifness = 3\n')
     with pytest.raises(InputError, match="did you mean stiffness"):
         load_floors(tmp_path / "f.toml")
+
+
+def test_floors_are_taken_by_name():
+    floors = Floors("a robot", (SMOOTH, SOFT))
+    assert floors.named(["soft", "soft"]) == Floors("a robot", (SOFT,))
+    with pytest.raises(InputError, match="no floor 'ice' has been learnt; the file has smooth, soft"):
+        floors.named(["ice"])
+
+
+def test_a_floor_like_a_known_one_asks_for_its_forces_and_may_slip_otherwise():
+    other = like(SOFT)
+    assert (other.rolling, other.roller, other.stiffness) == (SOFT.rolling, SOFT.roller, SOFT.stiffness)
+    assert other.stiffness_std > 10 * SOFT.stiffness_std
+    known, new = (slip_belief(f, np.array([0.4]), np.array([0.01])) for f in (SOFT, other))
+    assert new.cov[0, 0] > 25 * known.cov[0, 0]
+
+
+def test_a_force_that_was_given_excludes_floors_that_cannot_give_it():
+    slippery = replace(SOFT, friction=0.5, friction_std=0.5, correlation=0.0)
+    slip, probability = slips_of_floors(slippery, np.array([0.05, 0.6]))
+    at_limit = slip[:, 1] == 1.0
+    assert probability[at_limit, 0].sum() > 0.5
+    assert probability[at_limit, 1].sum() < 1e-5
+    np.testing.assert_allclose(probability.sum(axis=0), 1.0)

@@ -25,12 +25,12 @@ def test_slip_is_found_from_currents_alone(method, direction_deg):
 
 def test_the_band_on_a_floor_never_met_holds_and_is_wide():
     drive = omni_drive([SOFT] * 3, 20.0, rng=np.random.default_rng(10))
-    known = on_floors((SOFT,)).run(drive.log)
+    known = on_floors((SOFT,), told=True).run(drive.log)
     unseen = on_floors((SMOOTH,)).run(drive.log)
     true = 1 - np.hypot(*drive.motion[LATE, :2].mean(axis=0)) / 0.15
     for track in (known, unseen):
         assert abs(track.travel_slip[LATE].mean() - true) < 1.96 * track.travel_slip_std[LATE].mean()
-    assert unseen.travel_slip_std[LATE].mean() > 3 * known.travel_slip_std[LATE].mean()
+    assert unseen.travel_slip_std[LATE].mean() > 2.5 * known.travel_slip_std[LATE].mean()
 
 
 def test_speed_over_ground_is_what_the_slip_leaves_of_the_rims():
@@ -66,19 +66,22 @@ def test_a_wheel_without_any_current_is_refused():
         on_floors((SOFT,)).run(replace(log, motor_current_A=current))
 
 
-def test_the_slip_on_doubtful_floors_is_that_of_floors_drawn_by_their_probability():
+def test_the_slip_on_doubtful_floors_leans_to_the_likeliest_and_its_spread_is_about_that():
     floors, rng = on_floors((SMOOTH, SOFT)), np.random.default_rng(8)
-    p = rng.dirichlet([1.0, 1.0, 4.0], 3)
+    p = rng.dirichlet([1.0, 1.0, 1.0, 1.0, 4.0], 3)
     share, std = np.array([0.4, -0.3, 0.35]), np.array([0.02, 0.03, 0.01])
     mean, cov = floors.mixture(share, std, p)
-    drawn = np.array([rng.choice(3, 200_000, p=row) for row in p]).T
+    beliefs = [curves.belief(share, std) for curves in floors.curves]
+    squares = p**2 / (p**2).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(mean, sum(squares[:, k] * b.mean for k, b in enumerate(beliefs)), rtol=1e-12)
+    drawn = np.array([rng.choice(5, 200_000, p=row) for row in p]).T
     slip = np.zeros(drawn.shape)
-    for k, curves in enumerate(floors.curves):
-        belief = curves.belief(share, std)
+    for k, belief in enumerate(beliefs):
         on_this = rng.multivariate_normal(belief.mean, belief.cov, len(drawn))
         slip = np.where(drawn == k, on_this, slip)
-    np.testing.assert_allclose(mean, slip.mean(axis=0), atol=2e-3)
-    np.testing.assert_allclose(cov, np.cov(slip.T), atol=1e-3)
+    np.testing.assert_allclose(np.diag(cov), ((slip - mean) ** 2).mean(axis=0), atol=1e-3)
+    off = ~np.eye(3, dtype=bool)
+    np.testing.assert_allclose(cov[off], np.cov(slip.T)[off], atol=1e-3)
 
 
 @pytest.mark.parametrize("dt_s", [0.005, 0.03, 0.1])
@@ -103,7 +106,7 @@ def test_a_body_that_speeds_up_needs_its_mass_times_the_acceleration_besides():
     log = replace(steady.log, wheel_speed_rad_s=speed * steady.log.wheel_speed_rad_s, motor_current_A=current)
     track = on_floors((SMOOTH, SOFT)).run(log)
     assert track.crossings == []
-    assert track.floor_probability[60:, :, 0].min() > 0.9
+    assert track.floor_probability[60:, :, 1].max() < 0.01
 
 
 def test_standing_wheels_have_no_slip_ratio():

@@ -11,7 +11,15 @@ from scipy.stats import multivariate_normal
 from kernels import kernel_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
 from ohmward.traction.terrain.floor import slip_belief
-from ohmward.traction.terrain.recognition import MIXED_SHARE, UNSEEN_SHARE
+from ohmward.traction.terrain.recognition import (
+    LIKE_SHARE,
+    MEMORY_S,
+    MIXED_SHARE,
+    PERSISTENT_SHARE,
+    RIGHT_SHARE,
+    SETTLING_S,
+    UNSEEN_SHARE,
+)
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
 RATE_S = 0.3
@@ -29,41 +37,55 @@ def whole_log(estimator, log):
     before = np.searchsorted(t, t - RATE_S)
     rate = (belief.rim - belief.rim[before]) / np.maximum(t - t[before], RATE_S)[:, None]
     force = belief.force_N - inertial_forces(robot, rate)
-    share = floors_under(estimator.recognition, dt, belief.rim, force, std)
+    friction = undetermined_force_std(robot, turning)
+    events = crossings(estimator.crossing, robot, t, belief.rim, force)
+    share = floors_under(estimator.recognition, t, belief.rim, force, belief.force_std_N, friction, events)
     slip, slip_std = slip_of(estimator.recognition, belief, std, share)
-    return slip, slip_std, share, crossings(estimator.crossing, robot, t, belief.rim, force)
+    known = len(estimator.recognition.floors)
+    by_name = np.concatenate([share[..., :known], share[..., known:].sum(axis=-1, keepdims=True)], axis=-1)
+    return slip, slip_std, by_name, t[events == 2].tolist()
 
 
-def floors_under(recognition, dt, rim, force, std):
-    """Bayes' rule over all combinations."""
-    floors, robot = recognition.all_floors, recognition.robot
-    combinations = list(product(range(len(floors)), repeat=3))
+def floors_under(recognition, t, rim, force, noise, friction, events):
+    """Bayes' rule over all combinations, from the mean force since the last event: -1 stands, 1 starts, 2 crosses."""
+    floors, robot, known = recognition.all_floors, recognition.robot, len(recognition.floors)
+    single = [*range(known), len(floors) - 1]
+    odds = [*[1.0] * known, *[UNSEEN_SHARE * LIKE_SHARE / known] * known, UNSEEN_SHARE * (1 - LIKE_SHARE)]
+    mixed = [c for c in product(single, repeat=3) if len(set(c)) > 1]
+    combinations = [*((k, k, k) for k in range(len(floors))), *mixed]
+    weight = np.array([odds[c[0]] if len(set(c)) == 1 else np.prod([odds[f] for f in c]) for c in combinations])
+    alone = np.arange(len(combinations)) < len(floors)
+    usual = np.where(
+        alone, (1 - MIXED_SHARE) * weight / weight[alone].sum(), MIXED_SHARE * weight / weight[~alone].sum()
+    )
+    apart = np.array([[sum(x != y for x, y in zip(a, b, strict=True)) for b in combinations] for a in combinations])
+    near = np.array([[weight[i] * (row[i] == row[row > 0].min()) for i in range(len(row))] for row in apart])
+    near /= near.sum(axis=1, keepdims=True)
     load = static_loads(robot).mean()
     D = drag_columns(robot, rim)
-    weight = np.array([np.prod([1.0 if f < len(floors) - 1 else UNSEEN_SHARE for f in c]) for c in combinations])
-    p = weight * [1.0 if len(set(c)) == 1 else MIXED_SHARE for c in combinations]
-    apart = np.array([[sum(x != y for x, y in zip(a, b, strict=True)) for b in combinations] for a in combinations])
-    near = (apart == 1) * weight
-    near /= near.sum(axis=1, keepdims=True)
-    p, found = p / p.sum(), []
-    for k, step in enumerate(dt):
+    p, prior, mean, averaged, found = usual, usual, np.zeros(3), -SETTLING_S, []
+    for k, dt in enumerate(np.diff(t, prepend=t[0])):
+        prior = {1: p if averaged > 0 else prior, 2: (1 - RIGHT_SHARE) * p + RIGHT_SHARE * p @ near}.get(
+            events[k], prior
+        )
+        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, MEMORY_S))
+        mean = force[k] if averaged <= dt else mean + dt / averaged * (force[k] - mean)
+        kept = math.exp(-recognition.crossing_rate * dt)
+        prior = kept * prior + (1 - kept) * usual
+        white = min(recognition.correlation_s / max(averaged, 1e-9), 1.0) if averaged > 0 else 1.0
         likelihood = np.zeros(len(combinations))
         for i, c in enumerate(combinations):
             asked = np.column_stack([D[k, :, w] @ [floors[f].rolling, floors[f].roller] for w, f in enumerate(c)])
             off = asked * [floors[f].drag_std for f in c]
-            S = off @ off.T + np.diag((load * max(floors[f].force_std for f in c)) ** 2 + std[k] ** 2)
-            likelihood[i] = multivariate_normal.logpdf(force[k], asked.sum(axis=1), S)
-        change = 1 - math.exp(-recognition.crossing_rate * step)
-        p = ((1 - change) * p + change * p @ near) * np.exp(
-            min(step / recognition.correlation_s, 1.0) * (likelihood - likelihood.max())
-        )
+            own = (PERSISTENT_SHARE + (1 - PERSISTENT_SHARE) * white) * (
+                load * max(floors[f].force_std for f in c)
+            ) ** 2
+            S = off @ off.T + np.diag(own + white * noise[k] ** 2 + friction[k] ** 2)
+            likelihood[i] = multivariate_normal.logpdf(mean, asked.sum(axis=1), S)
+        p = prior * np.exp(likelihood - likelihood.max())
         p = p / p.sum()
-        found.append(
-            [
-                [sum(q for q, c in zip(p, combinations, strict=True) if c[w] == f) for f in range(len(floors))]
-                for w in range(3)
-            ]
-        )
+        by_wheel = [[p[[c[w] == f for c in combinations]].sum() for f in range(len(floors))] for w in range(3)]
+        found.append(by_wheel)
     return np.array(found)
 
 
@@ -72,7 +94,8 @@ def slip_of(recognition, belief, std, share):
     robot = recognition.robot
     load = static_loads(robot)
     beliefs = [slip_belief(f, belief.force_N / load, std / load) for f in recognition.all_floors]
-    mean = sum(share[..., k] * b.mean for k, b in enumerate(beliefs))
+    weight = share**2 / (share**2).sum(axis=-1, keepdims=True)
+    mean = sum(weight[..., k] * b.mean for k, b in enumerate(beliefs))
     travel, back = np.hypot(*belief.rim[:, :2].T), np.linalg.inv(robot.rolling)
     motion = belief.rim - travel[:, None] * mean @ back.T
     speed = np.hypot(*motion[:, :2].T)
@@ -90,13 +113,14 @@ def slip_of(recognition, belief, std, share):
 
 
 def crossings(test, robot, time_s, rim, force):
-    """Times of the alarms of Page's test."""
+    """Events (T,) of Page's test: 2 for an alarm, 1 where it starts anew."""
     load = static_loads(robot).mean()
-    sums, mean, tested, motion, found = np.zeros((2, 3)), np.zeros(3), 0.0, np.zeros(2), []
+    sums, mean, tested, motion, found = np.zeros((2, 3)), np.zeros(3), 0.0, np.zeros(2), np.zeros(len(time_s))
     for k, dt in enumerate(np.diff(time_s, prepend=time_s[0])):
         f, now = force[k] / load, rim[k, :2]
         if np.linalg.norm(now - motion) > 0.3 * np.linalg.norm(motion):
             sums, mean, tested, motion = np.zeros((2, 3)), f, -test.settling_s, now
+            found[k] = 1
             continue
         tested += dt
         if tested < 0:
@@ -113,7 +137,7 @@ def crossings(test, robot, time_s, rim, force):
         for _ in range(50):
             h = np.log(wanted + 1 + h)
         if (sums > h).any():
-            found.append(time_s[k])
+            found[k] = 2
             sums, mean, tested, motion = np.zeros((2, 3)), f, 0.0, now
         else:
             mean = mean + dt / (min(tested, 3.0) + 0.3) * (f - mean)

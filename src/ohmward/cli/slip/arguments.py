@@ -12,6 +12,7 @@ EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml -o slip.csv --report slip.html
   ohmward slip gray.parquet --robot robotino --where exp=5 --motor-shaft
   ohmward slip gray.parquet --robot robot.toml --floors floors.toml --where exp=5 --motor-shaft
+  ohmward slip gray.parquet --robot robot.toml --floors floors.toml --floor gray --where exp=5 --motor-shaft
   ohmward slip husky.csv --robot husky.toml --unit wheel_speed=m/s --column yaw_rate=gyro_up
 """
 
@@ -24,6 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--filter", default="ukf", metavar="NAME", help="ekf, aekf, ukf or aukf (default %(default)s)")
     group.add_argument(
         "--floors", metavar="FILE.toml", help="floors that `ohmward calibrate` has learnt: slip by motor currents alone"
+    )
+    group.add_argument(
+        "--floor",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="of --floors, the one that the robot drives on; again for several; else it is recognised",
     )
     group.add_argument(
         "--truth", metavar="COLUMN[,...]", help=f"references in the log to compare with: {', '.join(TRUTHS)}"

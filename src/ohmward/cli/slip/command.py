@@ -10,6 +10,7 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.slip.report import make_page
 from ohmward.cli.slip.result import SlipTask, describe, estimate_table, summary
+from ohmward.errors import InputError
 from ohmward.logs import write_table
 from ohmward.traction.observed_drive import ObservedDrive, observe_drive, observe_on_floors
 from ohmward.traction.terrain.file import load_floors
@@ -30,6 +31,8 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def make_task(args: argparse.Namespace) -> SlipTask:
     """Robot, ground, drive and truth that the options name."""
+    if args.floor and not args.floors:
+        raise InputError("--floor NAME chooses from --floors FILE.toml; give that too")
     robot = make_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
     truths = truth_names(args.truth)
@@ -40,6 +43,6 @@ def make_task(args: argparse.Namespace) -> SlipTask:
 def observe(task: SlipTask, args: argparse.Namespace) -> ObservedDrive:
     """Speed and slip by the observer of --filter, on the floors of --floors if they are given."""
     if args.floors:
-        return observe_on_floors(task.robot, task.log, load_floors(args.floors), args.filter)
+        return observe_on_floors(task.robot, task.log, load_floors(args.floors), args.filter, args.floor)
     with progress() as report:
         return observe_drive(task.robot, task.log, task.terrain, args.filter, counting(report, args.filter))

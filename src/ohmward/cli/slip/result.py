@@ -15,6 +15,7 @@ from ohmward.logs import DriveLog
 from ohmward.traction import Robot, Terrain
 from ohmward.traction.observed_drive import FloorFigures, ObservedDrive, drive_figures, floor_figures, pose_figures
 from ohmward.traction.score import DriveScore, score_drive
+from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 _MOST_EPISODES = 8
 
@@ -167,7 +168,16 @@ def episodes(figures: Mapping[str, Any]) -> str:
     ]
     lines += [f"and {len(found) - len(longest)} shorter ones"] if len(found) > len(longest) else []
     lines += [f"immobilised from {e['start_s']:.2f} s to {e['end_s']:.2f} s" for e in figures["immobilised_episodes"]]
-    return wording.bullets("Slip", lines or ["no wheel slips beyond what is allowed"])
+    return wording.bullets("Slip", lines or [_without_episodes(figures)])
+
+
+def _without_episodes(figures: Mapping[str, Any]) -> str:
+    """Sentence for a drive without an episode; on learnt floors a wide band may hide slip."""
+    mean, std = figures["travel_slip_mean"], figures["travel_slip_std"]
+    if mean is None or mean + BAND_95 * std <= SlipAlarm().allowed_ratio:
+        return "no wheel slips beyond what is allowed"
+    most = wording.percent(mean + BAND_95 * std, 0)
+    return f"no slip beyond what is allowed is certain; the robot may lose up to {most} of the way of its wheels"
 
 
 def errors(figures: Mapping[str, Any]) -> dict[str, str]:

@@ -38,6 +38,8 @@ _STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
 #: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
 _LENGTH_S = 0.3
+#: Standard deviation of a share of the drag that is taken as zero, because the fit would make it negative.
+_ZERO_STD = 1e-6
 
 
 class Points(NamedTuple):
@@ -147,10 +149,14 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     force = traction(s, robot) - inertial_forces(robot, s.acceleration)
     known = np.isfinite(force).all(axis=1)
     force, drive = force[known], s.drive[known]
-    D = drag_columns(robot, s.motion[known]).sum(axis=-2)
+    D = drag_columns(robot, s.rim[known]).sum(axis=-2)
     n, omni = robot.driven, isinstance(robot.chassis, Omni)
     prior, prior_std = np.array([ROLLING, 0.0]), np.array([0.2, 0.5 if omni else 1e-6])
     fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
+    negative = fit.beta < 0
+    if negative.any():
+        prior, prior_std = np.where(negative, 0.0, prior), np.where(negative, _ZERO_STD, prior_std)
+        fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
     shares = np.maximum(fit.beta, 0.0)
     expected = D @ shares
     scale = [np.sum(force[drive == d] * expected[drive == d]) / np.sum(expected[drive == d] ** 2) for d in set(drive)]

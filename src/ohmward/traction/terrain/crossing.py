@@ -93,11 +93,13 @@ class CrossingResult(NamedTuple):
     """Result of the test for a sample.
 
     alarm: the condition that a wheel has come to another floor.
+    restart: the condition that the test starts anew, since the robot moves otherwise, or stands.
     delay_s: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the
         test waits, and for a wheel whose floor hardly shows in the forces.
     """
 
     alarm: Scalar
+    restart: Scalar
     delay_s: np.ndarray
 
 
@@ -178,7 +180,7 @@ class CrossingTest:
             tested_s=where(restart, -self.settling_s, where(alarm, 0.0, tested_s)),
             motion=where(settling | alarm, motion, state.motion),
         )
-        return after, CrossingResult(alarm, where(settling, math.inf, delay_s))
+        return after, CrossingResult(alarm, restart, where(settling, math.inf, delay_s))
 
     def evidence(self, state: CrossingState, sample: CrossingSample) -> Evidence:
         """Increments (dt/tau) (+-e' (f - mu) - e'e / 2) / sigma^2 of the sums."""

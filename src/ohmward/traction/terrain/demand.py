@@ -18,12 +18,16 @@ from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Speed [m/s] below which a direction fades.
 FADING_M_S = 0.01
+#: Share of a wheel's motion that goes across it where the drag of its rollers has grown to tanh(1) of its full size:
+#: rubber creeps before it turns a roller. Fitted to 396 drives of an omni robot on three floors.
+ROLLER_CREEP = 0.3
 
 
 def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """Forces (..., driven, wheels, 2) [N] of the driven wheels for a rolling and a roller share of 1 under each wheel.
 
-    motion: (..., freedoms) of the body.
+    motion: (..., freedoms) of the rims: the body's own is known only once the floor is. Drags learnt along it differ
+        more from floor to floor, and leave less unexplained, than those along the body's.
     """
     along, across = motion @ robot.rolling.T, motion @ robot.sideways.T
     if not isinstance(robot.chassis, Omni):
@@ -31,7 +35,7 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     size = sqrt(along**2 + across**2 + FADING_M_S**2)
     load = static_loads(robot)
     rolling = _on_body(robot, load * along / size, load * across / size)
-    rollers = _on_body(robot, np.zeros(np.shape(along)), load * tanh(across / FADING_M_S))
+    rollers = _on_body(robot, np.zeros(np.shape(along)), load * tanh(across / (ROLLER_CREEP * size)))
     by_wheel = np.stack([rolling, rollers], axis=-2) @ np.linalg.pinv(robot.rolling[: robot.driven])
     return np.moveaxis(by_wheel, -1, -3)
 

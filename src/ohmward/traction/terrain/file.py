@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 
@@ -32,6 +33,18 @@ class Floors:
     def with_floor(self, floor: Floor) -> Floors:
         """With this floor, in the place of one with its name."""
         return Floors(self.robot, (*(f for f in self.floor if f.name != floor.name), floor))
+
+    def named(self, names: Sequence[str]) -> Floors:
+        """Only the floors of these names.
+
+        Raises:
+            InputError: no floor of such a name.
+        """
+        known = {f.name: f for f in self.floor}
+        for name in names:
+            if name not in known:
+                raise InputError(f"no floor {name!r} has been learnt; the file has {', '.join(known) or 'none'}")
+        return Floors(self.robot, tuple(known[name] for name in dict.fromkeys(names)))
 
 
 _FILE = TomlFile(Floors, "ohmward-floors/1", _HEADER)

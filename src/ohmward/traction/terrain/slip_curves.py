@@ -35,8 +35,8 @@ class SlipCurves:
     def values(self) -> np.ndarray:
         """Mean, variance, and the functions of the expansion, (2 + MODES, points)."""
         slip, weights = slips_of_floors(self.floor, np.arange(0.0, MOST + SPACING / 2, SPACING))
-        mean = weights @ slip
-        off = np.sqrt(weights)[:, None] * (slip - mean)
+        mean = (weights * slip).sum(axis=0)
+        off = np.sqrt(weights) * (slip - mean)
         cov = off.T @ off
         size, functions = np.linalg.eigh(cov)
         strongest = functions[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(size[: -MODES - 1 : -1], 0.0))

@@ -30,7 +30,7 @@ from ohmward.trace import Kernel, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.clean_sample import EncoderWatch, new_watch, sanitize
-from ohmward.traction.terrain.crossing import Crossing, CrossingState, CrossingTest, crossing_test
+from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
     drag_share,
     inertial_forces,
@@ -41,7 +41,7 @@ from ohmward.traction.terrain.demand import (
 )
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.recognition import Recognition
+from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
 from ohmward.traction.terrain.slip_curves import SlipCurves
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
 
@@ -50,6 +50,9 @@ from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, Whee
 SLOWEST_M_S, UNSURE_SHARE = 0.02, 0.5
 #: Time constant [s] of each of the two low-pass filters that give the rims' acceleration.
 RATE_S = 0.075
+#: The slip is the mean over the floors, weighted by this power of their probability: between the mean (1), which a
+#: floor of a tenth moves by a tenth of a large difference, and the likeliest floor, which jumps.
+LEANING = 2.0
 _TINY = 1e-6
 
 
@@ -58,14 +61,14 @@ class FloorState(NamedTuple):
 
     wheels: of the filter.
     slow_rim: (2, freedoms) motion of the rims after one and two first-order low-pass filters.
-    combinations: (C,) probability of each combination of floors.
+    recognised: belief in the floors.
     crossing: of the test.
     encoders: as watched.
     """
 
     wheels: WheelState
     slow_rim: np.ndarray
-    combinations: np.ndarray
+    recognised: RecognitionState
     crossing: CrossingState
     encoders: EncoderWatch
 
@@ -119,28 +122,30 @@ class SlipOnFloors:
         robot = self.wheels.robot
         clean, watch, flags = sanitize(sample, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, clean)
-        belief = with_friction(robot, belief)
+        noise_N, belief = belief.force_std_N, with_friction(robot, belief)
         slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
         moving = knows_motion(belief)
-        combinations = self.recognise(state.combinations, belief, rate, moving, clean.dt_s)
         drag_N = belief.force_N - inertial_forces(robot, rate)
         tested = self.crossing.sample(robot, belief.rim, drag_N, moving, clean.dt_s)
         crossing, result = self.crossing.step(state.crossing, tested)
-        estimate = self.conclude(belief, self.recognition.by_wheel(combinations), moving)._replace(
+        forces = FloorForces(belief.rim, drag_N, noise_N, standing_friction(robot, belief))
+        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s)
+        probability = self.recognition.by_wheel(recognised.combinations)
+        estimate = self.conclude(belief, probability, moving)._replace(
             crossing=where(result.alarm, 1.0, 0.0),
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
             drag_after=drag_share(robot, belief.rim, drag_N),
             crossing_delay_s=result.delay_s,
             flags=flags + flags_of({FloorFlag.MOTION_UNKNOWN: logical_not(moving)}),
         )
-        return FloorState(wheels, slow_rim, combinations, crossing, watch), estimate
+        return FloorState(wheels, slow_rim, recognised, crossing, watch), estimate
 
     def recognise(
-        self, combinations: np.ndarray, belief: WheelBelief, rate: np.ndarray, moving: Scalar, dt_s: Scalar
-    ) -> np.ndarray:
-        """Probability (C,) of the combinations of floors after a sample; forces of wheels that stand tell nothing."""
-        likelihood = self.recognition.log_likelihood(belief.rim, rate, belief.force_N, belief.force_std_N)
-        return self.recognition.step(combinations, where(moving, likelihood, 0.0), dt_s)
+        self, state: RecognitionState, forces: FloorForces, result: CrossingResult, moving: Scalar, dt_s: Scalar
+    ) -> RecognitionState:
+        """Belief in the floors after a sample; forces of wheels that stand tell nothing."""
+        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s)
+        return RecognitionState(*(where(moving, new, old) for new, old in zip(after, state, strict=True)))
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -196,7 +201,7 @@ class SlipOnFloors:
             slip_ratio=where(moving, slip, math.nan),
             slip_ratio_std=where(moving, sqrt(np.diag(C)), math.nan),
             force_N=belief.force_N,
-            floor_probability=probability,
+            floor_probability=self.recognition.by_name(probability),
             crossing=0.0,
             drag_before=0.0,
             drag_after=0.0,
@@ -216,27 +221,35 @@ class SlipOnFloors:
         """
         slips = [curves.belief(share, share_std) for curves in self.curves]
         floors = list(zip(probability[: len(share)].T, slips, strict=True))
-        mean = sum(p * slip.mean for p, slip in floors)
+        weight = probability[: len(share)] ** LEANING
+        mean = sum(w * slip.mean for w, slip in zip((weight.T / weight.sum(axis=1)), slips, strict=True))
         variance = sum(p * (np.diag(slip.cov) + (slip.mean - mean) ** 2) for p, slip in floors)
         common = sum(np.outer(p, p) * slip.cov for p, slip in floors)
         return mean, np.where(np.eye(len(share), dtype=bool), np.diag(variance), common)
 
     @cached_property
     def curves(self) -> tuple[SlipCurves, ...]:
-        """Slip curves of each floor, last of the one that was never met."""
+        """Slip curves of each of all floors."""
         return tuple(SlipCurves(floor) for floor in self.recognition.all_floors)
 
 
-def slip_on_floors(robot: Robot, floors: Sequence[Floor] = (), method: str = "ukf") -> SlipOnFloors:
-    """The estimator of a calibrated robot that has learnt these floors; `method` as in `wheel_filter.METHODS`."""
-    return SlipOnFloors(Recognition(robot, tuple(floors)), WheelFilter(robot, method), crossing_test(floors))
+def slip_on_floors(robot: Robot, floors: Sequence[Floor] = (), method: str = "ukf", told: bool = False) -> SlipOnFloors:
+    """The estimator of a calibrated robot that has learnt these floors.
+
+    method: as in `wheel_filter.METHODS`.
+    told: it drives on these floors and on no other one.
+    """
+    return SlipOnFloors(Recognition(robot, tuple(floors), told), WheelFilter(robot, method), crossing_test(floors))
 
 
 def with_friction(robot: Robot, belief: WheelBelief) -> WheelBelief:
     """The belief with the forces that the friction of standing motors may hold."""
-    wheel_speed_rad_s = robot.rolling[: robot.driven] @ belief.rim / robot.wheel.radius_m
-    friction_N = undetermined_force_std(robot, wheel_speed_rad_s)
-    return belief._replace(force_std_N=sqrt(belief.force_std_N**2 + friction_N**2))
+    return belief._replace(force_std_N=sqrt(belief.force_std_N**2 + standing_friction(robot, belief) ** 2))
+
+
+def standing_friction(robot: Robot, belief: WheelBelief) -> np.ndarray:
+    """Standard deviation (driven,) [N] of the forces that the friction of standing motors may hold."""
+    return undetermined_force_std(robot, robot.rolling[: robot.driven] @ belief.rim / robot.wheel.radius_m)
 
 
 def low_pass(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
