@@ -20,6 +20,7 @@ TRACTION = (
     "observer_coverage",
     "observer_faults",
     "observer_noise",
+    "odometry",
     "traction_real",
     "robotino",
     "slip_control",

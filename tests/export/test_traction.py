@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.export import controller_export, library, observer_export, write_library
+from ohmward.export import controller_export, library, observer_export, odometry_export, write_library
 from ohmward.export.c_library import size
 from ohmward.export.traction import CONTROLLERS
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
@@ -32,6 +32,11 @@ def test_controllers(controller, tmp_path):
 @needs_gcc
 def test_the_observer(tmp_path):
     passes(observer_export(RLMA, ASPHALT, "ekf"), tmp_path)
+
+
+@pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda robot: robot.name)
+def test_odometry(robot, tmp_path):
+    passes(odometry_export(robot), tmp_path)
 
 
 @needs_gcc

@@ -2,7 +2,16 @@
 
 from ohmward.export.battery import battery_export
 from ohmward.export.c_library import Export, library, write_library
-from ohmward.export.traction import controller_export, observer_export
+from ohmward.export.traction import controller_export, observer_export, odometry_export
 from ohmward.export.twin import Twin
 
-__all__ = ["Export", "Twin", "battery_export", "controller_export", "library", "observer_export", "write_library"]
+__all__ = [
+    "Export",
+    "Twin",
+    "battery_export",
+    "controller_export",
+    "library",
+    "observer_export",
+    "odometry_export",
+    "write_library",
+]

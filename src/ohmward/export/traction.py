@@ -26,6 +26,9 @@ from ohmward.traction.control import (
 )
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.odometry.noise import noise_of
+from ohmward.traction.odometry.pose_filter import PoseFilter
+from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimate import SlipSample as DriveSample
@@ -33,6 +36,9 @@ from ohmward.traction.speed_observer.make_observer import FILTERS
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 CONTROLLERS = ("slip-controller", "speed-controller")
+
+#: Name of the odometry among the filters.
+ODOMETRY = "odometry"
 _STEPS = 64
 
 
@@ -67,7 +73,7 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
         InputError: no such filter, or wheels that scrub.
     """
     if filter_name not in FILTERS:
-        raise InputError(f"filter must be one of {', '.join((*FILTERS, *CONTROLLERS))}, got {filter_name!r}")
+        raise InputError(f"filter must be one of {', '.join((*FILTERS, ODOMETRY, *CONTROLLERS))}, got {filter_name!r}")
     method, matching = FILTERS[filter_name]
     observer = SpeedObserver(scene(robot, terrain), method=method, matching=matching)
     example = _at_rest(observer)
@@ -80,6 +86,25 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
         flags=SlipFlag,
         arguments=(),
         samples=_drive(observer),
+    )
+
+
+def odometry_export(robot: Robot, name: str = ODOMETRY) -> Export:
+    """Pose and twist from encoders, gyro, outside speeds and a speed observer; it starts at the origin of its frame.
+
+    Pose increments are left out: they need the memory of the last steps.
+    """
+    settings = PoseFilter(robot, noise_of(robot), late_steps=0)
+    example = settings.no_sample()
+    state = settings.init(example)
+    return Export(
+        name=name,
+        title=f"Pose and twist of {robot.name}: wheels and gyro",
+        step=trace(settings.step, state, example),
+        start=trace(lambda sample: state, example),
+        flags=OdometryFlag,
+        arguments=(),
+        samples=_way(settings),
     )
 
 
@@ -138,6 +163,21 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
         rows.append(np.concatenate([np.ravel(x) for x in sample]).astype(float))
     samples = np.array(rows)
     samples[10, 1], samples[14, 1 + len(robot.places)], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
+    return samples
+
+
+def _way(settings: PoseFilter) -> np.ndarray:
+    """Samples (T, m): a curve, with faults of encoder, gyro and clock, and a speed from outside."""
+    rng, driven = np.random.default_rng(0), settings.robot.driven
+    rows = []
+    for k in range(_STEPS):
+        wheels = np.linspace(1.0, 1.2, driven) * min(0.1 * k, 3.0) + 0.01 * rng.standard_normal(driven)
+        sample = settings.no_sample()._replace(dt_s=0.02, wheel_speed_rad_s=wheels, yaw_rate_rad_s=0.1 + 0.001 * k)
+        if k % 10 == 9:
+            sample = sample._replace(speed_m_s=0.011 * k, speed_std_m_s=0.05)
+        rows.append(np.concatenate([np.ravel(x) for x in sample]).astype(float))
+    samples = np.array(rows)
+    samples[10, 1], samples[14, 1 + driven], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
     return samples
 
 

@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="ekf",
         metavar="NAME",
         help="as in `ohmward soc`, whose default gsf is three times as large as ekf; or textbook-joint for the "
-        "parameters of the RC model; of a robot as in `ohmward slip`, or slip-controller or speed-controller (default "
-        "%(default)s)",
+        "parameters of the RC model; of a robot as in `ohmward slip`, or odometry, slip-controller or "
+        "speed-controller (default %(default)s)",
     )
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
     parser.add_argument(

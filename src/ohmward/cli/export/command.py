@@ -13,7 +13,7 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
-from ohmward.export.traction import CONTROLLERS, controller_export, observer_export
+from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.toml_file import noun_of
 
 
@@ -79,4 +79,6 @@ def _robot_export(args: argparse.Namespace) -> Export:
     robot = make_robot(args.file)
     if args.filter in CONTROLLERS:
         return controller_export(robot, args.filter, args.name)
+    if args.filter == ODOMETRY:
+        return odometry_export(robot, args.name)
     return observer_export(robot, make_terrain(args.terrain, robot), args.filter, args.name)

@@ -1,0 +1,151 @@
+"""Pose after 50 m on flat ground from encoders and a gyro with an offset, beside plain wheel odometry.
+
+The robot is [T]'s on the plant of our own, which creeps as the wheels drive, and on MuJoCo's, whose four fixed wheels
+scrub in turns. Every run rests for 1 to 5 s, then drives straight and curved, and has its own radius (0.5 %), unequal
+wheels (0.06 %), scale of the gyro (1 %) and sign of its offset of 0.01 rad/s; the filter is told none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from figure import Figure, at_least, at_most
+from ohmward.filters.consistency import mean_bounds
+from ohmward.logs.drive_log import DriveLog
+from ohmward.simulate.closed_loop import Patch
+from ohmward.simulate.closed_loop.traction_plant import TractionPlant
+from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward.simulate.robot_sensors import GYRO
+from ohmward.simulate.robot_truth import RobotTruth, stack
+from ohmward.traction import RLMA, Odometry
+from ohmward.traction.robot.robot import motion_from_wheels
+from ohmward.traction.speed_observer.estimator import SlipEstimator
+
+RUNS, MUJOCO_RUNS, DISTANCE_M, DT_S = 50, 20, 50.0, 0.02
+OFFSET_RAD_S, RADIUS, UNEQUAL, SCALE = 0.01, 0.005, 0.0006, 0.01
+COUNTS = 4096
+
+#: Gains of the driver: N m for each m/s and rad/s, and the most that it gives of each.
+OWN, MUJOCO = (40.0, 8.0, 2.5, 1.5), (25.0, 20.0, 3.0, 6.0)
+
+
+class Recording(NamedTuple):
+    """What the robot measured, and its true pose (T, 3)."""
+
+    log: DriveLog
+    pose: np.ndarray
+
+
+class Score(NamedTuple):
+    """Errors of the position at the end over the way, of odometry and of wheels alone, and the NEES of the pose."""
+
+    odometry: np.ndarray
+    wheels: np.ndarray
+    nees: np.ndarray
+
+
+def rows() -> Iterator[Figure]:
+    """Every figure of this page."""
+    lower, upper = mean_bounds(3, RUNS)
+    own = [recording(own_plant, OWN, seed) for seed in range(RUNS)]
+    for method, observed in (("encoders, gyro", False), ("encoders, gyro, currents by the observer", True)):
+        found, data = scored(own, observed), "own plant, 50 m"
+        yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
+        yield at_most(data, method, "that over the wheels' alone", beside(found), 1.0, ".2f")
+        yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
+        yield at_least(data, method, "NEES of the pose, mean of the runs", mean(found.nees), lower, ".2f")
+    yield from scrubbing()
+
+
+def scrubbing() -> Iterator[Figure]:
+    """The same on MuJoCo's robot, whose wheels show turns that it does not make; there its radius does not creep."""
+    found = scored([recording(mujoco_plant, MUJOCO, seed) for seed in range(MUJOCO_RUNS)], False)
+    method = "encoders, gyro"
+    upper = mean_bounds(3, MUJOCO_RUNS)[1]
+    yield at_most("MuJoCo, 50 m", method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
+    yield at_most("MuJoCo, 50 m", method, "that over the wheels' alone", beside(found), 1.0, ".2f")
+    yield at_most("MuJoCo, 50 m", method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
+
+
+def mean(values: np.ndarray) -> float:
+    return float(np.mean(values))
+
+
+def beside(found: Score) -> float:
+    """Mean error of odometry over that of the wheels alone."""
+    return mean(found.odometry) / mean(found.wheels)
+
+
+def own_plant(rng: np.random.Generator) -> TractionPlant:
+    return TractionPlant(RLMA, [Patch(friction=float(rng.uniform(0.5, 0.9)), rolling=0.02)], longest_step_s=0.01)
+
+
+def mujoco_plant(rng: np.random.Generator) -> RlmaPlant:
+    return RlmaPlant(RlmaParameters(), uniform(float(rng.uniform(0.5, 0.9)), 0.0))
+
+
+def recording(plant: Callable[[np.random.Generator], Any], gains: tuple[float, ...], seed: int) -> Recording:
+    """A drive of 50 m as its sensors saw it."""
+    rng = np.random.default_rng(1000 + seed)
+    truth = driven(plant(rng), gains, rng)
+    wheels = 1.0 + RADIUS * rng.standard_normal() + UNEQUAL * rng.standard_normal(2)
+    counts = np.floor(COUNTS * truth.wheel_angle_rad[:, :2] / (2 * np.pi) / wheels)
+    speeds = np.full((len(counts) - 1, 4), np.nan)
+    speeds[:, :2] = np.diff(counts, axis=0) * 2 * np.pi / COUNTS / DT_S
+    rate = (truth.yaw_rate_rad_s[1:] + truth.yaw_rate_rad_s[:-1]) / 2
+    offset = OFFSET_RAD_S * rng.choice([-1.0, 1.0])
+    gyro = rate * (1 + SCALE * rng.standard_normal()) + offset + GYRO.noise_std * rng.standard_normal(len(rate))
+    current_A = truth.torque_N_m[1:, :2] / RLMA.motor.torque_constant_Nm_per_A
+    log = DriveLog(f"run {seed}", truth.time_s[1:], speeds, current_A, yaw_rate_rad_s=gyro)
+    return Recording(log, np.column_stack([truth.position_m[1:, :2], np.unwrap(truth.heading_rad)[1:]]))
+
+
+def driven(plant: Any, gains: tuple[float, ...], rng: np.random.Generator) -> RobotTruth:
+    """The truth of a drive of a driver who knows it: a rest, then straight and curved stretches in turn."""
+    rest_s, speed, turn, period_s = (rng.uniform(*span) for span in ((1, 5), (0.4, 1.0), (0.2, 0.8), (6, 20)))
+    phases = rng.uniform(0, 2 * np.pi, 2)
+    per_speed, per_turn, most, most_turn = gains
+    truths, way_m = [plant.reset()], 0.0
+    while way_m < DISTANCE_M:
+        now = truths[-1]
+        t = now.time_s - rest_s
+        curve = np.sin(2 * np.pi * t / 37 + phases[1]) > 0
+        wanted = min(speed * (1 + 0.3 * np.sin(0.5 * t)), 0.5 * t)
+        turning = turn * np.sin(2 * np.pi * t / period_s + phases[0]) * curve
+        both = np.clip(per_speed * (wanted - now.speed_m_s), -most, most)
+        apart = np.clip(per_turn * (turning - now.yaw_rate_rad_s), -most_turn, most_turn)
+        truths.append(plant.step(np.array([both - apart, both + apart]) * (t > 0), DT_S))
+        way_m += abs(truths[-1].speed_m_s) * DT_S
+    return stack(truths)
+
+
+def scored(recordings: list[Recording], observed: bool) -> Score:
+    """Errors at the end of every run, and the NEES of the pose there; observed: with the slip of a speed observer."""
+    found = [score(run, observed) for run in recordings]
+    return Score(*(np.array(values) for values in zip(*found, strict=True)))
+
+
+def score(run: Recording, observed: bool) -> tuple[float, float, float]:
+    """Error over the way of odometry and of the wheels alone, and the NEES of the pose."""
+    slip = SlipEstimator(RLMA, filter="ekf").run(run.log).estimates if observed else None
+    e = Odometry(RLMA).run(run.log, slip).estimates
+    error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - run.pose[-1]
+    alone = wheels_alone(run.log) - run.pose[-1, :2]
+    nees = error @ np.linalg.solve(e.pose_cov[-1], error)
+    return float(np.hypot(*error[:2])) / DISTANCE_M, float(np.hypot(*alone)) / DISTANCE_M, float(nees)
+
+
+def wheels_alone(log: DriveLog) -> np.ndarray:
+    """Position (2,) at the end by plain wheel odometry."""
+    motion = np.array([motion_from_wheels(RLMA, speeds) for speeds in log.wheel_speed_rad_s[:, :2]])
+    turned = motion[:, 1] * DT_S
+    middle = np.cumsum(turned) - turned / 2
+    return DT_S * np.array([np.sum(motion[:, 0] * np.cos(middle)), np.sum(motion[:, 0] * np.sin(middle))])
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(row)
