@@ -36,10 +36,13 @@ _COARSE, _ROWS = 10, 300
 def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Normal:
     """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills.
 
-    Some rows are enough for a log that has one hill; where they show another one, all rows are asked.
+    Some rows are enough for a log that has one hill. Where they show another one, all rows are asked of a log that
+    counts the charge between a full charge and a cut-off; any other one does not tell the capacity.
     """
     q = model.parameters.group("capacity").start
-    for every in (max(1, min(_COARSE, model.rows.size // _ROWS)), 1):
+    some = max(1, min(_COARSE, model.rows.size // _ROWS))
+    counted = any(a.soc < _HALF for a in anchors) and any(a.soc > _HALF for a in anchors)
+    for every in (some, 1) if counted else (some,):
         points = _scan(model.linear_about(found.x, every), prior, anchors, found)
         if points:
             return moments(points)
