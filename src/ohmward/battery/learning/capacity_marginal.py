@@ -37,11 +37,12 @@ def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[Soc
     """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills.
 
     Some rows are enough for a log that has one hill. Where they show another one, all rows are asked of a log that
-    counts the charge between a full charge and a cut-off; any other one does not tell the capacity.
+    counts the charge between full charges and cut-offs more than once; any other one does not tell the capacity.
     """
     q = model.parameters.group("capacity").start
     some = max(1, min(_COARSE, model.rows.size // _ROWS))
-    counted = any(a.soc < _HALF for a in anchors) and any(a.soc > _HALF for a in anchors)
+    cut_offs = sum(a.soc < _HALF for a in anchors)
+    counted = min(cut_offs, len(anchors) - cut_offs) > 1
     for every in (some, 1) if counted else (some,):
         points = _scan(model.linear_about(found.x, every), prior, anchors, found)
         if points:
