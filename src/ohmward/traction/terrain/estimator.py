@@ -9,8 +9,9 @@ from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
-#: With more combinations of floors the step is not compiled to machine code by itself: it would take half a minute.
-MOST_COMPILED = 216
+#: With more combinations of floors than an omni robot has of five, the step is not compiled to machine code by itself:
+#: it would take half a minute.
+MOST_COMPILED = 221
 
 
 class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
