@@ -198,18 +198,5 @@ def test_pauses_of_a_drive_show_the_offset_and_a_steady_small_load_does_not():
     (samples,) = samples_of(pauses(0.05, standby_A=-0.4), battery)
     assert len(samples.rests) >= 20
     assert [rest.excess_A for rest in samples.rests] == pytest.approx([0.05] * len(samples.rests), abs=1e-9)
-    assert all(rest.true_std_A == 0.0 for rest in samples.rests)
-
-
-def test_a_rest_that_is_not_declared_tells_less_of_the_offset_the_more_it_may_be_a_load():
-    label = generic_battery("nmc", 12.0, 3)
-
-    def std_A(rest_A: float) -> float:
-        (samples,) = samples_of(pauses(rest_A), label)
-        return float(np.sum([rest.true_std_A**-2 for rest in samples.rests]) ** -0.5)
-
-    assert std_A(0.0) == pytest.approx(0.005 * 12.0)
-    assert std_A(-0.3) == pytest.approx(np.hypot(0.06, 0.6))
-    known = replace(label, sensor=replace(label.sensor, offset_std_A=0.05))
-    (samples,) = samples_of(pauses(0.0), known)
-    assert not samples.rests
+    (undeclared,) = samples_of(pauses(0.05), replace(battery, idle_current_A=None))
+    assert not undeclared.rests

@@ -25,8 +25,9 @@ _DEEPER = 0.01
 #: An anchor below this SoC is a cut-off, not a full charge.
 _HALF = 0.5
 #: Where -2 ln of the density falls so much below that of the mode, there is another hill, too far away for a model that
-#: is linear about this one: such a log does not tell the capacity.
-_HIGHER = 3.0
+#: is linear about this one: such a log does not tell the capacity. Between two hills it rises by so much; a fall
+#: without a rise is the same hill, whose top the search has not quite reached.
+_HIGHER, _BARRIER = 3.0, 0.5
 #: Least first step, and steps of the search at each point.
 _LEAST_STEP, _STEPS = 0.002, 4
 #: Every so many rows are enough for it, and never fewer than so many.
@@ -61,7 +62,7 @@ def _scan(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], fou
         for _ in range(_MOST):
             value += side * width
             here, there = _profile(model, prior, anchors, here, value, found.misfit)
-            if there < cost - _HIGHER:
+            if there < cost - _HIGHER and max(points.values()) > cost + _BARRIER:
                 return {}
             points[value] = there
             width *= _LONGER

@@ -42,9 +42,6 @@ _PATH_STEPS = 20
 #: Shortest rest, in which the current changes from step to step by noise only, so many of its standard deviations; a
 #: longer one is taken in pieces of so long [s].
 _REST_S, _PIECE_S, _STEP_SIGMAS = 20.0, 600.0, 5.0
-#: True current of a rest that no file declares, in multiples of the capacity per hour: protection and a sleeping robot
-#: draw up to so much. What the sensor shows may also be a load, and is one more likely the larger it is.
-_IDLE_C, _LOAD_SHARE = 0.005, 2.0
 #: Less than this of SoC is not worth following.
 _LEAST_PATH = 1e-3
 
@@ -56,15 +53,11 @@ class Jump(NamedTuple):
     std: float
 
 
-class SensorRest(NamedTuple):
-    """A rest: its last sample, what the sensor shows there beyond the true current on average [A], and its error.
-
-    true_std_A: standard deviation of the true current, 0 where the battery file declares it.
-    """
+class DeclaredRest(NamedTuple):
+    """A rest whose true current is declared: its last sample, and what the sensor shows beyond it on average [A]."""
 
     sample: int
     excess_A: float
-    true_std_A: float
 
 
 class Samples(NamedTuple):
@@ -76,7 +69,7 @@ class Samples(NamedTuple):
     voltage_V: measured, nan where it was not, or where the battery gases.
     gaps: indices of the first samples after a gap.
     jumps: changes of SoC that the current does not show, gaps among them.
-    rests: in which the current sensor shows its offset.
+    rests: rests whose true current the battery file declares.
     rows: (N,) indices of the samples whose voltage is compared.
     row_s: time for which each of them stands [s].
     """
@@ -91,7 +84,7 @@ class Samples(NamedTuple):
     voltage_V: np.ndarray
     gaps: np.ndarray
     jumps: tuple[Jump, ...]
-    rests: tuple[SensorRest, ...]
+    rests: tuple[DeclaredRest, ...]
     rows: np.ndarray
     row_s: float
 
@@ -221,7 +214,7 @@ def _part(clean: _Sanitized, part: slice, battery: Battery) -> Samples:
         voltage_V=voltage_V,
         gaps=gaps,
         jumps=(*_jumps_at_gaps(dt_s, gaps), *_path_jumps(path)),
-        rests=tuple(_rests(clean.current_A[part], clean.time_s[part], battery)),
+        rests=tuple(_declared_rests(clean.current_A[part], clean.time_s[part], battery)),
         rows=rows,
         row_s=every * usual_s,
     )
@@ -241,31 +234,28 @@ def _path_jumps(path: np.ndarray) -> list[Jump]:
     return [Jump(int(k), float(np.sqrt(variance[-1] / _PATH_STEPS))) for k in np.unique(at)]
 
 
-def _rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery) -> list[SensorRest]:
+def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery) -> list[DeclaredRest]:
     """Rests in which the current is steady, and the declared one within noise and offset of its sensor.
 
-    A steady current that differs from that of most rests is a small load, not the sensor's offset.
+    A steady current that differs from that of most rests is a small load, not the sensor's offset. What a robot draws
+    at rest is not declared by most files: taken for about 0, it made files sure of a wrong capacity.
     """
-    sensor, idle_A = battery.sensor, battery.idle_current_A
-    idle_std_A = 0.0 if idle_A is not None else _IDLE_C * battery.capacity_Ah
-    if sensor.offset_std_A <= idle_std_A:
-        return []  # what is not known of a rest is the same in every log: it tells no more than once
-    excess_A = current_A - (idle_A or 0.0)
+    if battery.idle_current_A is None:
+        return []
+    sensor = battery.sensor
+    excess_A = current_A - battery.idle_current_A
     near = np.abs(excess_A - sensor.offset_A) < 3.0 * sensor.noise_std_A + 2.0 * sensor.offset_std_A
     steady = np.abs(np.diff(excess_A, prepend=np.nan)) <= _STEP_SIGMAS * sensor.noise_std_A
     rests = [rest for first, stop in runs(near & steady) for rest in _pieces(first, stop, excess_A, time_s, sensor)]
     usual_A = float(np.median([rest.excess_A for rest in rests])) if rests else 0.0
     walk_A2: Any = sensor.offset_walk_variance(float(time_s[-1] - time_s[0]))
     apart_A = 3.0 * float(np.hypot(sensor.noise_std_A, np.sqrt(walk_A2)))
-    usual = [rest for rest in rests if abs(rest.excess_A - usual_A) <= apart_A]
-    # the true current is the same in all of them: together they tell the offset as well as one
-    true_std_A = float(np.hypot(idle_std_A, _LOAD_SHARE * usual_A)) if idle_std_A else 0.0
-    return [rest._replace(true_std_A=true_std_A * len(usual) ** 0.5) for rest in usual]
+    return [rest for rest in rests if abs(rest.excess_A - usual_A) <= apart_A]
 
 
 def _pieces(
     first: int, stop: int, excess_A: np.ndarray, time_s: np.ndarray, sensor: CurrentSensor
-) -> Iterator[SensorRest]:
+) -> Iterator[DeclaredRest]:
     """Pieces of a rest from the sample `first` to before `stop` in which the current does not drift."""
     pieces = max(1, int((time_s[stop - 1] - time_s[first]) / _PIECE_S))
     for piece in np.array_split(np.arange(first, stop), pieces):
@@ -275,4 +265,4 @@ def _pieces(
         # the taper at the end of a charge is as small, but it falls
         by_chance_A = sensor.noise_std_A * max(1.0, 3.0 * np.sqrt(2.0 / later.size))
         if abs(later.mean() - earlier.mean()) <= by_chance_A:
-            yield SensorRest(int(piece[-1]), float(excess_A[piece].mean()), 0.0)
+            yield DeclaredRest(int(piece[-1]), float(excess_A[piece].mean()))

@@ -145,8 +145,7 @@ class _Search:
         self.weight = np.full(model.rows.size, row_s / max(row_s, 2 * noise.correlation_s))
         # of an error that holds on, the first sample is as good as any: a rest before a drive counts
         self.weight[np.unique(np.searchsorted(model.rows, model.starts).clip(0, model.rows.size - 1))] = 1.0
-        noise_A = max(model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
-        self.offset_std_A = np.hypot(noise_A, [rest.true_std_A for rest in model.samples.rests])
+        self.offset_std_A = max(model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
 
     def minimise(self, x: np.ndarray, misfit: float, most_steps: int) -> tuple[np.ndarray, np.ndarray, _Rows]:
         """The minimum, the Hessian (n, n) and the rows there."""
@@ -187,8 +186,7 @@ class _Search:
         of_offset, offset_columns = self.model.offset_rows(x)
         told = np.concatenate([of_soc, of_offset / self.offset_std_A])
         residual = np.concatenate([scale * residual_V, told])
-        offset_columns = offset_columns / self.offset_std_A[:, None]
-        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns])
+        columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / self.offset_std_A])
         off = x - self.mean
         # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
         width = weight @ np.log(variance_V2)

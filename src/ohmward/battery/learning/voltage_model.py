@@ -185,7 +185,7 @@ class VoltageModel:
         return _ChargeAlong(self, x[: self.parameters.size], x[self.parameters.size :]).true_columns(samples)
 
     def offset_rows(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Offsets [A] that rests show beyond those in x, (B,), and their derivatives (B, K + M)."""
+        """Offsets [A] that declared rests show beyond those in x, (B,), and their derivatives (B, K + M)."""
         at = np.array([rest.sample for rest in self.samples.rests], dtype=int)
         found_A = np.array([rest.excess_A for rest in self.samples.rests])
         columns = np.zeros((at.size, x.size))
