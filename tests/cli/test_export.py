@@ -77,4 +77,7 @@ def test_a_robot_file_is_known_by_its_format(tmp_path, capsys):
 
 def test_a_robot_has_no_battery_filter(tmp_path, capsys):
     assert main(["export", "rlma", "--filter", "coulomb", "-o", str(tmp_path / "out")]) == 2
-    assert "filter must be one of ekf, aekf, ukf, aukf, slip-controller, speed-controller" in capsys.readouterr().err
+    assert (
+        "filter must be one of ekf, aekf, ukf, aukf, odometry, slip-controller, speed-controller"
+        in capsys.readouterr().err
+    )
