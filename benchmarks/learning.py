@@ -2,7 +2,7 @@
 
 Words choose the parts whose names contain all of them. Measured batteries need what is not part of the repository,
 `../shared/data` or the folder named by OHMWARD_DATA; without it they are skipped with a message. The first run
-simulates the cells, for a quarter of an hour; later ones take them from build/lives.
+simulates the cells, for an hour or two; later ones take them from build/lives.
 """
 
 from __future__ import annotations
