@@ -38,8 +38,8 @@ PLANS = (DayPlan(25.0, 3.0, charged_fully=True), DayPlan(25.0, 3.0))
 _PASSES, _SETTLED_SHARE = 6, 0.002
 #: Share of a charge by which the charger stays below what the cells would take, so that none is at its limit alone.
 _CHARGER_SHARE = 0.98
-#: A charge is over once the fullest cell is as close to its fullest as this, in SoC.
-_FULL_WITHIN = 0.002
+#: A charge is over once the fullest cell is as close to its fullest as this, in SoC, after it was this far below.
+_FULL_WITHIN, _DRIVEN = 0.002, 0.1
 #: Offset of a channel of a cell monitor [V], 1 sigma.
 _CHANNEL_V = 0.001
 _HOUR_S = 3600.0
@@ -107,7 +107,8 @@ def weakest_figures(data: str, run: PackRun, found: Pack, bar: float | None) -> 
 def cycle_s(found: Pack) -> float:
     """Time of the first cycle [s]: until the night's charge has filled the first cell, which ends it."""
     fullest = found.soc.max(axis=1)
-    return float(found.log.time_s[np.argmax(fullest >= fullest.max() - _FULL_WITHIN)])
+    driven = np.argmax(fullest < fullest.max() - _DRIVEN)
+    return float(found.log.time_s[driven + np.argmax(fullest[driven:] >= fullest.max() - _FULL_WITHIN)])
 
 
 def warning_figures(data: str, unequal: PackRun, healthy: PackRun, limit_s: float) -> Iterator[Figure]:
