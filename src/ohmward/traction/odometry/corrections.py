@@ -55,7 +55,7 @@ INCREMENT_STD = (1e-5, 10.0)
 MOST_OPENED = 1e4
 
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
-_LEAST_STD = 1e-4
+LEAST_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
@@ -84,10 +84,12 @@ class PoseCorrection(NamedTuple):
     """Belief after measurements, and conditions on them.
 
     belief: after them.
+    turn_apart_rad_s: yaw rate by which gyro and wheels differ.
     turn_rejected, speed_rejected, increment_rejected, increment_too_old: see `OdometryFlag`.
     """
 
     belief: Belief
+    turn_apart_rad_s: Any = 0.0
     turn_rejected: Any = False
     speed_rejected: Any = False
     increment_rejected: Any = False
@@ -142,7 +144,7 @@ def use_turn(
     belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate)
     rejected = due & logical_not(accepted)
     rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
-    body = body._replace(belief=belief, turn_rejected=rejected)
+    body = body._replace(belief=belief, turn_apart_rad_s=abs(rate), turn_rejected=rejected)
     return body, choose(due, TurnSums(rejected_s=rejected_s), sums)
 
 
@@ -221,7 +223,7 @@ def use_motion(
     nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
     after, accepted = correct_scalar(belief, y, moved, variance, gate)
     rejected = isfinite(y) & logical_not(accepted)
-    slip = clip(nu / (maximum(u.motion_std[axis], _LEAST_STD) * length_s), -MOST_OPENED, MOST_OPENED)
+    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_STD) * length_s), -MOST_OPENED, MOST_OPENED)
     return choose(rejected, inflate(belief, state, slip * slip), after), rejected
 
 

@@ -12,12 +12,15 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters import extended
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
+from ohmward.filters.gate import choose, inflate
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import CleanStep, every, sanitize_step
-from ohmward.trace import linearize, logical_not, sqrt
+from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.corrections import (
+    LEAST_STD,
+    MOST_OPENED,
     PoseCorrection,
     TurnSums,
     add_turn,
@@ -25,9 +28,11 @@ from ohmward.traction.odometry.corrections import (
     use_speeds,
     use_turn,
 )
+from ohmward.traction.odometry.grip import lever_m
 from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
+    SLIP,
     YAW,
     MotionInput,
     X,
@@ -40,7 +45,15 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.odometry.shown_motion import MotionState, ShownMotion, no_motion, rim_matrix, sense, show
+from ohmward.traction.odometry.shown_motion import (
+    WHEELS,
+    MotionState,
+    ShownMotion,
+    no_motion,
+    rim_matrix,
+    sense,
+    show,
+)
 from ohmward.traction.odometry.trail import Trail, empty_trail, extend
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
@@ -113,13 +126,15 @@ class PoseFilter:
         time = sanitize_step(sample.dt_s, LONGEST_STEP_S, self.gap_s)
         before = unpack(state.belief)
         sensors, jump = sense(state.motion, sample, time, self.robot)
-        motion = show(sensors, jump, time.dt_s, self.robot, self.noise)
-        reckoned = self.predict(before, motion.input)
+        since_s = state.motion.intervals.age_s[WHEELS] + time.dt_s
+        motion = show(sensors, jump, time.dt_s, since_s, self.robot, self.noise)
+        sensors = sensors._replace(followed_m_s=motion.grip.followed_m_s)
+        reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
         history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
         sums = add_turn(state.sums, motion.input, motion.rim_m_s, motion.comparable)
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion.input, history, trail)
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion, history, trail)
         distance_m = state.distance_m + travelled(body.belief, motion.input)
         estimate = self.conclude(body.belief, motion, distance_m)
         flags = self.flags(before, time, motion, body)
@@ -136,16 +151,22 @@ class PoseFilter:
         body: PoseCorrection,
         sums: TurnSums,
         sample: OdometrySample,
-        u: MotionInput,
+        motion: ShownMotion,
         history: History,
         trail: Trail,
     ) -> tuple[PoseCorrection, TurnSums]:
         """Correct with wheels against gyro, with external speeds and with a pose increment."""
-        noise, gate = self.noise, self.gate
+        noise, gate, u = self.noise, self.gate, motion.input
         counting_rad = self.turn_per_slip * self.robot.wheel.radius_m * noise.encoder_std_rad
         body, sums = use_turn(body, sums, noise, counting_rad, gate, self.reset_after_s)
+        body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
         body = use_speeds(body, sample, u, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
+
+    def slip_by_turn(self, body: PoseCorrection, motion: ShownMotion) -> Scalar:
+        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of."""
+        apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
+        return where(body.turn_rejected, minimum(apart_m_s, motion.grip.loose_m_s), 0.0)
 
     def conclude(self, belief: Belief, motion: ShownMotion, distance_m: Scalar) -> OdometryEstimate:
         """The estimate still without flags."""
@@ -183,6 +204,13 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def opened(belief: Belief, motion: ShownMotion, slip_m_s: Scalar) -> Belief:
+    """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
+    slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_STD), MOST_OPENED)
+    wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])
+    return choose(motion.by_wheels, wide, belief)
 
 
 def travelled(belief: Belief, u: MotionInput) -> Scalar:

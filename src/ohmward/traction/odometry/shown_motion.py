@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.filters.sanitize import CleanStep, every, some, within
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
 from ohmward.traction.odometry.model import MotionInput
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
@@ -54,12 +55,14 @@ class MotionState(NamedTuple):
 
     wheel_speed_rad_s: (driven,).
     gyro_rad_s: yaw rate of the gyro.
+    followed_m_s: forward speed of the rims, changed no faster than friction can.
     observed: of the speed observer.
     intervals: of `WHEELS`, `GYRO` and `OBSERVER`.
     """
 
     wheel_speed_rad_s: np.ndarray
     gyro_rad_s: Any
+    followed_m_s: Any
     observed: Observed
     intervals: Intervals
 
@@ -70,6 +73,8 @@ class ShownMotion(NamedTuple):
     input: of the model.
     white_variance: (3,) of the twist, by counting and by the gyro's noise over one step.
     rim_m_s: speed of the rims whatever its direction.
+    grip: forward speed of the rims.
+    by_wheels: the condition that they tell it, and no observer.
     comparable: gyro and wheels both show the turn.
     no_wheels, no_gyro, jump: see `OdometryFlag`.
     """
@@ -77,6 +82,8 @@ class ShownMotion(NamedTuple):
     input: MotionInput
     white_variance: np.ndarray
     rim_m_s: Scalar
+    grip: GripSpeed
+    by_wheels: Scalar
     comparable: Scalar
     no_wheels: Scalar
     no_gyro: Scalar
@@ -85,7 +92,7 @@ class ShownMotion(NamedTuple):
 
 def no_motion(robot: Robot) -> MotionState:
     """State before the first sample."""
-    return MotionState(np.zeros(robot.driven), 0.0, Observed(), never(3))
+    return MotionState(np.zeros(robot.driven), 0.0, 0.0, Observed(), never(3))
 
 
 def rim_matrix(robot: Robot) -> np.ndarray:
@@ -112,17 +119,28 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
     after = MotionState(
         wheel_speed_rad_s=where(rolled, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
         gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
+        followed_m_s=before.followed_m_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed]), time.dt_s),
     )
     return after, jump
 
 
-def show(now: MotionState, jump: Scalar, dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> ShownMotion:
-    """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both."""
+def show(
+    now: MotionState, jump: Scalar, dt_s: Scalar, since_s: Scalar, robot: Robot, noise: OdometryNoise
+) -> ShownMotion:
+    """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
+
+    since_s: time since the wheels were last measured, at its end.
+    """
     rolls, by_gyro, observed = holds(now.intervals)
     B = rim_matrix(robot)
-    rim = B @ (robot.wheel.radius_m * now.wheel_speed_rad_s)
+    rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
+    rim = B @ rims_m_s
+    count_m_s = counting_m_s(dt_s, robot, noise)
+    grip = speed_by_grip(
+        rims_m_s, rim[0], now.gyro_rad_s, by_gyro, now.followed_m_s, since_s, count_m_s, robot, noise
+    )  # fmt: skip
     rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
     o = now.observed
     speed_std_m_s = where(observed, o.speed_std_m_s, noise.slip_share * rim_m_s)
@@ -131,7 +149,7 @@ def show(now: MotionState, jump: Scalar, dt_s: Scalar, robot: Robot, noise: Odom
     u = MotionInput(
         dt_s=dt_s,
         motion=np.array([
-            where(observed, o.speed_m_s, rim[0]),
+            where(observed, o.speed_m_s, grip.forward_m_s),
             where(observed, o.left_m_s, rim[1]),
             where(turn_observed, o.yaw_rate_rad_s, rim[2]),
         ]),
@@ -148,16 +166,22 @@ def show(now: MotionState, jump: Scalar, dt_s: Scalar, robot: Robot, noise: Odom
     comparable = by_gyro & rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(dt_s, observed, by_gyro, robot, noise)
-    return ShownMotion(u, white, rim_m_s, comparable, logical_not(rolls | observed), no_gyro, jump)
+    by_wheels = rolls & logical_not(observed)
+    return ShownMotion(
+        u, white, rim_m_s, grip, by_wheels, comparable, logical_not(rolls | observed), no_gyro, jump
+    )  # fmt: skip
 
 
 def white_variance(dt_s: Scalar, observed: Scalar, by_gyro: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
     """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in."""
-    step_s = maximum(dt_s, LEAST_STEP_S)
-    counts_m_s = robot.wheel.radius_m * noise.encoder_std_rad / step_s
-    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counts_m_s**2
-    gyro = noise.gyro_walk**2 / step_s
+    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counting_m_s(dt_s, robot, noise) ** 2
+    gyro = noise.gyro_walk**2 / maximum(dt_s, LEAST_STEP_S)
     return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(by_gyro, gyro, rims[2])])
+
+
+def counting_m_s(dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
+    """Standard deviation [m/s] of the speed of a rim by counts over the step."""
+    return robot.wheel.radius_m * noise.encoder_std_rad / maximum(dt_s, LEAST_STEP_S)
 
 
 def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
