@@ -28,6 +28,9 @@ RUNS, MUJOCO_RUNS, DISTANCE_M, DT_S = 50, 20, 50.0, 0.02
 OFFSET_RAD_S, RADIUS, UNEQUAL, SCALE = 0.01, 0.005, 0.0006, 0.01
 COUNTS = 4096
 
+#: Ways to the pose, and whether a speed observer is one of them.
+METHODS = (("encoders, gyro", False), ("encoders, gyro, currents by the observer", True))
+
 #: Gains of the driver: N m for each m/s and rad/s, and the most that it gives of each.
 OWN, MUJOCO = (40.0, 8.0, 2.5, 1.5), (25.0, 20.0, 3.0, 6.0)
 
@@ -51,7 +54,7 @@ def rows() -> Iterator[Figure]:
     """Every figure of this page."""
     lower, upper = mean_bounds(3, RUNS)
     own = [recording(own_plant, OWN, seed) for seed in range(RUNS)]
-    for method, observed in (("encoders, gyro", False), ("encoders, gyro, currents by the observer", True)):
+    for method, observed in METHODS:
         found, data = scored(own, observed), "own plant, 50 m"
         yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
         yield at_most(data, method, "that over the wheels' alone", beside(found), 1.0, ".2f")
@@ -62,12 +65,13 @@ def rows() -> Iterator[Figure]:
 
 def scrubbing() -> Iterator[Figure]:
     """The same on MuJoCo's robot, whose wheels show turns that it does not make; there its radius does not creep."""
-    found = scored([recording(mujoco_plant, MUJOCO, seed) for seed in range(MUJOCO_RUNS)], False)
-    method = "encoders, gyro"
+    runs = [recording(mujoco_plant, MUJOCO, seed) for seed in range(MUJOCO_RUNS)]
     upper = mean_bounds(3, MUJOCO_RUNS)[1]
-    yield at_most("MuJoCo, 50 m", method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
-    yield at_most("MuJoCo, 50 m", method, "that over the wheels' alone", beside(found), 1.0, ".2f")
-    yield at_most("MuJoCo, 50 m", method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
+    for method, observed in METHODS:
+        found, data = scored(runs, observed), "MuJoCo, 50 m"
+        yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
+        yield at_most(data, method, "that over the wheels' alone", beside(found), 1.0, ".2f")
+        yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
 
 
 def mean(values: np.ndarray) -> float:
