@@ -16,7 +16,7 @@ from traction.odometry.examples import DT_S, samples
 
 FILTER = pose_filter(RLMA)
 NOISE = OdometryNoise(turn_scale_std=0.0)
-HALF_TRACK_M = RLMA.chassis.track_m / 2
+HALF_TRACK_M = float(RLMA.rolling[1, 1])
 
 
 def grip(rims, turn=0.0, by_gyro=True, followed=0.5, since=0.02):

@@ -67,9 +67,9 @@ def speed_by_grip(
     loose_m_s = LOOSE_M_S + LOOSE_SHARE * abs(followed_m_s) + LOOSE_SIGMAS * (count_m_s + track_m_s)
     forward_m_s = mean_m_s
     if PLANAR[1] not in robot.chassis.freedoms:
-        by_wheel_m_s = rims_m_s - robot.rolling[: robot.driven, -1] * turn_rad_s
-        counted = 1.0 / (1.0 + ((by_wheel_m_s - followed_m_s) / loose_m_s) ** 4)
-        forward_m_s = where(by_gyro, np.sum(counted * by_wheel_m_s) / np.sum(counted), mean_m_s)
+        by_wheel_m_s = np.asarray(rims_m_s - robot.rolling[: robot.driven, -1] * turn_rad_s)
+        counted = np.asarray(1.0 / (1.0 + ((by_wheel_m_s - followed_m_s) / loose_m_s) ** 4))
+        forward_m_s = where(by_gyro, counted @ by_wheel_m_s / (counted @ np.ones(robot.driven)), mean_m_s)
     most_m_s = GRIP_M_S2 * since_s
     after_m_s = followed_m_s + clip(forward_m_s - followed_m_s, -most_m_s, most_m_s)
     return GripSpeed(
