@@ -107,8 +107,9 @@ def weakest_figures(data: str, run: PackRun, found: Pack, bar: float | None) -> 
 def cycle_s(found: Pack) -> float:
     """Time of the first cycle [s]: until the night's charge has filled the first cell, which ends it."""
     fullest = found.soc.max(axis=1)
-    driven = np.argmax(fullest < fullest.max() - _DRIVEN)
-    return float(found.log.time_s[driven + np.argmax(fullest[driven:] >= fullest.max() - _FULL_WITHIN)])
+    driven = int(np.argmax(fullest < fullest.max() - _DRIVEN))
+    later = fullest[driven:]
+    return float(found.log.time_s[driven + np.argmax(later >= later.max() - _FULL_WITHIN)])
 
 
 def warning_figures(data: str, unequal: PackRun, healthy: PackRun, limit_s: float) -> Iterator[Figure]:
