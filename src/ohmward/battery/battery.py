@@ -117,3 +117,13 @@ class Battery:
             )
         if self.thevenin is None and self.rc is None:
             raise InputError(f"battery {self.name!r} has no model: give thevenin or rc")
+
+
+def require_thevenin(battery: Battery) -> Thevenin:
+    """The Thevenin model of a battery, or InputError where it has none."""
+    if battery.thevenin is None:
+        raise InputError(
+            f"{battery.name}: the battery file has no [thevenin] model, which is needed here; choose the filter `rc`, "
+            "or make one with `ohmward identify ... --model thevenin` or `ohmward generic`"
+        )
+    return battery.thevenin

@@ -11,10 +11,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.registry import require_thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 
 from battery.learning.test_another_battery import day, worn
 from cli.examples import MODEL
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning import learn
@@ -15,7 +15,7 @@ from ohmward.battery.learning.capacity_marginal import moments
 from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
 from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.nuisances import nuisance_covariance
-from ohmward.battery.learning.parameters import parameters_of, prior_covariance, thevenin_of
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, solve
 from ohmward.battery.learning.voltage_model import VoltageModel
@@ -84,8 +84,8 @@ def test_a_file_without_corrections_stays_as_it_is():
     folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
     soc = np.linspace(0.0, 1.0, 101)
     assert folded.capacity_Ah == TESTED.capacity_Ah
-    assert thevenin_of(folded).ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
-    assert thevenin_of(folded).tau_s == MODEL.tau_s
+    assert require_thevenin(folded).ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
+    assert require_thevenin(folded).tau_s == MODEL.tau_s
     assert folded.noise.capacity_std <= TESTED.noise.capacity_std
 
 
@@ -97,8 +97,8 @@ def test_a_learnt_curve_is_the_same_over_the_charge_below_full():
     smaller = fold(once, theta, prior_covariance(TESTED), 0.0, ())
     charge = np.linspace(0.2, 1.0, 50)
     soc = true_soc(charge, np.log(0.9))
-    assert thevenin_of(smaller).ocv.mean_V(soc, 25.0) == pytest.approx(
-        thevenin_of(once).ocv.mean_V(charge, 25.0), abs=2e-3
+    assert require_thevenin(smaller).ocv.mean_V(soc, 25.0) == pytest.approx(
+        require_thevenin(once).ocv.mean_V(charge, 25.0), abs=2e-3
     )
 
 
@@ -136,7 +136,7 @@ def difference_in_sigmas(one: Battery, two: Battery) -> float:
     p = parameters_of(one)
     std = np.sqrt(np.diag(prior_covariance(one)))
     log_ratio = np.log(two.capacity_Ah / one.capacity_Ah)
-    curves = [np.asarray(thevenin_of(b).ocv.mean_V(np.linspace(0.3, 1.0, 8), 25.0)) for b in (one, two)]
+    curves = [np.asarray(require_thevenin(b).ocv.mean_V(np.linspace(0.3, 1.0, 8), 25.0)) for b in (one, two)]
     model_V = np.interp(np.linspace(0.3, 1.0, 8), np.linspace(0, 1, 21), one.noise.model_std_V)
     slope_V = np.gradient(curves[0], 0.1)
     of_curve = np.abs(curves[0] - curves[1]) / np.hypot(model_V, one.noise.soc_axis_std * slope_V)

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.cells.cell_filter import CellFilter, CellState
 from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, TypicalCell
 from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted
 from ohmward.battery.cells.spread import CellSpread
 from ohmward.battery.cells.weakest import PackState, pack_state
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
-from ohmward.battery.soc.registry import DEFAULT, chosen_name, require_thevenin
+from ohmward.battery.soc.registry import DEFAULT, chosen_name
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, numbers

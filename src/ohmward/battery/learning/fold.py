@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry_prior
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
@@ -26,7 +26,6 @@ from ohmward.battery.learning.parameters import (
     Parameters,
     mean_slope_V,
     parameters_of,
-    thevenin_of,
 )
 from ohmward.battery.learning.pulse_resistance import pulse_ohm
 from ohmward.battery.models.noise import BatteryNoise
@@ -58,7 +57,7 @@ _NEIGHBOUR = 0.1
 
 def model_floor_V(battery: Battery) -> float:
     """Least error of the model's voltage [V] that stays with SoC."""
-    model = thevenin_of(battery)
+    model = require_thevenin(battery)
     cell_V = LFP_WITHOUT_LOW_RATE_V if battery.chemistry == "lfp" else MODEL_STD_V
     cell_V = cell_V if model.gassing_V is None else _GASSING_MODEL_STD_V
     return cell_V * float(np.mean(model.ocv.voltage_V)) / CELL_V
@@ -130,7 +129,7 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
-    model, direction = thevenin_of(battery), np.zeros(p.size)
+    model, direction = require_thevenin(battery), np.zeros(p.size)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
     pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).by_log_ratio(OCV_KNOTS)
     direction[p.group("capacity")] = 1.0
@@ -140,7 +139,7 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
 
 def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the curve where the electrodes slip by the whole of a loss of capacity."""
-    model, direction = thevenin_of(battery), np.zeros(p.size)
+    model, direction = require_thevenin(battery), np.zeros(p.size)
     direction[p.group("ocv")] = -mean_slope_V(model.ocv, OCV_KNOTS) * slip_shape(OCV_KNOTS, model.ocv_slip)
     return direction
 
@@ -192,7 +191,7 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
     curve_V, length = _curve_error(battery, p, covariance)
     axis_std = min(noise.soc_axis_std, max(SOC_AXIS_STD, _axis_std(battery, curve_V)))
     floor_V = model_floor_V(battery)
-    model_V = np.hypot(beyond_axis_V(curve_V, thevenin_of(battery).ocv, axis_std), floor_V)
+    model_V = np.hypot(beyond_axis_V(curve_V, require_thevenin(battery).ocv, axis_std), floor_V)
     capacity_std = float(np.sqrt(max(float(np.square(std[p.group("capacity")]).sum()) - gain_std**2, 0.0)))
     activation_K = float(np.sqrt(np.mean(np.square(std[p.group("activation")]))) if p.sizes["activation"] else 0.0)
     empty_K = float(std[p.group("empty_activation")].sum())
@@ -235,13 +234,13 @@ def offset_normal(battery: Battery, covariance: np.ndarray) -> Normal:
 
 def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
     """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
-    mean = pulse_ohm(thevenin_of(battery))
+    mean = pulse_ohm(require_thevenin(battery))
     return Normal(mean, mean * max(resistance_std(battery, covariance), _RESISTANCE_STD))
 
 
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
-    p, model = parameters_of(battery), thevenin_of(battery)
+    p, model = parameters_of(battery), require_thevenin(battery)
     weights = np.zeros(p.size)
     grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
     along = hat(_NOISE_GRID, RESISTANCE_KNOTS).mean(axis=0)
@@ -257,7 +256,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     rows = np.zeros((_NOISE_GRID.size, p.size))
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
     # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
-    slope_V = mean_slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
     stretched = CurvePlace(seen_from, 0.0).by_log_ratio(_NOISE_GRID)
     rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
@@ -273,7 +272,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
 
 def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
     """Error of the SoC axis by that of the curve where it is steep."""
-    slope_V = mean_slope_V(thevenin_of(battery).ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
     steep = slope_V >= np.quantile(slope_V, 0.75)
     return float(np.median(curve_V[steep] / slope_V[steep]))
 

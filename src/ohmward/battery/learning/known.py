@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.fold import capacity_normal, offset_normal, resistance_normal
 from ohmward.battery.learning.parameters import prior_covariance
-from ohmward.battery.soc.registry import require_thevenin
 
 #: Grid of SoC on which the error of the curve is told.
 _GRID = np.linspace(0.0, 1.0, 21)

@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.curve_place import CurvePlace
-from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of, thevenin_of
+from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import Thevenin
 
@@ -40,7 +40,7 @@ class OpenCircuit:
     @cached_property
     def model(self) -> Thevenin:
         """The circuit of the file."""
-        return thevenin_of(self.battery)
+        return require_thevenin(self.battery)
 
     @cached_property
     def place(self) -> CurvePlace:

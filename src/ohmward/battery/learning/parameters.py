@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
@@ -110,24 +110,14 @@ def parameters_of(battery: Battery) -> Parameters:
     Raises:
         InputError: the battery has no Thevenin model.
     """
-    return _Prior(battery, thevenin_of(battery)).parameters
+    return _Prior(battery, require_thevenin(battery)).parameters
 
 
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
-    prior = _Prior(battery, thevenin_of(battery))
+    prior = _Prior(battery, require_thevenin(battery))
     learnt = battery.knowledge
     return learnt.matrix if learnt and learnt.names == prior.parameters.names else prior.covariance
-
-
-def thevenin_of(battery: Battery) -> Thevenin:
-    """The Thevenin model of a battery; InputError where there is none."""
-    if battery.thevenin is None:
-        raise InputError(
-            f"battery {battery.name!r} has no Thevenin model, whose parameters are learnt; "
-            "make one with `ohmward generic` or `ohmward identify`"
-        )
-    return battery.thevenin
 
 
 class _Prior(NamedTuple):

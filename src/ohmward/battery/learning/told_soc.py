@@ -10,8 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.learning.parameters import thevenin_of
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.learning.solve import SocAnchor
 from ohmward.battery.soc.anchors import Anchor
@@ -51,7 +50,7 @@ def told_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tupl
 
 def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
     """State of charge of a part that starts at rest at the voltage of a full battery or above; () for another one."""
-    full_V = float(thevenin_of(battery).ocv.mean_V(1.0, samples.temperature_degC[0]))
+    full_V = float(require_thevenin(battery).ocv.mean_V(1.0, samples.temperature_degC[0]))
     resting = abs(samples.current_A[0]) <= _REST_C * battery.capacity_Ah
     if not (resting and samples.voltage_V[0] >= full_V):
         return ()

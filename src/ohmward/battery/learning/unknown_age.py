@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, thevenin_of
+from ohmward.battery.battery import require_thevenin
+from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V
 from ohmward.battery.learning.solve import Normals
 from ohmward.battery.learning.voltage_model import VoltageModel
 
@@ -48,4 +49,4 @@ def _scale2(change: float, covariance: np.ndarray) -> float:
 def _shape_V(model: VoltageModel, loss: float) -> np.ndarray:
     """Standard deviation [V] on OCV_KNOTS of what slip does not describe of a curve at this loss of capacity."""
     inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
-    return _SHAPE_STD * loss * inside * mean_slope_V(thevenin_of(model.battery).ocv, OCV_KNOTS)
+    return _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
 from ohmward.battery.learning.curve_place import true_soc
@@ -29,7 +29,6 @@ from ohmward.battery.learning.parameters import (
     RESISTANCE_KNOTS,
     Parameters,
     parameters_of,
-    thevenin_of,
 )
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.models.temperature import coldness_per_K
@@ -103,7 +102,7 @@ class VoltageModel:
     @cached_property
     def model(self) -> Thevenin:
         """The circuit."""
-        return thevenin_of(self.battery)
+        return require_thevenin(self.battery)
 
     @cached_property
     def parameters(self) -> Parameters:

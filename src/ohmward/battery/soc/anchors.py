@@ -9,12 +9,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
 from ohmward.battery.soc.clean_sample import Rest, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.estimator import samples_of
-from ohmward.battery.soc.registry import require_thevenin
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
@@ -86,16 +85,6 @@ def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str
         return True
 
     return tuple(filter(possible, choices))
-
-
-def require_thevenin(battery: Battery) -> Thevenin:
-    """The Thevenin model of a battery file, or InputError where it has none."""
-    if battery.thevenin is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [thevenin] model, which this filter needs; choose `--filter rc`, "
-            "or identify one with `ohmward identify ... --model thevenin`"
-        )
-    return battery.thevenin
 
 
 def require_rc(battery: Battery) -> RcModel:

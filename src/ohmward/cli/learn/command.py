@@ -8,8 +8,8 @@ import json
 import time
 from functools import partial
 
+from ohmward.battery.battery import require_thevenin
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.soc.registry import require_thevenin
 from ohmward.cli.learn.files import open_files
 from ohmward.cli.learn.journal import Journal, journal_path
 from ohmward.cli.learn.lessons import teach_all
