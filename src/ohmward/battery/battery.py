@@ -127,3 +127,13 @@ def require_thevenin(battery: Battery) -> Thevenin:
             "or make one with `ohmward identify ... --model thevenin` or `ohmward generic`"
         )
     return battery.thevenin
+
+
+def require_rc(battery: Battery) -> RcModel:
+    """The RC model of a battery file, or InputError where it has none."""
+    if battery.rc is None:
+        raise InputError(
+            f"{battery.name}: the battery file has no [rc] model, which this filter needs; "
+            "identify one with `ohmward identify ... --model rc`"
+        )
+    return battery.rc

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_rc
 from ohmward.battery.soc import registry
 from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, require_rc, thevenin_filter
+from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, thevenin_filter
 from ohmward.published.hybrid import Hybrid
 from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 

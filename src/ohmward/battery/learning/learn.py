@@ -193,7 +193,7 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
 
 
 def _log_findings(lesson: Lesson) -> LogFindings:
-    """LogFindings of a log about its battery."""
+    """Findings of a log about its battery."""
     return LogFindings(lesson.capacity_Ah, lesson.resistance_ohm, lesson.offset_A, lesson.residual_rms_V, lesson.misfit)
 
 
@@ -311,9 +311,7 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         offset_A=offset_normal(after, new),
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
-        misfit=float(
-            np.average([part.solution.misfit for part in parts], weights=[len(part.model.rows) for part in parts])
-        ),
+        misfit=_misfit(parts),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
         own_capacity_Ah=combined([part.own.capacity_Ah for part in parts]),

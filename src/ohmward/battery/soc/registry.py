@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.models.rc import RcModel
+from ohmward.battery.battery import Battery, require_rc, require_thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
@@ -85,16 +84,6 @@ def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str
         return True
 
     return tuple(filter(possible, choices))
-
-
-def require_rc(battery: Battery) -> RcModel:
-    """The RC model of a battery file, or InputError where it has none."""
-    if battery.rc is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [rc] model, which this filter needs; "
-            "identify one with `ohmward identify ... --model rc`"
-        )
-    return battery.rc
 
 
 def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
