@@ -61,6 +61,7 @@ def soc(folder, name):
 
 
 def test_a_million_samples_take_less_than_180_bytes_each(folder):
+    soc(folder, "short")  # compiles the filter, so that neither of the two is measured with the compiler's memory
     (long, peak), (short, least) = soc(folder, "long"), soc(folder, "short")
     assert long["steps"] > 0.99 * SAMPLES > 9.8 * short["steps"]
     assert (peak - least) / (long["steps"] - short["steps"]) < 180
