@@ -128,15 +128,9 @@ def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
     ocv = require_thevenin(battery).ocv
     soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _POINTS)), ocv.reference_degC
     beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
-    voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(np.minimum(soc, 1.0), degC))
     inside = np.minimum(soc, 1.0)
-    return OcvCurve(
-        tuple(np.maximum.accumulate(voltage_V).tolist()),
-        tuple(np.asarray(ocv.hysteresis_at(inside)).tolist()),
-        tuple((np.asarray(ocv.mean_V(inside, degC + 1.0)) - np.asarray(ocv.mean_V(inside, degC))).tolist()),
-        degC,
-        ocv.interpolation,
-    )
+    voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(inside, degC))
+    return _resampled(ocv, inside, voltage_V)
 
 
 def limit_sentence(before: Battery, after: Battery) -> str:
@@ -155,12 +149,16 @@ def _was_full(knowledge: Knowledge | None) -> bool:
 def _stretched(ocv: OcvCurve, full_soc: float) -> OcvCurve:
     """The curve from 0 to this SoC as one from 0 to 1."""
     soc = full_soc * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _POINTS))
+    return _resampled(ocv, soc, np.asarray(ocv.mean_V(soc, ocv.reference_degC)))
+
+
+def _resampled(ocv: OcvCurve, soc: np.ndarray, voltage_V: np.ndarray) -> OcvCurve:
+    """A curve with these voltages (points,), and with the hysteresis and slope of this one at `soc` (points,)."""
     degC = ocv.reference_degC
-    voltage_V = np.asarray(ocv.mean_V(soc, degC))
     return OcvCurve(
         tuple(np.maximum.accumulate(voltage_V).tolist()),
         tuple(np.asarray(ocv.hysteresis_at(soc)).tolist()),
-        tuple((np.asarray(ocv.mean_V(soc, degC + 1.0)) - voltage_V).tolist()),
+        tuple((np.asarray(ocv.mean_V(soc, degC + 1.0)) - np.asarray(ocv.mean_V(soc, degC))).tolist()),
         degC,
         ocv.interpolation,
     )

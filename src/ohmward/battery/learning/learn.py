@@ -252,11 +252,11 @@ def _learn_parts(
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Lesson of one part."""
     model = VoltageModel(battery, samples, samples.rows)
-    prior = _prior(model)
+    prior = of_file = _prior(model)
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
     for _ in range(_AGE_ROUNDS if battery.knowledge is None else 0):
-        prior = prior_of_age(model, _prior(model), found.x)
+        prior = prior_of_age(model, of_file, found.x)
         found = solve(model, prior, anchors, found.x)
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
