@@ -35,7 +35,9 @@ BELOW: dict[str, set[str]] = {
     "simulate": {"battery", "traction", "published", "energy", "trace", "filters", "logs"} | GROUND,
     "fleet": {"battery", "published", "trace", "filters", "logs"} | GROUND,
     "figures": {"battery", "traction", "energy", "filters", "logs.log", "logs.drive_log", "report"} | GROUND,
+    "onboard": {"battery", "traction", "energy", "simulate", "trace", "filters", "logs", "report"} | GROUND,
     "cli": {
+        *("onboard",),
         *("fleet", "battery", "traction", "published", "energy", "simulate", "export", "filters", "logs", "report"),
         "figures",
     }

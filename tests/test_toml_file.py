@@ -31,7 +31,7 @@ class Drawing:
     origin: Box = field(default_factory=Box)
 
 
-FILE = TomlFile(Drawing, "ohmward-drawing/1", "# A drawing.", digits=3, kinds={"circle": Circle, "box": Box})
+FILE = TomlFile(Drawing, "ohmward-drawing/1", "# A drawing.", digits=3, kinds={Circle: "circle", Box: "box"})
 DRAWING = Drawing("a", Box(), (Circle(1.0), Box((3.0,))), None, ((1.0, 2.0), ()))
 TEXT = FILE.dump(DRAWING)
 

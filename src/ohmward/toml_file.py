@@ -29,7 +29,7 @@ class TomlFile(Generic[T]):
         format: name and version, such as "ohmward-battery/1"; the first key of every file.
         header: comments at the head, lines that start with "#".
         digits: significant digits of the numbers written.
-        kinds: value of the key `kind` for each class of a field that may hold one of several dataclasses.
+        kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
         older: formats of before, each with the function from its table to the one of today.
     """
 
@@ -37,7 +37,7 @@ class TomlFile(Generic[T]):
     format: str
     header: str
     digits: int = 6
-    kinds: Mapping[str, type] = field(default_factory=dict)
+    kinds: Mapping[type, str] = field(default_factory=dict)
     older: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = field(default_factory=dict)
 
     @property
@@ -114,13 +114,13 @@ class TomlFile(Generic[T]):
                 raise InputError(f"{place} must be a list of tables [[{place}]], got {value!r}")
             return tuple(self._from_value(get_args(hint)[0], row, f"{place}[{i}]") for i, row in enumerate(value))
         classes = _classes(hint)
-        if len(classes) > 1:
+        if len(classes) > 1 or (isinstance(value, dict) and "kind" in value and self.kinds.keys() & set(classes)):
             return self._from_choice(classes, value, place)
         return self._from_table(classes[0], value, place) if classes else _converted(hint, value, place)
 
     def _from_choice(self, classes: list[type], table: Any, place: str) -> Any:
         """An instance of the class that `kind` names."""
-        kinds = {kind: cls for kind, cls in self.kinds.items() if cls in classes}
+        kinds = {kind: cls for cls, kind in self.kinds.items() if cls in classes}
         kind = table.get("kind") if isinstance(table, dict) else table
         if not isinstance(kind, str) or kind not in kinds or kind is table:
             raise InputError(f"{place}.kind must be one of {', '.join(kinds)}; got {kind!r}")
@@ -130,7 +130,7 @@ class TomlFile(Generic[T]):
         """Dataclasses as tables, numbers with as many digits as mean something, all else as it is."""
         if is_dataclass(value):
             hints = get_type_hints(type(value))
-            kind = next((k for k, cls in self.kinds.items() if cls is type(value) and len(_classes(hint)) > 1), None)
+            kind = self.kinds.get(type(value)) if len(_classes(hint)) > 1 else None
             return {"kind": kind} | {f.name: self._plain(getattr(value, f.name), hints[f.name]) for f in fields(value)}
         if isinstance(value, tuple):
             return [self._plain(v, (*get_args(hint), None)[0]) for v in value]

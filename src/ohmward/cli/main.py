@@ -27,6 +27,7 @@ COMMANDS = {
     "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
     "slip": "speed and wheel slip along a drive, with their uncertainty",
     "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
+    "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
     "simulate": "a robot and its battery driven in closed loop on a ground; or a battery alone",
     "fleet": "state of charge of many logs, one row for each; can be resumed",
     "export": "a filter or controller as a C99 library for a microcontroller",

@@ -15,11 +15,11 @@ from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
 PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO}
 
 #: What `kind` in the table [chassis] may be.
-CHASSIS: Mapping[str, type] = {
-    "differential": Differential,
-    "skid-steer": SkidSteer,
-    "two-wheel": TwoWheeled,
-    "omni": Omni,
+CHASSIS: Mapping[type, str] = {
+    Differential: "differential",
+    SkidSteer: "skid-steer",
+    TwoWheeled: "two-wheel",
+    Omni: "omni",
 }
 _HEADER = """\
 # A robot as ohmward knows it. Edit what you know better; every key carries its unit.

@@ -1,0 +1,89 @@
+"""Sources and sinks: what they promise, and a supervisor that begins them again whenever they end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+from ohmward.errors import OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.message import Put
+from ohmward.onboard.robot_state import Diagnostic, Level
+
+LOG = logging.getLogger("ohmward.onboard")
+
+#: Wait before a source or sink begins again [s]: doubled each time, back to the first once it has run for the longest.
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
+
+
+class Source(Protocol):
+    """Settings of a source of measurements, a frozen dataclass that checks itself; its state lives in `run`."""
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        ...
+
+    async def run(self, put: Put) -> None:
+        """Put messages until the source ends; a connection that is lost raises `OhmwardError` with the fix.
+
+        The supervisor begins it again after a while. A message that cannot be read is counted and left out, it never
+        ends the source.
+        """
+        ...
+
+
+class Sink(Protocol):
+    """Settings of a sink of states, a frozen dataclass that checks itself."""
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        ...
+
+    @property
+    def interval_s(self) -> float:
+        """Least time between two states that it takes; 0 takes all."""
+        ...
+
+    async def run(self, feed: Feed) -> None:
+        """Deliver states until the feed ends; a connection that is lost raises `OhmwardError` with the fix.
+
+        What could not be delivered goes back to the feed (`Feed.put_back`) or stays on the sink's own disk.
+        """
+        ...
+
+
+class EndedError(OhmwardError):
+    """A source has come to its end, as a log does: it does not begin again."""
+
+
+async def keep_running(
+    name: str, run: Callable[[], Awaitable[None]], tell: Callable[[Diagnostic], None], wait_s: float = FIRST_WAIT_S
+) -> None:
+    """Run a source or sink, and begin it again with growing waits whenever it ends; returns where it has `EndedError`.
+
+    name: of the diagnostics.  tell: takes them in.
+    """
+    loop = asyncio.get_running_loop()
+    longest_s, first_s = LONGEST_WAIT_S, wait_s
+    while True:
+        tell(Diagnostic(name, Level.OK, "running"))
+        began_s = loop.time()
+        try:
+            await run()
+            reason = "ended"
+        except EndedError as end:
+            tell(Diagnostic(name, Level.OK, str(end)))
+            return
+        except OhmwardError as error:
+            reason = str(error)
+        except Exception as error:
+            LOG.exception("%s: unexpected error", name)
+            reason = f"unexpected {type(error).__name__}: {error}"
+        wait_s = first_s if loop.time() - began_s > longest_s else wait_s
+        tell(Diagnostic(name, Level.ERROR, f"{reason}; trying again in {wait_s:g} s"))
+        await asyncio.sleep(wait_s)
+        wait_s = min(2.0 * wait_s, longest_s)

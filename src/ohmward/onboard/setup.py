@@ -1,0 +1,57 @@
+"""The setup of a robot, `robot.toml` of `ohmward run`: its battery, its wheels, sources and sinks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError
+from ohmward.onboard.sinks import SINKS, AnySink
+from ohmward.onboard.sources import SOURCES, AnySource
+from ohmward.toml_file import TomlFile
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that the process on the robot needs.
+
+    Attributes:
+        name: of the robot: in topics, rows of the store, the page.
+        battery: path of the battery file; without it no charge and no range.
+        robot: path of the robot file or the name of a packaged robot; without it no speed, slip and pose.
+        consumption: path of the consumption file, which learns; made at first.
+        state: folder of what survives a loss of power: snapshots and the store.
+        strict: refuse to start while a source or sink cannot; by default the process starts with what it has.
+        delay_s: messages wait so long for others with an earlier time, >= 0.
+        counts_per_turn: of the encoders, where they send counts.
+        source, sink: where measurements come from and where estimates go, each with its `kind`.
+    """
+
+    name: str = "robot"
+    battery: str | None = None
+    robot: str | None = None
+    consumption: str | None = None
+    state: str = "ohmward-state"
+    strict: bool = False
+    delay_s: float = 0.0
+    counts_per_turn: float | None = None
+    source: tuple[AnySource, ...] = ()
+    sink: tuple[AnySink, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_between("delay_s", self.delay_s, 0.0, 10.0)
+        if self.battery is None and self.robot is None:
+            raise InputError('nothing to estimate: give battery = "battery.toml", robot = "robot.toml" or both')
+        for kind, parts in (("source", self.source), ("sink", self.sink)):
+            twice = [name for name, count in Counter(part.name for part in parts).items() if count > 1]
+            if twice:
+                raise InputError(f"two {kind}s are called {twice[0]!r}; give each a name of its own: name = ...")
+
+
+SETUP_FILE = TomlFile(
+    Setup,
+    "ohmward-setup/1",
+    "# What runs on this robot: `ohmward run` reads it, `ohmward run --check` tries it.",
+    kinds=SOURCES | SINKS,
+)
