@@ -2,37 +2,51 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.told_soc import can_be_told
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.range_estimator import RangeEstimator
-from ohmward.energy.range_step import RangeEstimate
+from ohmward.onboard.mean_inbox import USUAL_S, MeanInbox, MeanSample
 from ohmward.onboard.quantities import BATTERY, DRIVE
 from ohmward.onboard.robot_state import RobotState
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
-from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
 _BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
-_PER_WHEEL = tuple(quantity.name for quantity in DRIVE if quantity.each)
+CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
+FULL, CELL = "battery_full", "cell_voltage_V"
+
+#: A charger that goes on saying that the battery is full is heard again after so long [s].
+FULL_AGAIN_S = 60.0
+
+
+class _Route(NamedTuple):
+    """Argument of `SensorInbox.put` for a signal, and the wheel's number; None for one of the body."""
+
+    argument: str
+    wheel: int | None
 
 
 class Estimation:
-    """Charge, speed and slip, pose and range of one robot.
+    """Charge, cells, speed and slip, pose and range of one robot.
 
     Args:
-        battery: estimates charge; None does without.
+        battery: estimates charge, and that of its cells where their voltages come; None does without.
         robot: estimates speed, slip and pose; None does without.
         consumption: of the range; by default that expected of the robot. The range needs battery and robot.
         delay_s: messages of the drive wait so long for others with an earlier time.
-        counts_per_turn: of the encoders, where they send counts.
+        counts_per_turn: of the encoders, where they send counts; without it counts are passed over.
+        days: since the last drive that the consumption knows.
     """
 
     def __init__(
@@ -42,17 +56,32 @@ class Estimation:
         consumption: Consumption | None = None,
         delay_s: float = 0.0,
         counts_per_turn: float | None = None,
+        days: float = 0.0,
     ):
         self.battery, self.robot = battery, robot
         self.soc = SocEstimator(battery) if battery else None
+        self.cells: PackEstimator | None = None
         self.slip = SlipEstimator(robot) if robot else None
         self.odometry = Odometry(robot) if robot else None
-        self.range = RangeEstimator(battery, consumption or robot) if battery and robot else None
-        self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn) if robot else None
-        self._charge: SocEstimate | None = None
-        self._slip: SlipEstimate | None = None
-        self._pose: OdometryEstimate | None = None
-        self._reach: RangeEstimate | None = None
+        self.range = RangeEstimator(battery, consumption or robot, days) if battery and robot else None
+        self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
+        self.state = RobotState(math.nan, math.nan)
+        #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
+        self.shift_s = 0.0
+        self._counted = counts_per_turn is not None
+        self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
+        self._temperature_degC = math.nan
+        self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
+        self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
+        self._measured_s = -math.inf
+        self._full_s, self._untold = -math.inf, False
+        self._routes: dict[str, _Route | None] = {}
+
+    def compile(self) -> None:
+        """Compile what the first samples would wait for; takes about a second."""
+        for estimator in (self.soc, self.slip, self.odometry):
+            if estimator:
+                _ = estimator.kernel
 
     def put(self, time_s: float, values: Mapping[str, float]) -> list[RobotState]:
         """States after the values of a message, in the order of their times.
@@ -62,49 +91,136 @@ class Estimation:
         """
         states = []
         if self.soc and any(name.partition(".")[0] in _BATTERY for name in values):
-            states.append(self._battery_state(time_s, values))
-        if self.inbox and any(name.partition(".")[0] in _DRIVE for name in values):
-            self.inbox.put(time_s, **self._drive_message(values))
+            states += self._put_battery(time_s, values)
+        if self.inbox and (message := self._drive_message(values)):
+            self.inbox.put(time_s, **message)
             states += [self._drive_state(sample) for sample in self.inbox.take()]
         return states
 
-    def _battery_state(self, time_s: float, values: Mapping[str, float]) -> RobotState:
+    def flush(self) -> list[RobotState]:
+        """States after what still waits for other messages, at the end."""
+        states = []
+        if self.soc and (sample := self._battery_inbox.flush()):
+            states.append(self._battery_state(sample))
+        if self.inbox:
+            states += [self._drive_state(sample) for sample in self.inbox.flush()]
+        return states
+
+    def _put_battery(self, time_s: float, values: Mapping[str, float]) -> list[RobotState]:
+        temperature_degC = values.get(TEMPERATURE, math.nan)
+        if math.isfinite(temperature_degC):
+            self._temperature_degC = temperature_degC
+        if math.isfinite(values.get(VOLTAGE, math.nan)):
+            self._measured_s = time_s
+        if len(self._cell_names) > 1 and (cells := self._cell_inbox.put(time_s, values)):
+            self._update_cells(cells)
+            if time_s - self._measured_s > USUAL_S:
+                whole_V = sum(cells.values.get(name, math.nan) for name in self._cell_names)
+                values = {**values, VOLTAGE: whole_V}
+        sample = self._battery_inbox.put(time_s, values)
+        states = [self._battery_state(sample)] if sample else []
+        if values.get(FULL, 0.0) >= 0.5 and not time_s - self._full_s < FULL_AGAIN_S:
+            self._full_s, self._untold = time_s, True
+        if self._untold and self.soc and self.soc.last:
+            self._untold = False
+            states += self._told_full(time_s)
+        return states
+
+    def _battery_state(self, sample: MeanSample) -> RobotState:
         assert self.soc is not None
-        current_A, voltage_V = values.get("battery_current_A"), values.get("battery_voltage_V")
-        temperature_degC = values.get("battery_temperature_degC")
-        self._charge = self.soc.update(time_s, current_A, voltage_V, temperature_degC)
+        time_s = sample.time_s + self.shift_s
+        current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
+        charge = self.soc.update(time_s, current_A, voltage_V, self._temperature_degC)
+        reach = None
         if self.range:
-            speed_m_s = self._slip.speed_m_s if self._slip else None
-            self._reach = self.range.update(time_s, self._charge, speed_m_s, current_A, voltage_V)
-        return self._state(time_s, values)
+            speed_m_s = self.state.slip.speed_m_s if self.state.slip else None
+            reach = self.range.update(
+                time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
+            )
+        return self._after(sample.time_s, sample.values, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _update_cells(self, sample: MeanSample) -> None:
+        """The estimate of every cell, which begins where the pack's stands."""
+        assert self.battery is not None and self.soc is not None
+        if not any(name in sample.values for name in self._cell_names):
+            return
+        if self.cells is None:
+            known = self.soc.last
+            start = (None, 0.03) if known is None else (min(max(known.soc, 0.0), 1.0), known.soc_std)
+            self.cells = PackEstimator(self.battery, *start)
+        cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
+        current_A = sample.values.get(CURRENT, math.nan)
+        found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)
+        self.state = self.state._replace(cells=found)
+
+    def _told_full(self, time_s: float) -> list[RobotState]:
+        """The state after a charger has said that the battery is full."""
+        assert self.soc is not None
+        if not can_be_told(self.soc.settings):
+            return []
+        if self.cells and self.cells.typical.last:
+            self.cells.typical.tell_soc()
+        if self.range:  # the forecast of before no longer holds
+            self.range.state = self.range.state._replace(forecast_s=math.nan)
+        return [self._after(time_s, {FULL: 1.0}, battery=self.soc.tell_soc(), battery_time_s=time_s)]
 
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
-        self._slip = self.slip.update(**sample)
-        self._pose = self.odometry.update(
-            sample["time_s"], sample["wheel_speed_rad_s"], sample.get("yaw_rate_rad_s"), observed=self._slip
-        )
-        return self._state(sample["time_s"], sample)
+        slip = self.slip.update(**sample)
+        time_s, speeds = sample["time_s"], sample["wheel_speed_rad_s"]
+        pose = self.odometry.update(time_s, speeds, sample.get("yaw_rate_rad_s"), observed=slip)
+        return self._after(time_s, self._signals(sample), slip=slip, pose=pose, drive_time_s=time_s)
 
     def _drive_message(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Keyword arguments of `SensorInbox.put`."""
-        assert self.robot is not None
+        """Keyword arguments of `SensorInbox.put`; nan in the place of a wheel that the message does not tell of."""
         message: dict[str, Any] = {}
         for signal, value in values.items():
-            name, _, part = signal.partition(".")
-            if name in _PER_WHEEL:
-                places = [place.name for place in self.robot.places]
-                if name == "motor_current_A":
-                    places = places[: self.robot.driven]
-                row: list[float] = message.setdefault(name.removeprefix("motor_"), [float("nan")] * len(places))
-                if (k := _number(part, places)) is not None:
-                    row[k] = value
-            elif name in _DRIVE:
-                message[name] = value
+            if signal not in self._routes:
+                self._routes[signal] = self._route(signal)
+            if (route := self._routes[signal]) is None:
+                continue
+            if route.wheel is None:
+                message[route.argument] = value
+            else:
+                if route.argument not in message:
+                    message[route.argument] = [math.nan] * self._count(route.argument)
+                message[route.argument][route.wheel] = value
         return message
 
-    def _state(self, time_s: float, sample: Mapping[str, Any]) -> RobotState:
-        return RobotState(time_s, float("nan"), sample, self._charge, None, self._slip, self._pose, self._reach)
+    def _route(self, signal: str) -> _Route | None:
+        """Place of a signal in a message to the inbox; None where it is not of the drive or the robot has no such."""
+        assert self.robot is not None
+        name, _, part = signal.partition(".")
+        if name not in _DRIVE or (name == "wheel_counts" and not self._counted):
+            return None
+        argument = name.removeprefix("motor_")
+        if not part:
+            return _Route(argument, None)
+        wheel = _number(part, [place.name for place in self.robot.places[: self._count(argument)]])
+        return None if wheel is None else _Route(argument, wheel)
+
+    def _count(self, argument: str) -> int:
+        """Number of motors or wheels."""
+        assert self.robot is not None
+        return self.robot.driven if argument == "current_A" else len(self.robot.places)
+
+    def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
+        """Values of a sample of the drive by signal, wheels by name."""
+        assert self.robot is not None
+        signals: dict[str, float] = {}
+        for argument, value in sample.items():
+            if isinstance(value, np.ndarray):
+                name = "motor_current_A" if argument == "current_A" else argument
+                pairs = zip(self.robot.places, value.tolist(), strict=False)
+                signals |= {f"{name}.{place.name}": number for place, number in pairs if number == number}
+            elif argument != "time_s":
+                signals[argument] = value
+        return signals
+
+    def _after(self, time_s: float, sample: Mapping[str, float], **estimates: Any) -> RobotState:
+        """The state after new estimates; all others as they were."""
+        self.state = self.state._replace(time_s=time_s, sample=sample, **estimates)
+        return self.state
 
 
 def _number(part: str, places: Sequence[str]) -> int | None:

@@ -9,7 +9,7 @@ from collections import deque
 from ohmward.onboard.robot_state import RobotState
 
 #: A sink that is away for longer than so many states loses the oldest ones; the feed counts them.
-LONGEST = 100_000
+LONGEST = 10_000
 
 
 class Feed:

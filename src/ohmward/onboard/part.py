@@ -84,6 +84,6 @@ async def keep_running(
             LOG.exception("%s: unexpected error", name)
             reason = f"unexpected {type(error).__name__}: {error}"
         wait_s = first_s if loop.time() - began_s > longest_s else wait_s
-        tell(Diagnostic(name, Level.ERROR, f"{reason}; trying again in {wait_s:g} s"))
+        tell(Diagnostic(name, Level.ERROR, reason, {"again_in_s": wait_s}))
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, longest_s)

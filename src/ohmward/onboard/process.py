@@ -3,15 +3,37 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+import logging
+import math
+import signal
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from functools import partial
 
+from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import EndedError, Sink, Source, keep_running
-from ohmward.onboard.robot_state import Diagnostic, RobotState
+from ohmward.onboard.part import LOG, EndedError, Sink, Source, keep_running
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+
+#: Time between two looks at sensors that should have reported.
+LOOK_S = 0.25
+
+#: A state goes out at least so often, with new diagnostics where no sensor reports.
+QUIET_S = 1.0
+
+#: At the end sinks have so long to deliver what waits; what they could not stays undelivered or on their own disk.
+END_S = 5.0
+
+#: In strict mode a source or sink that fails so soon after the start ends the process.
+STRICT_S = 5.0
+
+#: Name of something that runs beside sources and sinks, and the function that does.
+Companion = tuple[str, Callable[[], Awaitable[None]]]
+
+_LOG_LEVELS = {Level.OK: logging.INFO, Level.WARN: logging.WARNING}
 
 
 class Process:
@@ -21,6 +43,8 @@ class Process:
         estimation: the estimators.
         sources, sinks: the parts around them.
         clock: of this machine.
+        strict: end with an error where a source or sink cannot begin.
+        companions: what else runs; each begins again as sources do, and is cancelled at the end.
     """
 
     def __init__(
@@ -29,39 +53,99 @@ class Process:
         sources: Sequence[Source],
         sinks: Sequence[Sink],
         clock: SystemClock | None = None,
+        strict: bool = False,
+        companions: Sequence[Companion] = (),
     ):
-        self.estimation, self.sources = estimation, sources
+        self.estimation, self.sources, self.strict = estimation, sources, strict
         self.clock = clock or SystemClock()
+        self.companions = list(companions)
         self.sinks = [(sink, Feed(sink.interval_s)) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
         self._clocks: dict[str, SourceClock] = {source.name: SourceClock() for source in sources}
+        self._passed_s = self.clock.now_s()
+        self._began_s = math.inf
+        self._stop: asyncio.Event | None = None
+        self._refused = ""
 
     async def run(self) -> None:
-        """Run until every source has ended; sinks then deliver what waits."""
-        async with asyncio.TaskGroup() as group:
-            for sink, feed in self.sinks:
-                group.create_task(keep_running(f"sink {sink.name}", partial(_deliver, sink, feed), self.tell))
-            await self._run_sources()
+        """Run until every source has ended or `stop` is called; sinks then deliver what waits.
+
+        Raises:
+            OhmwardError: in strict mode, a source or sink cannot begin.
+        """
+        self._stop, self._began_s = asyncio.Event(), self.clock.now_s()
+        sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
+        beside = [asyncio.create_task(self._look()), *(self._begin(name, run) for name, run in self.companions)]
+        sources = [self._begin(f"source {source.name}", partial(source.run, self.put)) for source in self.sources]
+        stopped, ended = asyncio.create_task(self._stop.wait()), asyncio.create_task(_all(sources))
+        try:
+            await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            await _cancel([stopped, ended, *sources])
+            for state in self.estimation.flush():
+                self._pass_on(state)
             for _, feed in self.sinks:
                 feed.end()
+            if sinks:
+                await asyncio.wait(sinks, timeout=END_S)
+            await _cancel([*sinks, *beside])
+        if self._refused:
+            raise OhmwardError(self._refused)
 
-    async def _run_sources(self) -> None:
-        async with asyncio.TaskGroup() as group:
-            for source in self.sources:
-                group.create_task(keep_running(f"source {source.name}", partial(source.run, self.put), self.tell))
+    def stop(self) -> None:
+        """End the sources; sinks deliver what waits, and `run` returns."""
+        if self._stop:
+            self._stop.set()
+
+    def stop_on_signals(self) -> None:
+        """End cleanly on SIGTERM and SIGINT, to be called in the loop that runs."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            with suppress(NotImplementedError):  # not on Windows
+                loop.add_signal_handler(number, self.stop)
 
     def put(self, message: Message) -> None:
-        """Take a message in: estimate, and pass the states on."""
-        time_s = self._clocks[message.source].to_ours(message.stamp_s, message.received_s)
-        for state in self.estimation.put(time_s, message.values):
-            self._pass_on(state)
+        """Take a message in: estimate, and pass the states on. Never raises."""
+        try:
+            time_s = self._clocks[message.source].to_ours(message.stamp_s, message.received_s)
+            for state in self.estimation.put(time_s, message.values):
+                self._pass_on(state)
+        except Exception as error:
+            LOG.exception("estimation: unexpected error")
+            self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Take a condition in; the latest of each name stands in every state."""
+        """Take a condition in; the latest of each name stands in every state. A new one is logged."""
+        before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
+        if before and (before.level, before.message) == (diagnostic.level, diagnostic.message):
+            return
+        LOG.log(_LOG_LEVELS.get(diagnostic.level, logging.ERROR), "%s: %s", diagnostic.name, diagnostic.message)
+        if self.strict and diagnostic.level == Level.ERROR:
+            self._refuse(diagnostic)
+
+    def _refuse(self, diagnostic: Diagnostic) -> None:
+        """End the process where a source or sink has failed at the start."""
+        of_part = diagnostic.name.startswith(("source ", "sink "))
+        if of_part and self.clock.now_s() - self._began_s < STRICT_S:
+            self._refused = self._refused or f"{diagnostic.name}: {diagnostic.message}"
+            self.stop()
+
+    def _begin(self, name: str, run: Callable[[], Awaitable[None]]) -> asyncio.Task[None]:
+        """Begin a part, and begin it again whenever it ends."""
+        return asyncio.create_task(keep_running(name, run, self.tell))
+
+    async def _look(self) -> None:
+        """Look at the sensors again and again."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            now_s = self.clock.now_s()
+            if now_s - self._passed_s > QUIET_S:
+                self._pass_on(self.estimation.state._replace(time_s=now_s, sample={}))
 
     def _pass_on(self, state: RobotState) -> None:
-        unix_s = self.clock.unix_s() - (self.clock.now_s() - state.time_s)
+        self._passed_s = self.clock.now_s()
+        unix_s = self.clock.unix_s() - (self._passed_s - state.time_s)
         whole = state._replace(unix_s=unix_s, diagnostics=tuple(self.diagnostics.values()))
         for _, feed in self.sinks:
             feed.put(whole)
@@ -72,3 +156,16 @@ async def _deliver(sink: Sink, feed: Feed) -> None:
     await sink.run(feed)
     if feed.ended:
         raise EndedError("delivered to the end")
+
+
+async def _cancel(tasks: Sequence[asyncio.Task[object]]) -> None:
+    """Cancel tasks and wait for their ends."""
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _all(tasks: Sequence[asyncio.Task[None]]) -> None:
+    """Wait for the ends of tasks."""
+    for task in tasks:
+        await asyncio.wait([task])

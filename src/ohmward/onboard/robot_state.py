@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
@@ -44,6 +45,8 @@ class RobotState(NamedTuple):
     sample: measured values that made this state, by signal.
     battery: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches.
     diagnostics: conditions of sensors, sources, sinks and estimates, the latest of each.
+    battery_time_s, drive_time_s: of the samples behind the estimates of battery and drive, nan before the first. While
+        no sensor reports, states with new diagnostics go on, and these two stand still.
     """
 
     time_s: float
@@ -55,3 +58,5 @@ class RobotState(NamedTuple):
     pose: OdometryEstimate | None = None
     range: RangeEstimate | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
+    battery_time_s: float = math.nan
+    drive_time_s: float = math.nan

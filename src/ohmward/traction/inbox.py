@@ -40,6 +40,8 @@ class SensorInbox:
         silence_s: where no wheel reports for so long, a sample without wheels is made, > 0.
         counts_per_turn: of the encoders; needed for `wheel_counts`.
         bits: of their counters, which start again after as many.
+        prompt: close a sample as soon as every wheel that usually reports has done so, instead of with the next one;
+            what comes late then goes with the next sample, a wheel's speed within `gather_s`.
 
     Attributes:
         left_out: number of messages that came too late.
@@ -53,12 +55,14 @@ class SensorInbox:
         silence_s: float = 0.25,
         counts_per_turn: float | None = None,
         bits: int = 32,
+        prompt: bool = False,
     ):
         require_between("delay_s", delay_s, 0.0, math.inf)
         require_between("gather_s", gather_s, 0.0, math.inf)
         require_positive("silence_s", silence_s)
         self.delay_s, self.gather_s, self.silence_s = delay_s, gather_s, silence_s
         self.counts_per_turn, self.bits = counts_per_turn, bits
+        self.prompt = prompt
         self.left_out = 0
         self._wheels, self._driven = len(robot.places), robot.driven
         self._waiting: list[tuple[float, int, dict[str, Any]]] = []
@@ -67,6 +71,7 @@ class SensorInbox:
         self._taken_s = -math.inf
         self._counts: dict[int, tuple[float, int]] = {}
         self._start_s = self._sample_s = self._speed_s = math.nan
+        self._reported_s = np.full(self._wheels, -math.inf)
         self._sample_speeds = np.full(self._wheels, math.nan)
         self._currents: list[np.ndarray] = []
         self._body: dict[str, float] = {}
@@ -96,17 +101,19 @@ class SensorInbox:
         if wheel_counts is not None and self.counts_per_turn is None:
             raise InputError("wheel_counts need counts_per_turn of the inbox; give it, or put speeds")
         wheels = self._wheels, self._driven
-        message = {
+        message: dict[str, Any] = {
             "speeds": numbers("wheel_speed_rad_s", wheel_speed_rad_s, *wheels),
             "counts": numbers("wheel_counts", wheel_counts, *wheels),
             "currents": numbers("current_A", current_A, self._driven),
             **{name: number(name, value) for name, value in body.items()},
         }
-        if not stamp_s >= self._taken_s:
+        of_wheels = np.isfinite(message["speeds"]).any() or np.isfinite(message["counts"]).any()
+        latest_s = (self.gather_s if of_wheels else self.silence_s) if self.prompt else 0.0
+        if not stamp_s >= self._taken_s - latest_s:
             self.left_out += 1
             return
         self._newest_s = max(self._newest_s, stamp_s)
-        heapq.heappush(self._waiting, (stamp_s, next(self._order), message))
+        heapq.heappush(self._waiting, (max(stamp_s, self._taken_s), next(self._order), {**message, "stamp_s": stamp_s}))
 
     def take(self) -> list[dict[str, Any]]:
         """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`."""
@@ -125,7 +132,16 @@ class SensorInbox:
             if self._is_over(stamp_s, speeds):
                 samples += self._close()
             self._add(stamp_s, speeds, message)
+            if self.prompt and self._all_have_reported(speeds):
+                samples += self._close()
         return samples
+
+    def _all_have_reported(self, speeds: np.ndarray) -> bool:
+        """True where the message completes the speeds of all wheels that have reported within `silence_s`."""
+        if not np.isfinite(speeds).any():
+            return False
+        awaited = self._reported_s > self._sample_s - self.silence_s
+        return bool(np.isfinite(self._sample_speeds[awaited]).all())
 
     def _speeds(self, stamp_s: float, message: Mapping[str, Any]) -> np.ndarray:
         """Speeds (wheels,) [rad/s] of a message, those of counts as means since the wheel's count before."""
@@ -155,13 +171,14 @@ class SensorInbox:
         if not np.isfinite(self._sample_speeds).any() or told.any():
             self._sample_s = stamp_s
         self._sample_speeds[told] = speeds[told]
+        self._reported_s[told] = stamp_s
         if np.isfinite(message["currents"]).any():
             self._currents.append(message["currents"])
         for name in BODY:
             if math.isfinite(message.get(name, math.nan)):
                 self._body[name] = message[name]
                 if name == "speed_m_s":
-                    self._speed_s = stamp_s
+                    self._speed_s = message["stamp_s"]
 
     def _close(self) -> list[dict[str, Any]]:
         """The sample that is open, if there is anything in it; the next one begins where it ends."""

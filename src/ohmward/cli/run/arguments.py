@@ -5,11 +5,18 @@ from __future__ import annotations
 import argparse
 
 EXAMPLES = """\
+  ohmward run --demo                                a simulated robot, with nothing attached
+  ohmward run --example > robot.toml                a setup to edit
+  ohmward run --check robot.toml                    is everything there, and wired as it should be?
   ohmward run robot.toml
-  ohmward run robot.toml > states.jsonl < messages.jsonl
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("setup", metavar="SETUP.toml", help="sources, estimators and sinks of this robot")
+    parser.add_argument(
+        "setup", nargs="?", metavar="SETUP.toml", help="battery, robot, sources and sinks; --example prints one"
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--demo", action="store_true", help="run a simulated robot in real time")
+    parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")

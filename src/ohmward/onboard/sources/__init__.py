@@ -2,8 +2,9 @@
 
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.replay import ReplaySource
+from ohmward.onboard.sources.simulation import SimulationSource
 
 #: Any of them.
-AnySource = JsonLinesSource | ReplaySource
+AnySource = JsonLinesSource | ReplaySource | SimulationSource
 
-SOURCES: dict[type, str] = {JsonLinesSource: "json-lines", ReplaySource: "replay"}
+SOURCES: dict[type, str] = {JsonLinesSource: "json-lines", ReplaySource: "replay", SimulationSource: "simulation"}

@@ -47,14 +47,14 @@ class ReplaySource:
             require_positive("rate", self.rate)
 
     async def run(self, put: Put) -> None:
-        """Put every sample at its time."""
+        """Put every sample at its time; it is received on the log's clock, so that a faster replay gives the same."""
         log = read_drive(self.path, load_robot(self.robot)) if self.robot else read_log(self.path)
         samples = _of_drive(log) if isinstance(log, DriveLog) else _of_battery(log)
         began_s, first_s = time.monotonic(), float(log.time_s[0])
         for stamp_s, values in samples:
             wait_s = (stamp_s - first_s) / self.rate - (time.monotonic() - began_s)
             await asyncio.sleep(max(wait_s, 0.0))
-            put(Message(stamp_s, time.monotonic(), self.name, values))
+            put(Message(stamp_s, began_s + stamp_s - first_s, self.name, values))
         raise EndedError(f"{self.path} was replayed to its end")
 
 

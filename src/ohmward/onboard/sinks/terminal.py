@@ -1,0 +1,65 @@
+"""One line for people on the terminal: charge, speed, slip, pose and range, and what is wrong."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TextIO
+
+from ohmward.checks import require_between
+from ohmward.filters.consistency import BAND_95
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.robot_state import Level, RobotState
+
+_SECONDS_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class TerminalSink:
+    """The newest state, on a terminal in one line that is written over, else line by line.
+
+    Attributes:
+        interval_s: least time between two lines, >= 0.
+        name: in diagnostics.
+    """
+
+    interval_s: float = 1.0
+    name: str = "terminal"
+
+    def __post_init__(self) -> None:
+        require_between("interval_s", self.interval_s, 0.0, 1e9)
+
+    async def run(self, feed: Feed) -> None:
+        """Write lines until the feed ends."""
+        out = sys.stdout
+        while states := await feed.batch():
+            show(line_of(states[-1]), out)
+        if out.isatty():
+            print(file=out, flush=True)
+
+
+def show(line: str, out: TextIO) -> None:
+    """Write a line, on a terminal over the one before."""
+    over, end = ("\r\x1b[2K", "") if out.isatty() else ("", "\n")
+    print(f"{over}{line}", end=end, file=out, flush=True)
+
+
+def line_of(state: RobotState) -> str:
+    """The state in one line; bands hold 95 %."""
+    return "  ".join(_parts(state)) or "waiting for the first samples"
+
+
+def _parts(state: RobotState) -> Iterator[str]:
+    if state.battery:
+        yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
+    if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:
+        yield f"range {state.range.distance_m.p50 / 1e3:.1f} km, {state.range.duration_s.p50 / _SECONDS_PER_HOUR:.1f} h"
+    if state.slip:
+        yield f"speed {state.slip.speed_m_s:.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
+        yield f"slip {' '.join(f'{100 * slip:.0f}' for slip in state.slip.slip_ratio)} %"
+    if state.pose:
+        yield f"x {state.pose.x_m:.2f} y {state.pose.y_m:.2f} ± {BAND_95 * state.pose.position_std_m:.2f} m"
+    wrong = [d.name for d in state.diagnostics if d.level != Level.OK]
+    if wrong:
+        yield f"trouble: {', '.join(wrong)}"

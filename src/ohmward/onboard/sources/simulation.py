@@ -1,0 +1,107 @@
+"""Simulated robot in closed loop, in real time: what `ohmward run --demo` shows with nothing attached."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ohmward.checks import require_positive
+from ohmward.onboard.message import Message, Put
+from ohmward.onboard.part import EndedError
+from ohmward.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
+from ohmward.simulate.closed_loop.loop import ClosedLoopDrive
+from ohmward.simulate.closed_loop.records import Records
+from ohmward.simulate.closed_loop.run import RunRow
+
+#: Simulated at once before anything else is done [s]; messages come in time all the same.
+_CHUNK_S = 0.1
+
+#: A round of the demonstration: from when on, speed [m/s] and yaw rate [rad/s]. Along, about, back, about, and a rest.
+_ROUND = ((0.0, 0.8, 0.0), (8.0, 0.5, 0.5), (14.3, 0.8, 0.0), (22.3, 0.5, 0.5), (28.6, 0.0, 0.0))
+_ROUND_S, _ROUNDS = 34.0, 400
+_BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+
+
+def demonstration(seed: int = 1) -> Scenario:
+    """RLMA going round and round for some hours: a floor with a wet place and a gentle slope, a full battery."""
+    starts = [(k * _ROUND_S + from_s, speed, turn) for k in range(_ROUNDS) for from_s, speed, turn in _ROUND]
+    return Scenario(
+        name="demonstration",
+        duration_s=_ROUNDS * _ROUND_S,
+        commands=tuple(Command(from_s, speed_m_s=speed, yaw_rate_rad_s=turn) for from_s, speed, turn in starts),
+        robot="rlma",
+        battery=Pack("lfp", 1.0),
+        ground=(Patch(friction=0.8, rolling=0.02), Patch(friction=0.08, rolling=0.02, from_m=2.5, to_m=4.0)),
+        grade=Grade((4.0, 4.5, 6.0, 6.5), (0.0, 0.04, 0.04, 0.0)),
+        sensors=Sensing(interval_s=0.02, encoders="all", pitch=True),
+        controller=Control(slip_bound=0.3, acceleration_m_s2=0.8, interval_s=0.002),
+        seed=seed,
+    )
+
+
+@dataclass(frozen=True)
+class SimulationSource:
+    """Samples of a simulated drive.
+
+    Attributes:
+        scenario: path of a scenario file or the name of a packaged one, see `ohmward simulate --list`; without it a
+            robot that goes round and round for some hours.
+        rate: seconds of the drive in a second, > 0; more than the machine can simulate is as fast as it can.
+        seed: draws the noise of the sensors.
+        name: in diagnostics.
+    """
+
+    scenario: str | None = None
+    rate: float = 1.0
+    seed: int = 1
+    name: str = "simulation"
+
+    def __post_init__(self) -> None:
+        require_positive("rate", self.rate)
+
+    async def run(self, put: Put) -> None:
+        """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
+
+        A battery that starts full comes from a charger, which says so.
+        """
+        scenario = find_scenario(self.scenario) if self.scenario else demonstration(self.seed)
+        drive = await asyncio.to_thread(ClosedLoopDrive, replace(scenario, seed=self.seed))
+        began_s = time.monotonic()
+        if scenario.battery.start_soc == 1.0:
+            put(Message(0.0, began_s, self.name, {"battery_full": 1.0}))
+        while drive.truth.time_s < scenario.duration_s and not drive.empty:
+            for at_s, values in await asyncio.to_thread(_advance, drive):
+                await asyncio.sleep(max(at_s / self.rate - (time.monotonic() - began_s), 0.0))
+                put(Message(at_s, began_s + at_s, self.name, values))
+        raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
+
+
+def _advance(drive: ClosedLoopDrive) -> list[tuple[float, dict[str, float]]]:
+    """Simulate a little further; time and values of the samples that have arrived since."""
+    until_s = drive.truth.time_s + _CHUNK_S
+    while drive.truth.time_s < until_s and not drive.empty:
+        drive.step()
+    if not len(drive.rows):
+        return []
+    columns = signals_of(drive.rows.stacked(), [place.name for place in drive.robot.places])
+    times_s = columns.pop("time_s").tolist()
+    drive.rows = Records()
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    values = [{s: v for s, v in zip(columns, row, strict=True) if math.isfinite(v)} for row in rows]
+    return list(zip(times_s, values, strict=True))
+
+
+def signals_of(rows: RunRow, places: list[str]) -> dict[str, np.ndarray]:
+    """Time and measurements (T,) of a drive by signal, nan where nothing was measured."""
+    sample = rows.sample
+    found = {"time_s": rows.time_s, "battery_current_A": rows.current_A, "battery_voltage_V": rows.voltage_V}
+    found |= {f"wheel_speed_rad_s.{name}": sample.wheel_speed_rad_s[:, k] for k, name in enumerate(places)}
+    driven = places[: sample.current_A.shape[1]]
+    found |= {f"motor_current_A.{name}": sample.current_A[:, k] for k, name in enumerate(driven)}
+    found |= {name: getattr(sample, name) for name in _BODY}
+    found["speed_age_s"] = np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan)
+    return found

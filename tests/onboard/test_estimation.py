@@ -1,0 +1,153 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ohmward import SocEstimator, generic_battery
+from ohmward.battery.cells.pack_estimator import PackEstimator
+from ohmward.onboard.estimation import Estimation
+from ohmward.traction.inbox import SensorInbox
+from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.speed_observer.estimator import SlipEstimator
+
+PLACES = [place.name for place in RLMA.places]
+
+
+@pytest.fixture(scope="module")
+def battery():
+    return generic_battery("nmc", 10.0, 4)
+
+
+def last(states) -> Any:
+    """The newest state; its parts are there."""
+    return states[-1]
+
+
+def current(t):
+    return -3.0 - 2.0 * math.sin(0.3 * t)
+
+
+def voltage(t):
+    return 15.2 + 0.03 * current(t) - 1e-3 * t
+
+
+def test_the_charge_is_that_of_the_estimator(battery):
+    estimation, alone = Estimation(battery), SocEstimator(battery)
+    for k in range(100):
+        t = 0.1 * k
+        values = {"battery_current_A": current(t), "battery_voltage_V": voltage(t), "battery_temperature_degC": 21.0}
+        (state,) = estimation.put(t, values)
+        assert state.battery == alone.update(t, current(t), voltage(t), 21.0)
+        assert state.time_s == state.battery_time_s == t
+        assert math.isnan(state.drive_time_s)
+
+
+def test_current_and_voltage_of_two_sources_make_one_sample(battery):
+    """Current at 100 Hz from one source, voltage and temperature at 10 Hz from another, half a step apart."""
+    estimation, whole = Estimation(battery), SocEstimator(battery)
+    found = []
+    for k in range(2000):
+        t = 0.01 * k
+        found += estimation.put(t, {"battery_current_A": current(t)})
+        if k % 10 == 9:
+            found += estimation.put(t + 0.005, {"battery_voltage_V": voltage(t), "battery_temperature_degC": 21.0})
+        expected = whole.update(t, current(t), voltage(t), 21.0)
+    assert len(found) == 200
+    assert last(found).battery.soc == pytest.approx(expected.soc, abs=2e-3)
+    assert not last(found).battery.flags
+
+
+def test_cells_are_estimated_where_their_voltages_come(battery):
+    estimation, alone = Estimation(battery), None
+    for k in range(50):
+        t = 0.1 * k
+        cells = [voltage(t) / 4 + 0.002 * j for j in (-1.5, -0.5, 0.5, 1.5)]
+        measured = {"battery_current_A": current(t), "battery_voltage_V": sum(cells)}
+        states = estimation.put(t, measured | {f"cell_voltage_V.{j}": cell_V for j, cell_V in enumerate(cells)})
+        if alone is None:
+            alone = PackEstimator(battery)
+        expected = alone.update(t, current(t), cells, math.nan)
+    found = last(states).cells
+    np.testing.assert_allclose(found.cells.soc, expected.cells.soc, atol=1e-3)
+    assert found.pack.weakest == expected.pack.weakest == 0
+
+
+def test_cells_alone_give_the_voltage_of_the_pack(battery):
+    estimation = Estimation(battery)
+    for k in range(30):
+        t = 0.1 * k
+        cells = {f"cell_voltage_V.{j}": voltage(t) / 4 for j in range(4)}
+        states = estimation.put(t, {"battery_current_A": current(t)} | cells)
+    assert last(states).battery.voltage_V == pytest.approx(voltage(t), abs=0.1)
+
+
+def test_a_charger_that_says_full_is_heard(battery):
+    estimation = Estimation(battery)
+    estimation.put(0.0, {"battery_full": 1.0})
+    for k in range(3):
+        states = estimation.put(float(k), {"battery_current_A": 0.1, "battery_voltage_V": 16.0})
+    assert last(states).battery.soc == pytest.approx(1.0, abs=0.02)
+    assert last(states).battery.soc_std < 0.03
+
+
+def drive(estimation, wheels_apart=False):
+    states = []
+    for k in range(200):
+        t = 0.01 * k
+        speeds = {f"wheel_speed_rad_s.{name}": min(2.0, t) for name in PLACES}
+        currents = {f"motor_current_A.{name}": 0.6 for name in PLACES[: RLMA.driven]}
+        if wheels_apart:
+            for j, (signal, value) in enumerate((currents | speeds).items()):
+                states += estimation.put(t + 1e-4 * j, {signal: value})
+        else:
+            states += estimation.put(t, speeds | currents)
+    return states
+
+
+def test_a_sample_of_the_drive_is_estimated_at_once():
+    """No sample waits for the next one, and the estimate is that of the observer alone."""
+    estimation, alone, inbox = Estimation(robot=RLMA), SlipEstimator(RLMA), SensorInbox(RLMA, 0.0, prompt=True)
+    states = drive(estimation)
+    assert [state.drive_time_s for state in states] == pytest.approx([0.01 * k for k in range(200)])
+    for k in range(200):
+        t = 0.01 * k
+        inbox.put(t, wheel_speed_rad_s=[min(2.0, t)] * 4, current_A=[0.6] * RLMA.driven)
+        (sample,) = inbox.take()
+        expected = alone.update(**sample)
+    assert last(states).slip.speed_m_s == expected.speed_m_s
+    assert last(states).pose.x_m == pytest.approx(last(states).pose.distance_m)
+
+
+def test_wheels_that_report_one_by_one_are_one_sample():
+    states = drive(Estimation(robot=RLMA), wheels_apart=True)
+    together = drive(Estimation(robot=RLMA))
+    assert 198 <= len(states) <= 205
+    assert last(states).slip.speed_m_s == pytest.approx(together[-1].slip.speed_m_s, abs=2e-3)
+
+
+def test_signals_of_the_sample_have_names():
+    state = drive(Estimation(robot=RLMA))[-1]
+    assert state.sample[f"wheel_speed_rad_s.{PLACES[0]}"] == pytest.approx(1.99)
+    assert all(isinstance(value, float) for value in state.sample.values())
+
+
+def test_counts_become_speeds():
+    estimation, speeds = Estimation(robot=RLMA, counts_per_turn=1000.0), []
+    for k in range(100):
+        counts = {f"wheel_counts.{j}": float(round(1000 * 0.05 * k / (2 * math.pi))) for j in range(4)}
+        for state in estimation.put(0.01 * k, counts):
+            speeds += [value for signal, value in state.sample.items() if signal.startswith("wheel_speed_rad_s")]
+    assert np.mean(speeds[20:]) == pytest.approx(5.0, rel=0.02)
+
+
+def test_what_the_robot_does_not_have_is_passed_over():
+    estimation = Estimation(robot=RLMA)
+    assert estimation.put(0.0, {"wheel_speed_rad_s.17": 1.0, "wheel_counts.0": 5.0, "battery_current_A": 1.0}) == []
+
+
+def test_the_range_needs_battery_and_robot(battery):
+    estimation = Estimation(battery, RLMA)
+    states = estimation.put(0.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    assert states[0].range is not None
+    assert Estimation(battery).range is None

@@ -1,0 +1,128 @@
+import asyncio
+import math
+from dataclasses import dataclass, field
+
+import pytest
+
+from ohmward import generic_battery
+from ohmward.errors import OhmwardError
+from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.message import Message
+from ohmward.onboard.part import EndedError
+from ohmward.onboard.process import Process
+from ohmward.onboard.robot_state import Level
+
+
+@dataclass
+class Script:
+    """A source that puts what it is given and then ends, stays or fails."""
+
+    messages: list
+    name: str = "script"
+    then: BaseException | None = None
+    runs: int = 0
+
+    async def run(self, put):
+        self.runs += 1
+        for message in self.messages:
+            put(message)
+        if self.then is not None:
+            raise self.then
+        await asyncio.sleep(math.inf)
+
+
+@dataclass
+class Collector:
+    """A sink that keeps what it gets."""
+
+    name: str = "collector"
+    interval_s: float = 0.0
+    states: list = field(default_factory=list)
+
+    async def run(self, feed):
+        async for state in feed:
+            self.states.append(state)
+
+
+def samples(count, source="script"):
+    values = {"battery_current_A": -1.0, "battery_voltage_V": 12.6}
+    return [Message(0.1 * k, 100.0 + 0.1 * k, source, values) for k in range(count)]
+
+
+@pytest.fixture(scope="module")
+def battery():
+    return generic_battery("lfp", 10.0, 4)
+
+
+def run(process, seconds=None):
+    async def main():
+        if seconds is not None:
+            asyncio.get_running_loop().call_later(seconds, process.stop)
+        await asyncio.wait_for(process.run(), 20.0)
+
+    asyncio.run(main())
+
+
+def test_every_sample_reaches_every_sink_and_the_process_ends_with_its_sources(battery):
+    sinks = [Collector(), Collector("slow", 0.5)]
+    run(Process(Estimation(battery), [Script(samples(20), then=EndedError("done"))], sinks))
+    assert len(sinks[0].states) == 20
+    assert [state.time_s for state in sinks[0].states] == pytest.approx([100.0 + 0.1 * k for k in range(20)])
+    assert len(sinks[1].states) == 4
+
+
+def test_stop_ends_sources_and_delivers_what_waits(battery):
+    source, sink = Script(samples(20)), Collector()
+    run(Process(Estimation(battery), [source], [sink]), seconds=0.2)
+    assert len(sink.states) == 20
+
+
+def test_what_waits_for_other_messages_is_estimated_at_the_end(battery):
+    messages = [*samples(3), Message(0.3, 100.3, "script", {"battery_current_A": -1.0})]
+    sink = Collector()
+    run(Process(Estimation(battery), [Script(messages, then=EndedError("done"))], [sink]))
+    assert len(sink.states) == 4
+
+
+def test_a_source_that_fails_is_named_and_begins_again(battery):
+    source, sink = Script(samples(1), then=OhmwardError("nobody there; plug it in")), Collector()
+    process = Process(Estimation(battery), [source], [sink])
+    run(process, seconds=0.8)
+    assert source.runs == 2
+    diagnostic = process.diagnostics["source script"]
+    assert (diagnostic.level, diagnostic.message) == (Level.ERROR, "nobody there; plug it in")
+
+
+def test_strict_refuses_a_source_that_cannot_begin(battery):
+    broken = Script([], then=OhmwardError("no such device; plug it in"))
+    process = Process(Estimation(battery), [broken, Script(samples(1), "other")], [Collector()], strict=True)
+    with pytest.raises(OhmwardError, match="source script: no such device; plug it in"):
+        run(process)
+
+
+def test_an_unexpected_error_ends_neither_source_nor_process(battery):
+    source = Script(samples(2), then=ZeroDivisionError("a defect"))
+    process = Process(Estimation(battery), [source], [Collector()])
+    run(process, seconds=0.3)
+    assert "ZeroDivisionError" in process.diagnostics["source script"].message
+
+
+def test_states_go_on_while_no_sensor_reports(battery):
+    sink = Collector()
+    run(Process(Estimation(battery), [Script(samples(1))], [sink]), seconds=1.5)
+    first, *later = sink.states
+    assert later
+    assert later[-1].battery == first.battery
+    assert later[-1].battery_time_s == first.battery_time_s
+    assert later[-1].time_s != first.time_s
+    assert later[-1].sample == {}
+
+
+def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
+    @dataclass
+    class Deaf(Collector):
+        async def run(self, feed):
+            await asyncio.sleep(math.inf)
+
+    monkeypatch.setattr("ohmward.onboard.process.END_S", 0.1)
+    run(Process(Estimation(battery), [Script(samples(1), then=EndedError("done"))], [Deaf()]))
