@@ -10,7 +10,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, isfinite, scan, where
-from ohmward.trace.lower import lanes, llvm_run
+from ohmward.trace.lower import code_cache, lanes, llvm_run
 from ohmward.trace.lower import llvm_machine_code as machine_code
 
 
@@ -329,7 +329,7 @@ def without(monkeypatch, reason):
 
     monkeypatch.setattr(machine_code, "llvm", refused)
     monkeypatch.setattr(llvm_run, "compile_scan", refused)
-    machine_code.say_once.cache_clear()
+    code_cache.say_once.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import scan
 from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
-from ohmward.trace.lower import lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
+from ohmward.trace.lower import code_cache, lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import check, flatten, leaves, size
@@ -151,7 +151,7 @@ class Kernel:
         except llvm_machine_code.NoMachineCodeError as error:
             if self.lowering == "machine":
                 raise
-            llvm_machine_code.say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
+            code_cache.say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
             return otherwise()
 
     def _worth(self, samples: Any, steps_worth: int) -> bool:
