@@ -32,6 +32,11 @@ def test_json(identified):
     assert identified["seconds"] > 0
 
 
+def test_a_capacity_in_milliampere_hours_is_seen(here, refused):
+    words = ["12000" if word == "12" else word for word in IDENTIFY]
+    assert "is that in mAh? Then write 12" in refused(*words)
+
+
 def test_the_report_shows_every_stage(identified, here):
     page = (here / "identify.html").read_text(encoding="utf-8")
     for part in ("Open-circuit voltage", "Resistances", "Fit of test", "Relaxation in test", "What was assumed"):

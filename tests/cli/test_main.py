@@ -69,9 +69,31 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"ohmward {ohmward.__version__}\n"
 
 
-@pytest.mark.parametrize("words", [(), ("blah",), ("soc",), ("soc", "day.csv"), ("doctor", "x.csv", "--nonsense")])
+@pytest.mark.parametrize("words", [(), ("qqq",), ("soc",), ("soc", "day.csv"), ("doctor", "x.csv", "--nonsense")])
 def test_usage_errors_are_refused_like_all_others(words, refused):
     assert "--help`" in refused(*words)
+
+
+@pytest.mark.parametrize("typed, meant", [("sco", "soc"), ("identfy", "identify"), ("misson", "mission")])
+def test_a_mistyped_command_is_answered_with_the_one_that_was_meant(typed, meant, refused):
+    assert f"did you mean `ohmward {meant}`?" in refused(typed, "day.csv")
+
+
+def test_a_fault_of_ohmward_is_told_from_a_finding(here, monkeypatch, capsys):
+    def broken(*_, **__):
+        raise ValueError("min() arg is an empty sequence")
+
+    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", broken)
+    assert main.main(["doctor", "day.csv"]) == main.BUG
+    said = capsys.readouterr().err
+    assert "Traceback" in said and "this is a fault of ohmward" in said and "ValueError: min() arg" in said
+
+
+def test_a_terminal_without_a_sign_loses_only_the_sign(here):
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
+    done = python("-m", "ohmward.cli", "soc", "day.csv", "--battery", "battery.toml", env=environment)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"% \? \d", done.stdout)
 
 
 def test_abbreviated_options_are_refused(here, refused):
@@ -134,15 +156,6 @@ def test_an_interrupt_ends_with_130(here, monkeypatch):
         assert main.main(["doctor", "day.csv"]) == 130
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def test_unexpected_errors_are_not_swallowed(here, monkeypatch):
-    def broken(*_, **__):
-        raise ZeroDivisionError
-
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", broken)
-    with pytest.raises(ZeroDivisionError):
-        main.main(["doctor", "day.csv"])
 
 
 def test_a_log_that_does_not_fit_into_memory_is_refused(here, monkeypatch, refused):

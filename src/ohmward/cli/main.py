@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import difflib
+import io
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
@@ -13,7 +16,7 @@ from types import ModuleType
 from ohmward import __version__
 from ohmward.cli.outcome import carry_out, show
 from ohmward.cli.parser import Parser
-from ohmward.errors import OhmwardError
+from ohmward.errors import InputError, OhmwardError
 
 #: The commands in the order of the help. The package `ohmward.cli.NAME` of a command is loaded only when it is typed.
 COMMANDS = {
@@ -34,7 +37,7 @@ COMMANDS = {
     "twin": "a log through an exported C library on this machine: the firmware's own bits",
     "demo": "a simulated robot, from pulse test to the way home",
 }
-REFUSED, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+REFUSED, BUG, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 _EPILOG = """\
 a first look:
@@ -50,7 +53,8 @@ with your own logs (CSV, Parquet or BDF):
   ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive
   ohmward mission drive.csv --robot robot.toml --battery battery.toml
 
-exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip), 2 refused: the message says what to change
+exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip), 2 refused: the message says what to change,
+             70 a fault of ohmward itself
 """
 
 
@@ -58,6 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, sys.argv without it; returns the exit status."""
     # read once, by NumPy; small matrices: more threads only fight each other, and `identify` takes ten times as long
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        # a terminal that knows no ± gets a question mark, not a traceback
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         return _status(sys.argv[1:] if argv is None else argv)
@@ -87,6 +95,14 @@ def _status(words: Sequence[str]) -> int:
         # the reader has gone: let the interpreter's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    except Exception as error:
+        traceback.print_exc()
+        print(
+            f"ohmward: error: this is a fault of ohmward, not of your input ({type(error).__name__}: {error}); please "
+            "report the lines above with the command and, if you can, the file",
+            file=sys.stderr,
+        )
+        return BUG
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -105,6 +121,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--version", action="version", version=f"ohmward {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     typed = next((word for word in words if word in COMMANDS), None)
+    if typed is None:
+        _require_command(words)
     for name, what in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -118,6 +136,19 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             command.epilog = f"examples:\n{module.EXAMPLES}"
             module.add_arguments(command)
     return parser.parse_args(words)
+
+
+def _require_command(words: Sequence[str]) -> None:
+    """Refuse a first word that is no command, with the one that is most like it.
+
+    Raises:
+        InputError: there is such a word.
+    """
+    word = next((word for word in words if not word.startswith("-")), None)
+    if word is not None:
+        near = difflib.get_close_matches(word, COMMANDS, n=1)
+        advice = f"did you mean `ohmward {near[0]}`?" if near else "see `ohmward --help`"
+        raise InputError(f"there is no command {word!r}; {advice}")
 
 
 def _load(name: str, part: str) -> ModuleType:

@@ -124,6 +124,7 @@ def find_anchors(
     rests = tuple(a._replace(std=float(np.hypot(a.std, ocv_axis_std * axis_bridge(a.soc)))) for a in rests)
     known = rests + sweep_anchor(record, capacity_Ah, empty_V)
     if not known:
+        _require_likely_capacity(record, capacity_Ah)
         raise InputError(
             f"log {record.log.name!r}: nothing tells its state of charge (no full charge, no rest at a known "
             f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
@@ -131,6 +132,20 @@ def find_anchors(
             "test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
         )
     return (min(known, key=lambda a: a.std),)
+
+
+def _require_likely_capacity(record: Record, capacity_Ah: float) -> None:
+    """Refuse a capacity in mAh: a log that moves a few thousandths of it, but a likely share of a thousandth.
+
+    Raises:
+        InputError: so it seems.
+    """
+    moved_Ah = float(np.ptp(record.charge.total_Ah))
+    if 1000.0 * moved_Ah > 0.5 * capacity_Ah > 10.0 * moved_Ah:
+        raise InputError(
+            f"log {record.log.name!r} moves {moved_Ah:.3g} Ah, {moved_Ah / capacity_Ah:.1%} of the capacity given, "
+            f"{capacity_Ah:g} Ah; is that in mAh? Then write {capacity_Ah / 1000:g}"
+        )
 
 
 def full_charges(record: Record, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
