@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -141,7 +142,7 @@ def unsafe(key, warned):
 def test_without_a_home_programs_are_compiled_all_the_same(monkeypatch):
     for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", "OHMWARD_CACHE"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(code_cache.Path, "home", no_home)
+    monkeypatch.setattr(Path, "home", no_home)
     assert unsafe(KEY, True) == (b"code of " + KEY.encode(), True)
 
 
