@@ -147,7 +147,10 @@ def test_what_the_robot_does_not_have_is_passed_over():
 
 
 def test_the_range_needs_battery_and_robot(battery):
-    estimation = Estimation(battery, RLMA)
-    states = estimation.put(0.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
-    assert states[0].range is not None
+    estimation: Any = Estimation(battery, RLMA)
+    states: Any = estimation.put(0.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    assert math.isnan(states[0].range.distance_m.p50)
+    estimation.take_forecast(estimation.forecast()())
+    (state,) = estimation.put(1.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
+    assert state.range.distance_m.p10 < state.range.distance_m.p50 < state.range.distance_m.p90
     assert Estimation(battery).range is None

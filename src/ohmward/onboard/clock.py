@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 import time
 
-#: An offset that differs by more than this is that of a clock that was set or a source that has started again.
+#: A stamp that leaps against its receipt by more than this is that of a clock that was set, or of a source that has
+#: started again.
 STEP_S = 1.0
 
-#: Clocks of different crystals drift apart by less than this [s/s]; the smallest delay seen is forgotten as slowly.
-DRIFT = 200e-6
+#: The smallest delay of so long counts. Crystals drift by 200 ppm at most: 6 ms in that time; a clock that was set by
+#: less than `STEP_S`, and a link that has become slower for good, are followed after it.
+WINDOW_S = 30.0
 
 
 class SystemClock:
@@ -32,20 +34,31 @@ class SourceClock:
     """Time stamps of one source on our monotonic clock.
 
     A message cannot come before it was measured, and the one that was least delayed came at once, so that the offset
-    between both clocks is the smallest difference of receipt and stamp.
+    between both clocks is the smallest difference of receipt and stamp of late. A stamp that leaps back or ahead of its
+    receipt begins anew; one that is merely late, in a burst after a silence of the link, does not.
+
+    Attributes:
+        steps: number of times that the source's clock was set.
     """
 
     def __init__(self) -> None:
-        self._offset_s = math.nan
-        self._at_s = math.nan
+        self.steps = 0
+        self._least_s = self._least_before_s = math.inf
+        self._window_s = self._stamp_s = math.nan
 
     def to_ours(self, stamp_s: float, received_s: float) -> float:
         """Time of the measurement on our clock [s], never after its receipt; that where the stamp is no number."""
         if not math.isfinite(stamp_s):
             return received_s
         offset_s = received_s - stamp_s
-        grown_s = self._offset_s + DRIFT * max(received_s - self._at_s, 0.0)
-        stepped = not abs(offset_s - grown_s) < STEP_S
-        self._offset_s = offset_s if stepped else min(offset_s, grown_s)
-        self._at_s = received_s
-        return stamp_s + self._offset_s
+        known_s = min(self._least_s, self._least_before_s)
+        if stamp_s < self._stamp_s - STEP_S or offset_s < known_s - STEP_S:
+            self.steps += not math.isnan(self._stamp_s)
+            self._least_s = self._least_before_s = math.inf
+            self._window_s = received_s
+        elif received_s - self._window_s > WINDOW_S / 2:
+            self._least_before_s, self._least_s = self._least_s, math.inf
+            self._window_s = received_s
+        self._stamp_s = stamp_s
+        self._least_s = min(self._least_s, offset_s)
+        return stamp_s + min(self._least_s, self._least_before_s)

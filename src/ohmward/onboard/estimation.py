@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,9 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.told_soc import can_be_told
 from ohmward.energy.consumption import Consumption
+from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
+from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.mean_inbox import USUAL_S, MeanInbox, MeanSample
 from ohmward.onboard.quantities import BATTERY, DRIVE
 from ohmward.onboard.robot_state import RobotState
@@ -28,6 +31,9 @@ FULL, CELL = "battery_full", "cell_voltage_V"
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
+
+
+_NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
 
 
 class _Route(NamedTuple):
@@ -78,10 +84,30 @@ class Estimation:
         self._routes: dict[str, _Route | None] = {}
 
     def compile(self) -> None:
-        """Compile what the first samples would wait for; takes about a second."""
-        for estimator in (self.soc, self.slip, self.odometry):
-            if estimator:
-                _ = estimator.kernel
+        """Compile what the first samples would wait for, on copies; takes a second or two."""
+        if self.soc and self.battery:
+            middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
+            copy(self.soc).update(0.0, 0.0, middle_V)
+        if self.slip and self.odometry and self.robot:
+            slip = copy(self.slip).update(0.0, [0.0] * len(self.robot.places))
+            copy(self.odometry).update(0.0, [0.0] * self.robot.driven, observed=slip)
+
+    def forecast(self) -> Callable[[], RangeEstimate] | None:
+        """The computation of the range from the state now, None where there is none to compute yet.
+
+        It takes a tenth of a second and changes nothing, so that it can be done in another thread; `take_forecast`
+        takes its result.
+        """
+        if self.range is None or not math.isfinite(self.range.state.soc.soc):
+            return None
+        settings, state = self.range.settings, self.range.state
+        sample = RangeSample(_NO_DRIVE, state.soc, None)
+        return lambda: settings.forecast(state, sample)
+
+    def take_forecast(self, found: RangeEstimate) -> None:
+        """Take in a forecast of the range; it stands until the next one."""
+        assert self.range is not None
+        self.range.state = self.range.state._replace(forecast=found)
 
     def put(self, time_s: float, values: Mapping[str, float]) -> list[RobotState]:
         """States after the values of a message, in the order of their times.
@@ -134,6 +160,7 @@ class Estimation:
         reach = None
         if self.range:
             speed_m_s = self.state.slip.speed_m_s if self.state.slip else None
+            self.range.state = self.range.state._replace(forecast_s=time_s)  # `forecast` makes it
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
@@ -160,8 +187,6 @@ class Estimation:
             return []
         if self.cells and self.cells.typical.last:
             self.cells.typical.tell_soc()
-        if self.range:  # the forecast of before no longer holds
-            self.range.state = self.range.state._replace(forecast_s=math.nan)
         return [self._after(time_s, {FULL: 1.0}, battery=self.soc.tell_soc(), battery_time_s=time_s)]
 
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:

@@ -17,12 +17,16 @@ from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.part import LOG, EndedError, Sink, Source, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+from ohmward.onboard.sensor_watch import SensorWatch
 
 #: Time between two looks at sensors that should have reported.
 LOOK_S = 0.25
 
 #: A state goes out at least so often, with new diagnostics where no sensor reports.
 QUIET_S = 1.0
+
+#: The range is forecast so often, and at once when the charge has leapt by so much.
+FORECAST_S, FORECAST_SOC = 10.0, 0.02
 
 #: At the end sinks have so long to deliver what waits; what they could not stays undelivered or on their own disk.
 END_S = 5.0
@@ -61,7 +65,11 @@ class Process:
         self.companions = list(companions)
         self.sinks = [(sink, Feed(sink.interval_s)) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
-        self._clocks: dict[str, SourceClock] = {source.name: SourceClock() for source in sources}
+        self._clocks = {source.name: SourceClock() for source in sources}
+        promised = {source.name: getattr(source, "signals", ()) for source in sources}
+        self.watch = SensorWatch(estimation.battery, estimation.robot, promised, self.clock.now_s())
+        self._told: tuple[Diagnostic, ...] = ()
+        self._ahead_s = 0.0
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
         self._stop: asyncio.Event | None = None
@@ -75,7 +83,11 @@ class Process:
         """
         self._stop, self._began_s = asyncio.Event(), self.clock.now_s()
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
-        beside = [asyncio.create_task(self._look()), *(self._begin(name, run) for name, run in self.companions)]
+        beside = [
+            self._begin("sensors", self._look),
+            self._begin("range", self._forecast),
+            *(self._begin(name, run) for name, run in self.companions),
+        ]
         sources = [self._begin(f"source {source.name}", partial(source.run, self.put)) for source in self.sources]
         stopped, ended = asyncio.create_task(self._stop.wait()), asyncio.create_task(_all(sources))
         try:
@@ -92,6 +104,10 @@ class Process:
         if self._refused:
             raise OhmwardError(self._refused)
 
+    def now_s(self) -> float:
+        """Time on the clock of the states: that of the machine, unless a replay runs ahead of it."""
+        return self.clock.now_s() + self._ahead_s
+
     def stop(self) -> None:
         """End the sources; sinks deliver what waits, and `run` returns."""
         if self._stop:
@@ -107,17 +123,28 @@ class Process:
     def put(self, message: Message) -> None:
         """Take a message in: estimate, and pass the states on. Never raises."""
         try:
-            time_s = self._clocks[message.source].to_ours(message.stamp_s, message.received_s)
-            for state in self.estimation.put(time_s, message.values):
+            for state in self.estimation.put(*self._watched(message)):
                 self._pass_on(state)
         except Exception as error:
             LOG.exception("estimation: unexpected error")
             self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
 
+    def _watched(self, message: Message) -> tuple[float, dict[str, float]]:
+        """Time of a message on our clock, and those of its values that can be true."""
+        clock = self._clocks[message.source]
+        self._ahead_s = max(self._ahead_s, message.received_s - self.clock.now_s())
+        steps = clock.steps
+        time_s = clock.to_ours(message.stamp_s, message.received_s)
+        values = self.watch.take(message.source, time_s, message.received_s, message.values)
+        if clock.steps > steps:
+            self.watch.clock_was_set(message.source, message.received_s)
+        return time_s, values
+
     def tell(self, diagnostic: Diagnostic) -> None:
         """Take a condition in; the latest of each name stands in every state. A new one is logged."""
         before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
+        self._told = ()
         if before and (before.level, before.message) == (diagnostic.level, diagnostic.message):
             return
         LOG.log(_LOG_LEVELS.get(diagnostic.level, logging.ERROR), "%s: %s", diagnostic.name, diagnostic.message)
@@ -139,14 +166,28 @@ class Process:
         """Look at the sensors again and again."""
         while True:
             await asyncio.sleep(LOOK_S)
-            now_s = self.clock.now_s()
-            if now_s - self._passed_s > QUIET_S:
-                self._pass_on(self.estimation.state._replace(time_s=now_s, sample={}))
+            for diagnostic in self.watch.look(self.now_s()):
+                self.tell(diagnostic)
+            if self.clock.now_s() - self._passed_s > QUIET_S:
+                self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
+
+    async def _forecast(self) -> None:
+        """Forecast the range: once the charge is known, when it leaps, and at times."""
+        made_s, soc = -math.inf, math.nan
+        while True:
+            await asyncio.sleep(LOOK_S)
+            charge = self.estimation.state.battery
+            if charge is None or (compute := self.estimation.forecast()) is None:
+                continue
+            if self.now_s() - made_s > FORECAST_S or abs(charge.soc - soc) > FORECAST_SOC:
+                made_s, soc = self.now_s(), charge.soc
+                self.estimation.take_forecast(await asyncio.to_thread(compute))
 
     def _pass_on(self, state: RobotState) -> None:
         self._passed_s = self.clock.now_s()
         unix_s = self.clock.unix_s() - (self._passed_s - state.time_s)
-        whole = state._replace(unix_s=unix_s, diagnostics=tuple(self.diagnostics.values()))
+        self._told = self._told or tuple(self.diagnostics.values())
+        whole = state._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:
             feed.put(whole)
 

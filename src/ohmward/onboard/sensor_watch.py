@@ -1,0 +1,276 @@
+"""Watch over the sensors: names those that are silent, stuck, doubled or read no number, and keeps them out.
+
+A fault costs an estimator what the sensor would have told, and nothing else: its values become nan, as if it had not
+measured, until it reports again. A sensor is stuck where its value stays the same to the last bit while those that move
+with it move: current and voltage of a battery with each other, wheels by the motion that the other wheels and the gyro
+tell of.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.onboard.quantities import quantity_of
+from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.traction.robot.robot import Robot
+
+#: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
+SILENT_INTERVALS, SILENT_S = 5.0, 1.0
+
+#: A value is the same for so many samples and for so long before it may be called stuck.
+SAME_SAMPLES, SAME_S = 20, 1.0
+
+#: So often must what moves with a sensor have turned back meanwhile; a voltage that relaxes at a constant current does
+#: not.
+TURNS = 2
+
+#: Change of the battery's current that moves its voltage [multiples of the capacity per hour]; the drop over the ohmic
+#: resistance of a cell is then some millivolts, the last digit of a usual converter.
+MOVE_C = 0.1
+
+#: A signal that a source promises is missed so long after the start.
+PROMISED_S = 5.0
+
+#: A source is late where its values are older than this when they come.
+LATE_S = 0.5
+
+#: Weight of the newest interval in the usual one.
+_NEWEST = 0.05
+
+#: Signal whose moves show that another one is stuck.
+_PARTNER = {
+    "battery_voltage_V": "battery_current_A",
+    "battery_current_A": "battery_voltage_V",
+    "cell_voltage_V": "battery_current_A",
+}
+
+
+@dataclass(slots=True)
+class WatchedSensor:
+    """One signal as it has reported so far.
+
+    source: that it comes from.  lowest, highest: outside of these no sensor that works reads.
+    last_s, interval_s: time of its last value, and between two usually.
+    value: last one that may be true; same: number of times in a row, since same_s; stuck: declared to be.
+    move: smallest change that counts as a move; turns: number of times that moves have changed their direction.
+    moved_to, upwards: value after the last move, and its direction.
+    partner_turns: turns of the partner when the value began to be the same.
+    bad: values since the last look that cannot be true, and the last of them; good: all others since then.
+    doubled_by: other source that sends it too; doubled_s: when it last did.
+    """
+
+    signal: str
+    source: str
+    lowest: float
+    highest: float
+    move: float = math.inf
+    last_s: float = -math.inf
+    interval_s: float = 0.0
+    value: float = math.nan
+    same: int = 0
+    same_s: float = -math.inf
+    stuck: bool = False
+    turns: int = 0
+    moved_to: float = math.nan
+    upwards: bool = True
+    partner_turns: int = 0
+    partner: WatchedSensor | None = None
+    bad: int = 0
+    bad_value: float = math.nan
+    good: int = 0
+    doubled_by: str = ""
+    doubled_s: float = -math.inf
+    repeated: int = 0
+
+    @property
+    def silent_after_s(self) -> float:
+        """Time without a value after which it is silent; never for one that has come once, as an event does."""
+        if self.interval_s == 0.0:
+            return math.inf
+        return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
+
+    def take(self, time_s: float, value: float) -> float:
+        """The value, nan where it cannot be true."""
+        if not self.lowest <= value <= self.highest:
+            self.bad, self.bad_value = self.bad + 1, value
+            self._reported(time_s)
+            return math.nan
+        if value == self.value:
+            if time_s == self.last_s:
+                self.repeated += 1
+                return math.nan
+            self.same += 1
+        else:
+            self.same, self.same_s, self.stuck, self.value = 0, time_s, False, value
+            self.partner_turns = self.partner.turns if self.partner else 0
+            if not abs(value - self.moved_to) <= self.move:
+                self._moved()
+        self._reported(time_s)
+        self.good += 1
+        return math.nan if self.stuck else value
+
+    def _moved(self) -> None:
+        upwards = self.value > self.moved_to
+        self.turns += upwards != self.upwards
+        self.upwards, self.moved_to = upwards, self.value
+
+    def _reported(self, time_s: float) -> None:
+        if time_s > self.last_s:
+            gap_s = time_s - self.last_s
+            if self.interval_s == 0.0 and gap_s < math.inf:
+                self.interval_s = gap_s
+            elif gap_s < self.silent_after_s:
+                self.interval_s += _NEWEST * (gap_s - self.interval_s)
+            self.last_s = time_s
+
+    def is_same(self, now_s: float) -> bool:
+        """True where the value has been the same for long."""
+        return self.same >= SAME_SAMPLES and now_s - self.same_s >= SAME_S
+
+
+@dataclass
+class Delivery:
+    """Messages of one source: the last one, its delay, and how often the source's clock was set."""
+
+    signals: frozenset[str] = frozenset()
+    last_s: float = -math.inf
+    delay_s: float = 0.0
+    steps: int = 0
+    step_s: float = -math.inf
+
+
+@dataclass
+class SensorWatch:
+    """The watch over all sensors of a robot.
+
+    Attributes:
+        battery, robot: that the sensors are on.
+        promised: names of the sources, and of the signals that each says it sends.
+        began_s: time from which on they are expected.
+    """
+
+    battery: Battery | None = None
+    robot: Robot | None = None
+    promised: Mapping[str, Iterable[str]] = field(default_factory=dict)
+    began_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.sensors: dict[str, WatchedSensor] = {}
+        self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
+        self._motion = WheelCheck(self.robot) if self.robot else None
+
+    def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
+        delivery = self.sources.setdefault(source, Delivery())
+        delivery.last_s, delivery.delay_s = received_s, received_s - time_s
+        clean = {}
+        for signal, value in values.items():
+            sensor = self.sensors.get(signal) or self._first(signal, source)
+            if sensor.source != source and not self._takes_over(sensor, source, time_s):
+                continue
+            clean[signal] = sensor.take(time_s, value)
+        return clean
+
+    def clock_was_set(self, source: str, now_s: float) -> None:
+        """Take in that the clock of a source was set."""
+        self.sources[source].step_s = now_s
+
+    def look(self, now_s: float) -> Iterator[Diagnostic]:
+        """Conditions of all sensors and sources now."""
+        self._find_stuck(now_s)
+        for name, delivery in self.sources.items():
+            yield from self._conditions(name, delivery, now_s)
+        for sensor in self.sensors.values():
+            level, message = _condition(sensor, now_s)
+            figures = {"value": sensor.value, "interval_s": sensor.interval_s, "age_s": now_s - sensor.last_s}
+            yield Diagnostic(sensor.signal, level, message, figures)
+            sensor.bad = sensor.good = sensor.repeated = 0
+
+    def _conditions(self, name: str, delivery: Delivery, now_s: float) -> Iterator[Diagnostic]:
+        """Conditions of a source: its clock, its delay, what it has promised and does not send."""
+        if now_s - delivery.step_s < 60.0:
+            yield Diagnostic(f"clock of {name}", Level.WARN, "was set; its times are counted anew from there")
+        elif delivery.step_s > -math.inf:
+            yield Diagnostic(f"clock of {name}", Level.OK, "goes on")
+        late = delivery.delay_s > LATE_S
+        yield Diagnostic(
+            f"delay of {name}",
+            Level.WARN if late else Level.OK,
+            "its values come late; look at the link" if late else "in time",
+            {"delay_s": delivery.delay_s},
+        )
+        if now_s - self.began_s < PROMISED_S:
+            return
+        for signal in sorted(delivery.signals - self.sensors.keys()):
+            yield Diagnostic(
+                signal, Level.STALE, f"never came from {name}; check its wiring, or leave it out of signals"
+            )
+        if delivery.last_s == -math.inf and not delivery.signals:
+            yield Diagnostic(f"messages of {name}", Level.STALE, "none came yet; is the other side sending?")
+
+    def _first(self, signal: str, source: str) -> WatchedSensor:
+        quantity = quantity_of(signal)
+        move = self._moves().get(quantity.name, math.inf)
+        sensor = self.sensors[signal] = WatchedSensor(signal, source, quantity.lowest, quantity.highest, move)
+        for other in self.sensors.values():
+            for a, b in ((sensor, other), (other, sensor)):
+                if _PARTNER.get(a.signal.partition(".")[0]) == b.signal:
+                    a.partner, a.partner_turns = b, b.turns
+        return sensor
+
+    def _moves(self) -> dict[str, float]:
+        """Changes that count as moves of the battery's sensors; none without a model of it."""
+        if self.battery is None or self.battery.thevenin is None:
+            return {}
+        current_A = MOVE_C * self.battery.capacity_Ah
+        ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), self.battery.thevenin))
+        return {"battery_current_A": current_A, "battery_voltage_V": ohm * current_A}
+
+    def _takes_over(self, sensor: WatchedSensor, source: str, time_s: float) -> bool:
+        """True where the source that a signal came from is silent; else it is doubled, and this one is left out."""
+        if time_s - sensor.last_s > sensor.silent_after_s:
+            sensor.source, sensor.doubled_by = source, ""
+            return True
+        sensor.doubled_by, sensor.doubled_s = source, time_s
+        return False
+
+    def _find_stuck(self, now_s: float) -> None:
+        for sensor in self.sensors.values():
+            same = sensor.is_same(now_s)
+            if same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
+                sensor.stuck = True
+        if self._motion:
+            speeds = {s.signal: (s.value, s.is_same(now_s)) for s in self.sensors.values() if s.good}
+            for signal in self._motion.stuck(speeds):
+                self.sensors[signal].stuck = True
+
+
+def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
+    """Condition of a sensor in a sentence."""
+    if now_s - sensor.last_s > sensor.silent_after_s:
+        return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
+    if sensor.bad and not sensor.good:
+        return (
+            Level.ERROR,
+            f"reads {_named(sensor.bad_value)}, which cannot be; look at the sensor, its unit and its wire",
+        )
+    if sensor.stuck:
+        return Level.ERROR, "stuck: the same to the last bit while what moves with it does; look at the sensor"
+    if sensor.bad:
+        return Level.WARN, f"reads {_named(sensor.bad_value)} now and then, which cannot be; look at its wire"
+    if now_s - sensor.doubled_s < sensor.silent_after_s:
+        first, second = sensor.source, sensor.doubled_by
+        return Level.WARN, f"doubled: {first} and {second} both send it; {first} is used, leave it out of one of them"
+    if sensor.repeated > sensor.good:
+        return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
+    return Level.OK, f"reports, from {sensor.source}"
+
+
+def _named(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "no number"

@@ -1,0 +1,75 @@
+import math
+import random
+
+import pytest
+
+from ohmward.onboard.clock import STEP_S, WINDOW_S, SourceClock
+
+
+def link(seed=1, count=1000, interval_s=0.1):
+    """True times, and receipts after a delay of 2 ms and a tail."""
+    draw = random.Random(seed)
+    times = [100.0 + interval_s * k for k in range(count)]
+    return [(t, t + 0.002 + draw.expovariate(100.0)) for t in times]
+
+
+def errors(clock, stamps):
+    return [clock.to_ours(stamp, received) - true for true, received, stamp in stamps]
+
+
+def test_the_offset_is_found_and_jitter_goes():
+    found = errors(SourceClock(), [(t, received, t - 57.3) for t, received in link()])
+    assert max(map(abs, found[50:])) < 0.004
+    assert max(found) <= 0.05
+
+
+def test_a_measurement_is_never_after_its_receipt():
+    clock = SourceClock()
+    for t, received in link():
+        assert clock.to_ours(t - 3.0, received) <= received
+
+
+def test_a_stamp_that_is_none_has_the_time_of_its_receipt():
+    assert SourceClock().to_ours(math.nan, 5.0) == 5.0
+
+
+@pytest.mark.parametrize("rate", [1 + 200e-6, 1 - 200e-6])
+def test_a_clock_that_drifts_is_followed(rate):
+    found = errors(SourceClock(), [(t, received, rate * t) for t, received in link(count=20_000)])
+    assert max(map(abs, found[1000:])) < 0.012
+
+
+@pytest.mark.parametrize("leap_s", [3600.0, -3600.0, 5.0, -5.0])
+def test_a_clock_that_is_set_is_followed_at_once(leap_s):
+    clock = SourceClock()
+    rows = [(t, received, t + (leap_s if t > 150.0 else 0.0)) for t, received in link()]
+    found = errors(clock, rows)
+    assert max(map(abs, found[50:])) < 0.03
+    assert clock.steps == 1
+
+
+@pytest.mark.parametrize("leap_s", [0.5, -0.5])
+def test_a_clock_that_is_set_by_little_is_followed_within_a_window(leap_s):
+    clock = SourceClock()
+    rows = [(t, received, t + (leap_s if t > 150.0 else 0.0)) for t, received in link()]
+    found = errors(clock, rows)
+    assert abs(leap_s) < STEP_S
+    assert max(map(abs, found[500 + int(10 * WINDOW_S) + 2 :])) < 0.005
+
+
+def test_a_burst_after_a_silence_keeps_its_times():
+    """The link stands still for 20 s; all messages come at once then, each with its own stamp."""
+    rows = [(t, max(received, 170.0) if 150.0 < t < 170.0 else received, t) for t, received in link()]
+    clock = SourceClock()
+    found = errors(clock, rows)
+    assert max(map(abs, found[50:])) < 0.004
+    assert clock.steps == 0
+
+
+def test_messages_that_overtake_each_other_are_no_steps():
+    rows = [(t, received, t) for t, received in link()]
+    for k in range(100, 900, 50):
+        rows[k], rows[k + 3] = rows[k + 3], rows[k]
+    clock = SourceClock()
+    assert max(map(abs, errors(clock, rows)[50:])) < 0.35
+    assert clock.steps == 0

@@ -1,0 +1,169 @@
+import math
+import random
+import re
+
+import pytest
+
+from ohmward import generic_battery
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.sensor_watch import SensorWatch
+from ohmward.traction.robot.robot import RLMA
+
+PLACES = [place.name for place in RLMA.places]
+
+
+@pytest.fixture(scope="module")
+def battery():
+    return generic_battery("lfp", 10.0, 4)
+
+
+class Robot:
+    """Ten seconds and more of sensors at 50 Hz: a robot that drives, with noise, and a fault from 5 s on."""
+
+    def __init__(self, battery, fault=None, until_s=10.0):
+        self.watch = SensorWatch(battery, RLMA)
+        self.draw = random.Random(1)
+        self.fault, self.until_s = fault or (lambda values: values), until_s
+        self.told, self.clean = {}, []
+
+    def sample(self, t):
+        speed = 4.0 + 3.0 * math.sin(1.1 * t)
+        current = -3.0 - 2.0 * math.sin(1.1 * t) + self.draw.gauss(0.0, 0.02)
+        wheels = {f"wheel_speed_rad_s.{name}": speed + self.draw.gauss(0.0, 0.05) for name in PLACES}
+        return wheels | {
+            "battery_current_A": current,
+            "battery_voltage_V": 13.1 + 0.03 * current + self.draw.gauss(0.0, 0.004),
+            "yaw_rate_rad_s": self.draw.gauss(0.0, 0.01),
+        }
+
+    def run(self, begin_s=0.0, end_s=10.0, source="robot"):
+        for k in range(int(begin_s * 50), int(end_s * 50)):
+            t = 0.02 * k
+            values = self.sample(t)
+            if 5.0 <= t < self.until_s:
+                values = self.fault(values)
+            self.clean.append(self.watch.take(source, t, t, values))
+            if k % 12 == 0:
+                self.told |= {d.name: d for d in self.watch.look(t)}
+        return self
+
+    def wrong(self):
+        return {name: d.message for name, d in self.told.items() if d.level != Level.OK}
+
+
+def stuck(*signals):
+    held: dict[str, float] = {}
+
+    def fault(values):
+        held.update({signal: held.get(signal, values[signal]) for signal in signals})
+        return values | held
+
+    return fault
+
+
+def constant(signal, value):
+    return lambda values: values | {signal: value}
+
+
+def without(signal):
+    return lambda values: {name: value for name, value in values.items() if name != signal}
+
+
+def test_sensors_that_work_are_not_accused(battery):
+    robot = Robot(battery).run(end_s=60.0)
+    assert robot.wrong() == {}
+    assert all(math.isfinite(value) for clean in robot.clean for value in clean.values())
+
+
+def test_a_robot_at_rest_is_not_accused(battery):
+    """All values are the same to the last bit, for a minute."""
+    watch = SensorWatch(battery, RLMA)
+    values = Robot(battery).sample(0.0) | {f"wheel_speed_rad_s.{name}": 0.0 for name in PLACES}
+    for k in range(3000):
+        watch.take("robot", 0.02 * k, 0.02 * k, values)
+    assert [d for d in watch.look(60.0) if d.level != Level.OK] == []
+
+
+WHEEL = f"wheel_speed_rad_s.{PLACES[0]}"
+
+FAULTS = {
+    "a wire that is off": (constant("battery_voltage_V", math.nan), "battery_voltage_V", "no number"),
+    "a sensor in another unit": (constant("battery_voltage_V", 13100.0), "battery_voltage_V", "1.31e.04, which cannot"),
+    "a silent sensor": (without("yaw_rate_rad_s"), "yaw_rate_rad_s", "silent"),
+    "a stuck voltage": (stuck("battery_voltage_V"), "battery_voltage_V", "stuck"),
+    "a stuck current": (stuck("battery_current_A"), "battery_current_A", "stuck"),
+    "a stuck wheel": (stuck(WHEEL), WHEEL, "stuck"),
+    "an encoder without its wire": (constant(WHEEL, 0.0), WHEEL, "stuck"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
+    fault, signal, message = FAULTS[name]
+    robot = Robot(battery, fault, until_s=17.0).run(end_s=16.0)
+    assert set(robot.wrong()) == {signal}
+    assert re.search(message, robot.wrong()[signal])
+    assert not math.isfinite(robot.clean[-1].get(signal, math.nan))
+    others = [value for other, value in robot.clean[-1].items() if other != signal]
+    assert all(map(math.isfinite, others))
+    robot.run(16.0, 19.0)
+    assert robot.wrong() == {}
+    assert math.isfinite(robot.clean[-1][signal])
+
+
+def test_wheels_that_spin_in_place_accuse_nobody(battery):
+    """Driven wheels spin on ice; the free wheels stand, to the last bit."""
+
+    def ice(values):
+        free = {f"wheel_speed_rad_s.{name}": 0.0 for name in PLACES[RLMA.driven :]}
+        return values | free
+
+    assert Robot(battery, ice).run().wrong() == {}
+
+
+def test_a_quantity_from_two_sources_is_named_and_the_first_is_used(battery):
+    watch = SensorWatch(battery, RLMA)
+    for k in range(100):
+        t = 0.1 * k
+        assert watch.take("can0", t, t, {"battery_voltage_V": 13.0 + 1e-3 * k})
+        assert watch.take("mqtt", t, t, {"battery_voltage_V": 12.0}) == {}
+    (found,) = [d for d in watch.look(10.0) if d.level != Level.OK]
+    assert found.name == "battery_voltage_V"
+    assert "can0 and mqtt both send it; can0 is used" in found.message
+
+
+def test_the_second_source_takes_over_where_the_first_is_silent(battery):
+    watch = SensorWatch(battery, RLMA)
+    for k in range(100):
+        t = 0.1 * k
+        if t < 5.0:
+            watch.take("can0", t, t, {"battery_voltage_V": 13.0})
+        used = watch.take("mqtt", t, t, {"battery_voltage_V": 12.0 + 1e-3 * k})
+    assert used
+    assert [d for d in watch.look(10.0) if d.level != Level.OK] == []
+
+
+def test_a_message_that_comes_twice_is_used_once(battery):
+    watch = SensorWatch(battery, RLMA)
+    for k in range(50):
+        t, values = 0.1 * k, {"battery_current_A": -1.0 - 0.01 * k}
+        assert math.isfinite(watch.take("mqtt", t, t, values)["battery_current_A"])
+        assert math.isnan(watch.take("mqtt", t, t, values)["battery_current_A"])
+
+
+def test_what_a_source_promises_and_never_sends_is_named(battery):
+    watch = SensorWatch(battery, RLMA, {"can0": ("battery_voltage_V", "battery_current_A"), "mqtt": ()})
+    watch.take("can0", 0.0, 0.0, {"battery_current_A": 1.0})
+    found = {d.name: d.message for k in range(7) for d in watch.look(1.0 * k) if d.level == Level.STALE}
+    assert "never came from can0" in found["battery_voltage_V"]
+    assert "none came yet" in found["messages of mqtt"]
+
+
+def test_late_values_and_clocks_that_were_set_are_named(battery):
+    watch = SensorWatch(battery, RLMA)
+    watch.take("radio", 1.0, 3.0, {"battery_current_A": 1.0})
+    watch.clock_was_set("radio", 3.0)
+    found = {d.name: d.level for d in watch.look(3.1)}
+    assert found["delay of radio"] == found["clock of radio"] == Level.WARN
+    watch.take("radio", 70.0, 70.01, {"battery_current_A": 1.1})
+    assert {d.level for d in watch.look(70.1)} == {Level.OK}
