@@ -9,7 +9,7 @@ from typing import Any
 from ohmward.errors import OhmwardError
 
 #: Packages whose name on the index is not that of their import.
-_ON_THE_INDEX = {"tomli_w": "tomli-w"}
+_ON_THE_INDEX = {"tomli_w": "tomli-w", "can": "python-can", "serial": "pyserial", "paho": "paho-mqtt"}
 
 
 class MissingPackageError(OhmwardError):

@@ -1,9 +1,11 @@
 """Sinks of states, by the `kind` in the settings."""
 
+from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
+from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 
 #: Any of them.
-AnySink = JsonLinesSink | TerminalSink
+AnySink = CanSink | JsonLinesSink | MqttSink | TerminalSink
 
-SINKS: dict[type, str] = {JsonLinesSink: "json-lines", TerminalSink: "terminal"}
+SINKS: dict[type, str] = {CanSink: "can", JsonLinesSink: "json-lines", MqttSink: "mqtt", TerminalSink: "terminal"}

@@ -1,0 +1,172 @@
+"""Signals in CAN frames by the user's database (DBC and what else cantools reads): frames to quantities, and back."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ohmward.errors import InputError
+from ohmward.onboard.message import ScaledSignal, Wiring
+from ohmward.onboard.quantities import quantity_of
+from ohmward.optional import require
+
+#: Units that databases give, as factors to that of a quantity's name.
+_UNITS: dict[str, dict[str, float]] = {
+    "_A": {"A": 1.0, "mA": 1e-3},
+    "_V": {"V": 1.0, "mV": 1e-3},
+    "_degC": {"degC": 1.0, "°C": 1.0, "C": 1.0, "deg C": 1.0},
+    "_rad_s": {"rad/s": 1.0, "rpm": math.pi / 30, "1/min": math.pi / 30, "deg/s": math.pi / 180, "°/s": math.pi / 180},
+    "_m_s": {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mm/s": 1e-3},
+    "_m_s2": {"m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "g": 9.80665},
+    "_rad": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
+}
+
+
+class CanSignal(NamedTuple):
+    """A signal of a database: `frame` is cantools' message, `signal` its signal."""
+
+    frame: Any
+    signal: Any
+
+
+class CanDatabase:
+    """Messages and signals of a file, looked up as "MESSAGE.SIGNAL".
+
+    Args:
+        path: of a DBC, KCD, SYM or ARXML file.
+
+    Raises:
+        InputError: it cannot be read, or describes no messages.
+        MissingPackageError: cantools is not installed.
+    """
+
+    def __init__(self, path: str):
+        cantools = require("cantools", "decoding CAN")
+
+        self.path = path
+        try:
+            database = cantools.database.load_file(path)
+            self._frames = {frame.name: frame for frame in database.messages}
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+        except Exception as error:  # parsers raise of every kind
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
+
+    def find(self, name: str) -> CanSignal:
+        """The signal of a name.
+
+        Raises:
+            InputError: there is none; names the nearest.
+        """
+        message, _, signal = name.partition(".")
+        if frame := self._frames.get(message):
+            for found in frame.signals:
+                if found.name == signal:
+                    return CanSignal(frame, found)
+        names = [f"{frame.name}.{found.name}" for frame in self._frames.values() for found in frame.signals]
+        near = difflib.get_close_matches(name, names, n=3, cutoff=0.0)
+        raise InputError(
+            f"{name!r} is not in {Path(self.path).name}; write MESSAGE.SIGNAL, such as {', '.join(near) or 'none'}"
+        )
+
+
+class CanDecoder:
+    """Frames of a bus to quantities.
+
+    Args:
+        database: of the signals.
+        wiring: quantities by "MESSAGE.SIGNAL".
+
+    Raises:
+        InputError: a signal that the database does not have, or one in another unit than its quantity.
+    """
+
+    def __init__(self, database: CanDatabase, wiring: Wiring):
+        self._wiring = wiring
+        self._frames: dict[tuple[int, bool], Any] = {}
+        for name, uses in wiring.signals.items():
+            found = database.find(name)
+            for quantity, scale, _ in uses:
+                _check_unit(name, quantity, scale, found.signal.unit)
+            self._frames[found.frame.frame_id, found.frame.is_extended_frame] = found.frame
+
+    @property
+    def filters(self) -> list[dict[str, Any]]:
+        """Filters of the frames that matter, as python-can takes them."""
+        return [
+            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for number, extended in self._frames
+        ]
+
+    def values(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
+        """Quantities of a frame; none of a frame that is not wired, None of one that cannot be decoded."""
+        frame = self._frames.get((frame_id, extended))
+        if frame is None:
+            return {}
+        try:
+            numbers = frame.decode_simple(data, decode_choices=False)
+        except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
+            return None
+        return self._wiring.values({f"{frame.name}.{name}": number for name, number in numbers.items()})
+
+
+class CanEncoder:
+    """Numbers to frames.
+
+    Args:
+        database: of the signals.
+        signals: name of a number -> "MESSAGE.SIGNAL", or that with scale and offset: number = scale * signal + offset.
+
+    Raises:
+        InputError: a signal that the database does not have.
+    """
+
+    def __init__(self, database: CanDatabase, signals: Mapping[str, str | ScaledSignal]):
+        self._frames: dict[str, tuple[Any, list[tuple[str, Any, ScaledSignal]]]] = {}
+        for name, given in signals.items():
+            scaled = given if isinstance(given, ScaledSignal) else ScaledSignal(given)
+            found = database.find(scaled.name)
+            self._frames.setdefault(found.frame.name, (found.frame, []))[1].append((name, found.signal, scaled))
+
+    def frames(self, numbers: Mapping[str, float]) -> list[tuple[int, bool, bytes]]:
+        """Identifier, extended or not, and data of every frame whose numbers are all known; signals saturate.
+
+        Signals of these messages that no number is given to are at their initial value, or 0.
+        """
+        frames = []
+        for frame, uses in self._frames.values():
+            found = {name: numbers.get(name, math.nan) for name, _, _ in uses}
+            if not all(map(math.isfinite, found.values())):
+                continue
+            data: dict[str, float] = {signal.name: signal.initial or 0 for signal in frame.signals}
+            for name, signal, scaled in uses:
+                data[signal.name] = _saturated(signal, (found[name] - scaled.offset) / scaled.scale)
+            frames.append((frame.frame_id, frame.is_extended_frame, frame.encode(data, strict=False)))
+        return frames
+
+
+def _saturated(signal: Any, value: float) -> float:
+    """The nearest value that the bits of a signal and its limits can hold."""
+    if signal.is_float:
+        return value
+    low = -(1 << (signal.length - 1)) if signal.is_signed else 0
+    high = low + (1 << signal.length) - 1
+    least, most = sorted((low * signal.scale + signal.offset, high * signal.scale + signal.offset))
+    if signal.minimum is not None and signal.maximum is not None and signal.minimum < signal.maximum:
+        least, most = max(least, signal.minimum), min(most, signal.maximum)
+    return min(max(value, least), most)
+
+
+def _check_unit(name: str, quantity: str, scale: float, unit: str | None) -> None:
+    """Raise InputError where the database gives another unit and no scale brings it to that of the quantity."""
+    word = quantity_of(quantity).name
+    units = next((units for suffix, units in _UNITS.items() if word.endswith(suffix)), {})
+    factor = units.get(unit or "", 1.0)
+    if scale == 1.0 and factor != 1.0:
+        raise InputError(
+            f"{name} is in {unit}, {word} is not; write {quantity!r} = {{name = {name!r}, scale = {factor:.8g}}}"
+        )

@@ -1,0 +1,134 @@
+"""Connection to an MQTT broker by paho, with the fix in every refusal; the password comes from a secret."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.handover import Handover
+from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.optional import require
+
+#: A broker that has not answered for so long is away; it hears from us twice as often.
+KEEP_ALIVE_S = 10
+_ANSWER_S = 5.0
+
+
+class Payload(NamedTuple):
+    """A payload of a topic, and the monotonic time of its receipt."""
+
+    topic: str
+    payload: bytes
+    received_s: float
+
+
+class Connection(NamedTuple):
+    """A connection to a broker: paho's client, and what it receives."""
+
+    client: Any
+    received: Handover[Payload]
+
+
+class Will(NamedTuple):
+    """Retained payload that the broker publishes when the connection is lost."""
+
+    topic: str
+    payload: str
+
+
+@dataclass(frozen=True)
+class MqttBroker:
+    """A broker.
+
+    Attributes:
+        host, port: of the broker.
+        username: where the broker demands one.
+        password: where the password is: name of an environment variable, or "file:PATH" of mode 600.
+        tls: encrypt; the broker's certificate is checked.
+        ca_file: path of the authority's certificate, where it is not one of the system's.
+    """
+
+    host: str = "localhost"
+    port: int = 1883
+    username: str | None = None
+    password: str | None = None
+    tls: bool = False
+    ca_file: str | None = None
+
+    def __post_init__(self) -> None:
+        require_between("port", self.port, 1, 65535)
+        if self.password is not None:
+            check_secret_name("password", self.password)
+            if self.username is None:
+                raise InputError("password without username; give both")
+        if self.ca_file and not self.tls:
+            raise InputError("ca_file without TLS; write tls = true")
+
+    @asynccontextmanager
+    async def connected(self, will: Will | None = None) -> AsyncIterator[Connection]:
+        """A connection, lost or closed at the end.
+
+        Raises:
+            OhmwardError: the broker is not there, or refuses.
+            MissingPackageError: paho is not installed.
+        """
+        received: Handover[Payload] = Handover()
+        client = self._client(received)
+        if will:
+            client.will_set(will.topic, will.payload, qos=1, retain=True)
+        connected = asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def on_connect(_client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+            if reason.is_failure:
+                received.fail(OhmwardError(f"{self._place} refuses ({reason}); check username, password and its ACL"))
+            loop.call_soon_threadsafe(connected.set)
+
+        client.on_connect = on_connect
+        try:
+            await asyncio.to_thread(client.connect, self.host, self.port, KEEP_ALIVE_S)
+        except (OSError, ValueError) as error:
+            raise OhmwardError(f"no MQTT broker at {self._place} ({error}); is it running there?") from error
+        client.loop_start()
+        try:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(connected.wait(), _ANSWER_S)
+            if not client.is_connected():
+                received.fail(
+                    OhmwardError(f"{self._place} does not answer as an MQTT broker; check host, port and tls")
+                )
+                await received.take()
+            yield Connection(client, received)
+        finally:
+            client.disconnect()
+            await asyncio.to_thread(client.loop_stop)
+
+    @property
+    def _place(self) -> str:
+        return f"{self.host}:{self.port}"
+
+    def _client(self, received: Handover[Payload]) -> Any:
+        """Client of paho, whose thread hands everything over."""
+        paho = require("paho.mqtt.client", "MQTT")
+
+        client = paho.Client(paho.CallbackAPIVersion.VERSION2, reconnect_on_failure=False)
+        client.connect_timeout = _ANSWER_S
+        if self.username is not None:
+            client.username_pw_set(self.username, secret("password", self.password) if self.password else None)
+        if self.tls:
+            try:
+                client.tls_set(ca_certs=self.ca_file)
+            except (OSError, ValueError) as error:
+                raise OhmwardError(f"ca_file: {self.ca_file} cannot be used ({error}); give a PEM file") from error
+        client.on_message = lambda _client, _data, m: received.put(Payload(m.topic, m.payload, time.monotonic()))
+        client.on_disconnect = lambda _client, _data, _flags, reason, _properties: received.fail(
+            OhmwardError(f"the connection to {self._place} is lost ({reason}); is the broker running?")
+        )
+        return client

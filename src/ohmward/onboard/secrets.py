@@ -1,0 +1,47 @@
+"""Secrets: from an environment variable or a file that nobody else may read, never from a setup or a command line."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from ohmward.errors import InputError
+
+#: Before the path of a file in the key of a setup that names a secret.
+_FILE = "file:"
+
+
+def check_secret_name(key: str, where: str) -> None:
+    """Raise InputError unless this says where a secret is: the name of a variable, or file:PATH."""
+    if not where.startswith(_FILE) and not where.isidentifier():
+        raise InputError(
+            f'{key} says where the secret is, not the secret: {key} = "MY_VARIABLE" for an environment variable, '
+            f'or {key} = "file:/etc/ohmward/secret" for a file of mode 600'
+        )
+
+
+def secret(key: str, where: str) -> str:
+    """The secret that the key `key` of a setup points at.
+
+    where: name of an environment variable, or "file:PATH"; the file's last line break is left out.
+
+    Raises:
+        InputError: there is none, or others than the owner may read the file. The message never has the secret.
+    """
+    check_secret_name(key, where)
+    if not where.startswith(_FILE):
+        if not (found := os.environ.get(where)):
+            raise InputError(f"{key}: the environment variable {where} is not set; set it where ohmward starts")
+        return found
+    path = Path(where.removeprefix(_FILE))
+    try:
+        mode = stat.S_IMODE(path.stat().st_mode)
+        if mode & 0o077:
+            raise InputError(f"{key}: others may read {path} (mode {mode:o}); chmod 600 {path}")
+        found = path.read_text(encoding="utf-8").rstrip("\r\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{key}: {path} cannot be read ({getattr(error, 'strerror', '') or 'no text'})") from error
+    if not found:
+        raise InputError(f"{key}: {path} is empty; write the secret into it")
+    return found

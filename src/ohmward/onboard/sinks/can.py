@@ -1,0 +1,53 @@
+"""CAN out: numbers of the robot's state in frames of the user's database."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError
+from ohmward.onboard.can_bus import NO_FRAMES, CanPort
+from ohmward.onboard.can_database import CanDatabase, CanEncoder
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.message import ScaledSignal
+from ohmward.onboard.state_path import number_at, require_path
+
+
+@dataclass(frozen=True)
+class CanSink(CanPort):
+    """Frames from states.
+
+    Attributes:
+        interface, channel, bitrate, fd: of the bus.
+        dbc: path of the database: DBC, KCD, SYM or ARXML.
+        signals: number of the state -> "MESSAGE.SIGNAL", `"battery.soc" = "State.SoC"`. A message goes out when all of
+            its numbers are known.
+        interval_s: least time between two states that are sent, >= 0.
+        name: in diagnostics.
+    """
+
+    dbc: str = ""
+    signals: dict[str, str | ScaledSignal] = field(default_factory=dict)
+    interval_s: float = 0.1
+    name: str = "can"
+
+    def __post_init__(self) -> None:
+        require_between("interval_s", self.interval_s, 0.0, 3600.0)
+        if not self.dbc:
+            raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
+        if not self.signals:
+            raise InputError('signals is empty; name some: signals = {"battery.soc" = "State.SoC"}')
+        for path in self.signals:
+            require_path(path)
+
+    async def run(self, feed: Feed) -> None:
+        """Send the newest state, again and again; old ones are of no use on a bus."""
+        encoder = CanEncoder(CanDatabase(self.dbc), self.signals)
+        bus = self.open(NO_FRAMES)
+        try:
+            while states := await feed.batch():
+                numbers = {path: number_at(states[-1], path) for path in self.signals}
+                await asyncio.to_thread(self.send, bus, encoder.frames(numbers))
+        finally:
+            bus.shutdown()

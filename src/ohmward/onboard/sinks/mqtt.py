@@ -1,0 +1,89 @@
+"""MQTT out: the robot's state as one JSON object, single numbers as topics of their own, and a last will."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.mqtt_broker import MqttBroker, Will
+from ohmward.onboard.plain import plain_state
+from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.state_path import number_at, require_path
+
+#: The broker has so long to acknowledge what was sent [s].
+_ACKNOWLEDGE_S = 10.0
+#: So many states are sent before the broker has to acknowledge.
+_AT_ONCE = 100
+
+
+@dataclass(frozen=True)
+class MqttSink(MqttBroker):
+    """States to a broker, retained, each acknowledged by it; those it has not got wait in the feed.
+
+    Attributes:
+        host, port, username, password, tls, ca_file: of the broker.
+        topic: TOPIC/state is the state, TOPIC/status is "online", and "offline" once the connection is lost.
+        numbers: numbers of the state that get a topic of their own: "battery.soc" is TOPIC/battery/soc.
+        interval_s: least time between two states, >= 0.
+        name: in diagnostics.
+    """
+
+    topic: str = "ohmward/robot"
+    numbers: tuple[str, ...] = ()
+    interval_s: float = 1.0
+    name: str = "mqtt"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_between("interval_s", self.interval_s, 0.0, 3600.0)
+        if not self.topic or set("+#\0") & set(self.topic):
+            raise InputError(f"topic must be a topic without + and #, got {self.topic!r}")
+        for path in self.numbers:
+            require_path(path)
+
+    async def run(self, feed: Feed) -> None:
+        """Publish states until the feed ends."""
+        status = f"{self.topic}/status"
+        async with self.connected(Will(status, "offline")) as (client, _):
+            client.publish(status, "online", qos=1, retain=True)
+            while states := await feed.batch(_AT_ONCE):
+                sent: list[tuple[RobotState, list[Any]]] = []
+                for state in states:
+                    sent.append((state, [client.publish(t, p, qos=1, retain=True) for t, p in self.payloads(state)]))
+                await asyncio.to_thread(_acknowledged, [info for _, infos in sent for info in infos])
+                if missing := [state for state, infos in sent if not all(map(_has_arrived, infos))]:
+                    feed.put_back(missing)
+                    raise OhmwardError(f"{self.host}:{self.port} does not acknowledge; is the broker running?")
+            _acknowledged([client.publish(status, "offline", qos=1, retain=True)])
+
+    def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
+        """Topics and payloads of a state; a number that is not known is empty, which takes the retained one away."""
+        yield f"{self.topic}/state", json.dumps(plain_state(state), allow_nan=False)
+        for path in self.numbers:
+            value = number_at(state, path)
+            yield f"{self.topic}/{path.replace('.', '/')}", f"{value:.9g}" if math.isfinite(value) else ""
+
+
+def _acknowledged(infos: list[Any]) -> None:
+    """Wait until the broker has them all, or does not acknowledge one in time."""
+    for info in infos:
+        with suppress(RuntimeError, ValueError):  # not connected
+            info.wait_for_publish(_ACKNOWLEDGE_S)
+        if not _has_arrived(info):
+            return
+
+
+def _has_arrived(info: Any) -> bool:
+    """True where the broker has acknowledged; paho raises for what it could not send."""
+    try:
+        return bool(info.is_published())
+    except (RuntimeError, ValueError):
+        return False

@@ -1,0 +1,48 @@
+"""CAN: frames of drives and battery monitors, decoded by the user's database."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ohmward.errors import InputError
+from ohmward.onboard.can_bus import CanPort, frames_of
+from ohmward.onboard.can_database import CanDatabase, CanDecoder
+from ohmward.onboard.faulty import FaultyInput
+from ohmward.onboard.message import Message, Put, Signals, Wiring
+
+
+@dataclass(frozen=True)
+class CanSource(CanPort):
+    """Frames of a bus.
+
+    Attributes:
+        interface, channel, bitrate, fd: of the bus.
+        dbc: path of the database: DBC, KCD, SYM or ARXML.
+        signals: quantity -> "MESSAGE.SIGNAL".
+        name: in diagnostics.
+    """
+
+    dbc: str = ""
+    signals: Signals = field(default_factory=dict)
+    name: str = "can"
+
+    def __post_init__(self) -> None:
+        Wiring(self.signals)
+        if not self.dbc:
+            raise InputError('dbc is missing; name the database of the bus: dbc = "robot.dbc"')
+        if not self.signals:
+            raise InputError('signals is empty; name some: signals = {battery_current_A = "BMS.Current"}')
+
+    async def run(self, put: Put) -> None:
+        """Read frames until the bus fails."""
+        decoder = CanDecoder(CanDatabase(self.dbc), Wiring(self.signals))
+        faulty = FaultyInput(self.name, "frames cannot be decoded; is it the right DBC?")
+        async with frames_of(self, decoder.filters) as frames:
+            while True:
+                for frame, received_s in await frames.take():
+                    values = decoder.values(frame.arbitration_id, frame.is_extended_id, bytes(frame.data))
+                    if values is None:
+                        faulty.count()
+                    elif values:
+                        put(Message(frame.timestamp or math.nan, received_s, self.name, values))

@@ -1,0 +1,83 @@
+"""MQTT: topics with a number each, or with JSON objects."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.faulty import FaultyInput
+from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
+from ohmward.onboard.mqtt_broker import MqttBroker, Payload
+from ohmward.onboard.sources.json_lines import LONGEST_LINE, own_names
+
+#: Between the topic and the key of its JSON object in the name of a signal; no topic has it.
+_KEY = "#"
+
+
+@dataclass(frozen=True)
+class MqttSource(MqttBroker):
+    """Topics of a broker.
+
+    Attributes:
+        host, port, username, password, tls, ca_file: of the broker.
+        signals: quantity -> "TOPIC" whose payload is a number, or "TOPIC#KEY" of a JSON object.
+        topics: topics of JSON objects whose keys are quantities themselves; + and # stand for any words.
+        time: key of the time stamp in objects [s]; without it the time is that of the receipt.
+        name: in diagnostics.
+    """
+
+    signals: Signals = field(default_factory=dict)
+    topics: tuple[str, ...] = ()
+    time: str = "time_s"
+    name: str = "mqtt"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wiring = Wiring(self.signals)
+        if not self.signals and not self.topics:
+            raise InputError('no topics; name some: signals = {battery_current_A = "robot/bms#current"}')
+        for name in wiring.signals:
+            topic = name.partition(_KEY)[0]
+            if not topic or "+" in topic:
+                raise InputError(f"{name!r} is not the name of one topic; write TOPIC or TOPIC#KEY")
+
+    async def run(self, put: Put) -> None:
+        """Put what the topics say until the connection is lost."""
+        wiring = Wiring(self.signals)
+        faulty = FaultyInput(self.name, "payloads are neither a number nor a JSON object with wired keys")
+        async with self.connected() as connection:
+            topics = {name.partition(_KEY)[0] for name in wiring.signals} | set(self.topics)
+            result, _ = connection.client.subscribe([(topic, 0) for topic in sorted(topics)])
+            if result:
+                raise OhmwardError(f"{self.host}:{self.port} takes no subscription to {', '.join(sorted(topics))}")
+            while True:
+                for payload in await connection.received.take():
+                    if message := self.message(payload, wiring):
+                        put(message)
+                    else:
+                        faulty.count()
+
+    def message(self, payload: Payload, wiring: Wiring) -> Message | None:
+        """The message of a payload; None where it has no quantity."""
+        topic, received_s = payload.topic, payload.received_s
+        found = _parsed(payload.payload)
+        if not isinstance(found, dict):
+            values = wiring.values({topic: found}) if isinstance(found, int | float) else {}
+            return Message(math.nan, received_s, self.name, values) if values else None
+        values = wiring.values({f"{topic}{_KEY}{key}": value for key, value in found.items()})
+        if self.topics:
+            values = own_names(found) | values
+        stamp_s = as_number(found.get(self.time, math.nan))
+        return Message(stamp_s, received_s, self.name, values) if values else None
+
+
+def _parsed(payload: bytes) -> object:
+    """The JSON value of a payload; None where it is none."""
+    if len(payload) > LONGEST_LINE:
+        return None
+    try:
+        return json.loads(payload)
+    except (ValueError, RecursionError):
+        return None
