@@ -31,6 +31,7 @@ class TomlFile(Generic[T]):
         digits: significant digits of the numbers written.
         kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
         older: formats of before, each with the function from its table to the one of today.
+        once: sub-table -> keys that it has in common with the head of the file, where alone they stand.
     """
 
     cls: type[T]
@@ -39,6 +40,7 @@ class TomlFile(Generic[T]):
     digits: int = 6
     kinds: Mapping[type, str] = field(default_factory=dict)
     older: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = field(default_factory=dict)
+    once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def noun(self) -> str:
@@ -63,7 +65,11 @@ class TomlFile(Generic[T]):
 
     def dump(self, value: T) -> str:
         """The text of the file; numbers are rounded to `digits`, fields that are None left out."""
-        lines = _table_lines(self._plain(value, self.cls), "")
+        table = self._plain(value, self.cls)
+        for name, keys in self.once.items():
+            if table.get(name):
+                table[name] = {key: item for key, item in table[name].items() if key not in keys}
+        lines = _table_lines(table, "")
         return "\n".join([self.header, f'format = "{self.format}"', *lines]) + "\n"
 
     def parse(self, text: str) -> T:
@@ -78,9 +84,23 @@ class TomlFile(Generic[T]):
             raise InputError(f"is not valid TOML: {error}; correct the line") from error
         found = data.pop("format", None)
         if found in self.older:
-            return self._from_table(self.cls, self.older[found](data), "")
-        self._require_format(found)
-        return self._from_table(self.cls, data, "")
+            data = self.older[found](data)
+        else:
+            self._require_format(found)
+        return self._from_table(self.cls, self._with_common_keys(data), "")
+
+    def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
+        """The table with the keys of the head in the sub-tables that have them in common."""
+        for name, keys in self.once.items():
+            if not isinstance(data.get(name), dict):
+                continue
+            if twice := [key for key in keys if key in data[name]]:
+                raise InputError(
+                    f"{name}.{twice[0]} stands at the head of the file as {twice[0]}, and only there; remove the one "
+                    f"in [{name}]"
+                )
+            data = data | {name: data[name] | {key: data[key] for key in keys if key in data}}
+        return data
 
     def _require_format(self, found: Any) -> None:
         if found is None:

@@ -77,7 +77,7 @@ def batteries(draw):
         empty_activation_K=draw(st.floats(-1e4, 1e4)),
     )
     name = draw(st.text(st.characters(codec="utf-8"), max_size=30))
-    return Battery(name, draw(positive), thevenin=p, not_identified=(name,), noise=BatteryNoise(model_std_V=draw(row)))
+    return Battery(name, p.capacity_Ah, thevenin=p, not_identified=(name,), noise=BatteryNoise(model_std_V=draw(row)))
 
 
 @given(batteries())
@@ -95,7 +95,7 @@ def test_what_was_rounded_once_stays_as_it_is(battery):
 def test_it_reads_like_a_document():
     text = BATTERY_FILE.dump(FULL)
     assert text.startswith("# A battery as ohmward knows it.")
-    assert 'format = "ohmward-battery/2"' in text.splitlines()[4:6]
+    assert 'format = "ohmward-battery/3"' in text.splitlines()[4:6]
     assert "[thevenin.ocv]" in text and "[[identification.logs]]" in text and "[noise]" in text
     assert max(map(len, text.splitlines())) <= 140
     assert tomllib.loads(text)["thevenin"]["tau_s"] == [10.0, 500.0]
@@ -112,13 +112,38 @@ def test_a_hand_edit_is_taken():
     assert BATTERY_FILE.parse(text).idle_current_A == -1.0
 
 
+def test_the_capacity_stands_once_and_what_is_edited_is_what_holds():
+    assert BATTERY_FILE.dump(FULL).count("\ncapacity_Ah = ") == 1
+    battery = BATTERY_FILE.parse(edited("\ncapacity_Ah = 2.0", "\ncapacity_Ah = 1.5"))
+    assert battery.thevenin is not None
+    assert battery.capacity_Ah == battery.thevenin.capacity_Ah == 1.5
+
+
+def test_a_second_capacity_is_refused():
+    with pytest.raises(InputError, match=r"thevenin.capacity_Ah stands at the head .* remove the one in \[thevenin\]"):
+        BATTERY_FILE.parse(edited("[thevenin]\n", "[thevenin]\ncapacity_Ah = 2.0\n"))
+
+
+@pytest.mark.parametrize(("inner_Ah", "loads"), [(2.0, True), (3.0, False)])
+def test_a_file_of_format_2_had_the_capacity_in_each_model(inner_Ah, loads):
+    text = edited("ohmward-battery/3", "ohmward-battery/2").replace(
+        "[thevenin]\n", f"[thevenin]\ncapacity_Ah = {inner_Ah}\n"
+    )
+    if loads:
+        assert BATTERY_FILE.parse(text) == BATTERY_FILE.parse(BATTERY_FILE.dump(FULL))
+        return
+    with pytest.raises(
+        InputError, match=r"capacity_Ah is 2.0 at the head and 3.0 in \[thevenin\]; write the right one"
+    ):
+        BATTERY_FILE.parse(text)
+
+
 def test_a_file_from_a_data_sheet_needs_little():
     text = """
-        format = "ohmward-battery/2"
+        format = "ohmward-battery/3"
         name = "sheet"
         capacity_Ah = 7
         [thevenin]
-        capacity_Ah = 7
         r0_discharge_ohm = [0.02, 0.02]
         r0_charge_ohm = [0.02, 0.02]
         r_ohm = []
@@ -133,8 +158,8 @@ def test_a_file_from_a_data_sheet_needs_little():
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ('format = "ohmward-battery/2"\n', "", "the key format is missing"),
-        ("ohmward-battery/2", "ohmward-battery/9", "format must be 'ohmward-battery/2', got 'ohmward-battery/9'"),
+        ('format = "ohmward-battery/3"\n', "", "the key format is missing"),
+        ("ohmward-battery/3", "ohmward-battery/9", "format must be 'ohmward-battery/3', got 'ohmward-battery/9'"),
         (
             "capacity_Ah = 2.0\nchem",
             "capacity_mAh = 2000\nchem",
@@ -165,7 +190,7 @@ def test_refusals_name_key_rule_and_value(old, new, message):
 
 def test_a_battery_without_a_model_is_refused():
     with pytest.raises(InputError, match="has no model"):
-        BATTERY_FILE.parse('format = "ohmward-battery/2"\nname = "x"\ncapacity_Ah = 1.0\n')
+        BATTERY_FILE.parse('format = "ohmward-battery/3"\nname = "x"\ncapacity_Ah = 1.0\n')
     with pytest.raises(InputError, match="has no model"):
         replace(PLAIN, thevenin=None)
 
@@ -190,7 +215,7 @@ def test_a_folder_that_is_not_there(tmp_path):
 
 def test_a_file_of_format_1_loads_with_its_sensor():
     new = replace(FULL, sensor=CurrentSensor(noise_std_A=0.02, offset_std_A=0.1, offset_walk_A=0.004))
-    text = BATTERY_FILE.dump(new).replace("ohmward-battery/2", "ohmward-battery/1")
+    text = BATTERY_FILE.dump(new).replace("ohmward-battery/3", "ohmward-battery/1")
     before, sensor = text[: text.index("[sensor]")], text[text.index("[sensor]") :]
     rest = sensor[sensor.index("\n\n") :]
     keys = "current_std_A = 0.02\ncurrent_offset_std_A = 0.1\ncurrent_offset_walk_A = 0.004\n"

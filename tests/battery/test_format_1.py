@@ -138,7 +138,7 @@ def test_without_a_chemistry_the_doubts_are_wider():
 def test_saved_again_it_is_a_file_of_today():
     battery = BATTERY_FILE.parse(OLD)
     text = BATTERY_FILE.dump(battery)
-    assert 'format = "ohmward-battery/2"' in text
+    assert 'format = "ohmward-battery/3"' in text
     assert BATTERY_FILE.dump(BATTERY_FILE.parse(text)) == text
 
 

@@ -138,7 +138,7 @@ def test_a_battery_file_must_be_toml(here, refused):
         ("capacity_Ah = 12.0", 'capacity_Ah = "12 Ah"', "capacity_Ah"),
         ("capacity_Ah = 12.0", "capacity_Ah = -12.0", "capacity_Ah"),
         ("capacity_Ah = 12.0", "capacity_Ah = ", "TOML"),
-        ('format = "ohmward-battery/2"', 'format = "ohmward-battery/9"', "ohmward-battery/2"),
+        ('format = "ohmward-battery/3"', 'format = "ohmward-battery/9"', "ohmward-battery/3"),
     ],
 )
 def test_battery_files_edited_by_hand(old, new, message, here, refused):

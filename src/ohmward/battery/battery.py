@@ -117,6 +117,12 @@ class Battery:
             )
         if self.thevenin is None and self.rc is None:
             raise InputError(f"battery {self.name!r} has no model: give thevenin or rc")
+        for name, model in (("thevenin", self.thevenin), ("rc", self.rc)):
+            if model is not None and model.capacity_Ah != self.capacity_Ah:
+                raise InputError(
+                    f"battery {self.name!r} has {self.capacity_Ah:g} Ah and its model {name} {model.capacity_Ah:g}; "
+                    "give both the same"
+                )
 
 
 def require_thevenin(battery: Battery) -> Thevenin:

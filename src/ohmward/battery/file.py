@@ -8,6 +8,7 @@ from pathlib import Path
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
 from ohmward.battery.format_1 import from_format_1
+from ohmward.battery.format_2 import MODELS, from_format_2
 from ohmward.toml_file import TomlFile
 
 _HEADER = """\
@@ -18,7 +19,13 @@ _HEADER = """\
 #: What the file before is called: battery.toml.bak.
 BACKUP_SUFFIX = ".bak"
 #: Its `dump` and `parse` give and take the text.
-BATTERY_FILE = TomlFile(Battery, "ohmward-battery/2", _HEADER, older={"ohmward-battery/1": from_format_1})
+BATTERY_FILE = TomlFile(
+    Battery,
+    "ohmward-battery/3",
+    _HEADER,
+    older={"ohmward-battery/1": lambda table: from_format_2(from_format_1(table)), "ohmward-battery/2": from_format_2},
+    once=dict.fromkeys(MODELS, ("capacity_Ah",)),
+)
 
 
 def save_battery(battery: Battery, path: str | PathLike[str]) -> None:

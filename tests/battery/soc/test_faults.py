@@ -208,10 +208,17 @@ def test_whatever_the_samples_hold_the_estimate_is_one(name, garbage):
 
 
 def assert_covariance(P):
-    """Finite and positive semidefinite, each state in its own unit."""
-    std = np.sqrt(np.diag(P))
+    """Finite and positive semidefinite, each state in its own unit.
+
+    A hysteresis that was driven to its end again and again is known there: its variance falls below the smallest
+    numbers, where a correlation has no digits left.
+    """
     assert np.all(np.isfinite(P))
-    assert np.all(std > 0.0)
+    assert np.all(np.diag(P) >= 0.0)
+    std = np.sqrt(np.diag(P))
+    known = np.flatnonzero(std > 1e-100)
+    assert len(known) >= len(std) - 1
+    P, std = P[np.ix_(known, known)], std[known]
     assert np.linalg.eigvalsh(P / np.outer(std, std)).min() > -1e-9
 
 
