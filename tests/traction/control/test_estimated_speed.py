@@ -9,7 +9,7 @@ import pytest
 
 from markdown_pages import ROOT
 from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
-from ohmward.traction.control import SlipCommand, SlipController
+from ohmward.traction.control import SlipCommand, SlipController, SlipPid
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -77,6 +77,8 @@ def test_a_spin_ends_on_an_estimated_speed(tyre, friction):
     launch = SlipController(loops.WHEEL, loops.WIDER, loops.LIMITS).launch
     found = peers.held(loops.WIDER, launch, tyre, friction, EDGES, 1, peers.SPIN_S)
     assert found.settled_s <= found.least_s + 0.15
+    plain = peers.held(SlipPid(10.0, 1000.0), 1.0, tyre, friction, EDGES, 1, peers.SPIN_S)
+    assert found.step_Nm <= plain.step_Nm
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

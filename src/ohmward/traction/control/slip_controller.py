@@ -65,8 +65,8 @@ class SlipController:
     limits: Limits
     force_filter: ForceFilter = field(default_factory=ForceFilter)
     target_rate_per_s: float = 5.0
-    floor_m_s: float = 0.22
-    launch: float = 5.0
+    floor_m_s: float = 0.2
+    launch: float = 5.5
     stop_m_s: float = 0.05
     tolerance: float = 0.02
     unreachable_after_s: float = 0.2
@@ -91,7 +91,7 @@ class SlipController:
         estimate = self.force_filter.update(state.estimate, state.torque_Nm, measurement, self.wheel, dt_s)
         direction = self.direction(command, estimate)
         target, rate_per_s = self.target(state, command, dt_s)
-        motion = self.motion(estimate, direction, target, rate_per_s, dt_s)
+        motion = self.motion(estimate, direction, target, rate_per_s, dt_s, state.torque_Nm)
         known = estimate.known > 0.5
         stopped = self.stopped(command, estimate)
         valid = is_slip_ratio(command)
@@ -139,7 +139,9 @@ class SlipController:
         rate = clip(rate, -self.target_rate_per_s, self.target_rate_per_s)
         return state.slip_target + rate * dt_s, rate
 
-    def motion(self, estimate: WheelEstimate, direction: Any, target: Any, rate_per_s: Any, dt_s: Any) -> Motion:
+    def motion(
+        self, estimate: WheelEstimate, direction: Any, target: Any, rate_per_s: Any, dt_s: Any, torque_before_Nm: Any
+    ) -> Motion:
         """The wheel along its direction, and the slip that it should have."""
         return Motion(
             rim_m_s=direction * self.wheel.radius_m * estimate.wheel_speed_rad_s,
@@ -151,6 +153,7 @@ class SlipController:
             floor_m_s=self.floor_m_s,
             dt_s=dt_s,
             launch=where(target > 0, self.launch, 1.0),
+            torque_before_Nm=direction * torque_before_Nm,
         )
 
 

@@ -18,6 +18,7 @@ class Motion(NamedTuple):
     floor_m_s:           v_0 of the surface, below which a slip speed is held instead of a slip ratio.
     dt_s:                time for which the torque will be held.
     launch:              l of the surface.
+    torque_before_Nm:    given in the step before; None where the torque may be any.
     """
 
     rim_m_s: Any
@@ -29,6 +30,7 @@ class Motion(NamedTuple):
     floor_m_s: Any
     dt_s: Any
     launch: Any = 1.0
+    torque_before_Nm: Any = None
 
 
 class SlipLaw(Protocol):
