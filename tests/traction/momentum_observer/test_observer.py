@@ -8,6 +8,8 @@ import pytest
 
 from kernels import kernel_of
 from ohmward.errors import InputError
+from ohmward.simulate import closed_loop
+from ohmward.simulate.closed_loop.figures import score
 from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.momentum_observer.estimate import MomentumFlag
 from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
@@ -246,3 +248,14 @@ def test_bad_settings_are_refused():
         MomentumObserver(scene(replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30)), FLOOR), ACCELEROMETER)
     with pytest.raises(InputError, match=r"counts_per_turn must be > 0"):
         count_std_rad(0)
+
+
+@pytest.mark.slow
+def test_a_drag_larger_than_believed_is_not_taken_for_the_radius_of_the_passive_wheels():
+    """A resistance of 2 m/s^2 that grows with the speed, where 0.17 is usual: the speed stays the counts' own."""
+    scenario = replace(closed_loop.find_scenario("seek-traction"), duration_s=4.0)
+    found = score(closed_loop.run(scenario))
+    assert found is not None
+    assert found.speed_coverage_95 > 0.9
+    assert found.coverage_95 > 0.9
+    assert found.speed_rmse_m_s < 0.015

@@ -13,6 +13,8 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "a corner in the ground's law": ("slip-steps", {"encoders": "driven"}),
     "currents that are mostly noise": ("robotino", {"current_noise_A": 0.1}),
     "stiffness learnt on ice, then a floor": ("example", {"encoders": "driven"}),
+    "a drag that the model lacks": ("slip-case-2", {}),
+    "the same on a floor that changes": ("normal-floor-again", {}),
 }
 
 

@@ -11,11 +11,11 @@ The force F of the ground is what the wheel's torque and acceleration leave over
 while the wheel grips and not at all while it spins; the share phi (`following`) is learnt as it goes, and forgotten in
 `FOLLOWING_S`. A payload is the share mu of the mass; rolling resistance grows with it, so only the forces feel it. The
 disturbance acceleration d is what else is unknown along x: rolling resistance and slope. Wheels without a motor creep
-by c, and their radius is known to kappa. The accelerometer has a gain error gamma, and tilts with the body by theta for
-each N m that the motors react on it: under 24 N m a robot on tyres lifts its nose by a thousandth, 10 mm/s^2. `ahead`
-is the angle of a wheel beyond its last count, so numbers stay small however far the robot goes. Products of two states
-are linearised at the mean. The chains from d, mu and F to the angle have three links, so exp(A dt) ends after its
-square.
+by c, and their radius is known to kappa, which is considered and never learnt. The accelerometer has a gain error
+gamma, and tilts with the body by theta for each N m that the motors react on it: under 24 N m a robot on tyres lifts
+its nose by a thousandth, 10 mm/s^2. `ahead` is the angle of a wheel beyond its last count, so numbers stay small
+however far the robot goes. Products of two states are linearised at the mean. The chains from d, mu and F to the angle
+have three links, so exp(A dt) ends after its square.
 """
 
 from __future__ import annotations

@@ -44,6 +44,7 @@ from ohmward.traction.momentum_observer.estimate import AngleSample, MomentumEst
 from ohmward.traction.momentum_observer.model import FOLLOWING, FOLLOWING_STD, MomentumModel
 from ohmward.traction.momentum_observer.noise import MomentumNoise
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.speed_observer.encoders import with_part_of_gain
 
 #: Time [s] after which a change of force is seen in the counts.
 SEEN_LATE_S = 0.003
@@ -232,7 +233,8 @@ class MomentumObserver:
             if k < robot.driven:
                 changed.append(measured & self.is_outside_gate(belief, angle))
                 belief = choose(changed[-1], self.force_unknown(belief, k), belief)
-            belief = correct_row(belief, angle.row, where(measured, angle.angle_rad, math.nan), angle.variance)
+            y = where(measured, angle.angle_rad, math.nan)
+            belief = consider_radius(belief, correct_row(belief, angle.row, y, angle.variance), model)
         return CountCorrection(belief, some(changed))
 
     def angle(self, belief: Belief, k: int, sample: AngleSample, b: np.ndarray) -> Angle:
@@ -278,7 +280,8 @@ class MomentumObserver:
         variance = accelerometer_std**2 + (SHAKING_M_S2_PER_NM * shaken_Nm) ** 2
         unlike = nu**2 > self.gate * (row @ belief.cov @ row + variance)
         doubted = inflate(belief, model.disturbance, nu**2)
-        return choose(unlike, doubted, correct_row(belief, row, y, variance))
+        corrected = consider_radius(belief, correct_row(belief, row, y, variance), model)
+        return choose(unlike, doubted, corrected)
 
     def correct_body(self, belief: Belief, sample: AngleSample) -> Belief:
         """Correct with yaw gyro and external speed."""
@@ -319,6 +322,17 @@ class MomentumObserver:
 def within_or_nan(value: Scalar, limit: float) -> Scalar:
     """The value, nan where it is none or larger than the limit."""
     return where(within(value, limit), value, math.nan)
+
+
+def consider_radius(before: Belief, after: Belief, model: MomentumModel) -> Belief:
+    """The belief after a correction from which the radius of the passive wheels has learnt nothing: Schmidt's filter.
+
+    The wheels show (1 + kappa) v. Linearised at an ever different v, their counts seem to tell kappa from v, which they
+    do not, and the filter went 30 standard deviations after it where a drag was larger than believed.
+    """
+    if "passive_radius_excess" not in model.initial_stds:
+        return after
+    return with_part_of_gain(before, after, model.index("passive_radius_excess"), 0.0)
 
 
 def correct_row(belief: Belief, row: np.ndarray, y: Scalar, variance: Scalar, gate: float = math.inf) -> Belief:

@@ -1,8 +1,8 @@
-"""Sensors of the body, each an update of its own: passive wheels, gyro, pitch, accelerometer, standstill.
+"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill.
 
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
-costs nothing; a measurement that is missing or outside its gate changes nothing. Speeds from outside have a file of
-their own, `external_speed`.
+costs nothing; a measurement that is missing or outside its gate changes nothing. Speeds from outside and passive wheels
+have files of their own, `external_speed` and `passive_wheels`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
-from ohmward.filters.sanitize import every, some, within
+from ohmward.filters.sanitize import some, within
 from ohmward.trace import isfinite, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
@@ -42,6 +42,7 @@ class BodyTimers(NamedTuple):
     innovation_sum: of external speeds that were used, over their standard deviations, and fading.
     gyro_s: gyro.
     passive_s: (wheels - driven,) encoders of the wheels that are not driven.
+    passive_sum: of the innovations that these have in common, over their standard deviations, and fading.
     """
 
     speed_s: Any
@@ -49,6 +50,7 @@ class BodyTimers(NamedTuple):
     innovation_sum: Any
     gyro_s: Any
     passive_s: np.ndarray
+    passive_sum: Any
 
 
 class BodyCorrection(NamedTuple):
@@ -77,37 +79,6 @@ class SensorGate(NamedTuple):
 
     nis: float
     reset_after_s: float
-
-
-def use_passive_wheels(
-    body: BodyCorrection, lag: np.ndarray, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
-    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
-
-    One that contradicts for too long is at fault; where all do, the speed is, and it is opened for them.
-    """
-    n, times_s = model.driven, body.rejected.passive_s
-    if model.noise.passive_std_rad_s is None or not len(times_s):
-        return body
-    body = body._replace(passive_doubted=some(time_s > gate.reset_after_s for time_s in times_s))
-    wrong = every(time_s > gate.reset_after_s for time_s in times_s)
-    nu = model.scene.robot.wheel.radius_m * (clean.wheel_speed_rad_s[n] + lag[n]) - body.belief.mean[0]
-    opened = disturbance_unknown(inflate(body.belief, 0, nu * nu), model)
-    body = body._replace(belief=choose(wrong & clean.wheel_measured[n], opened, body.belief))
-    after_s = []
-    for k, measured, time_s in zip(range(n, len(lag)), clean.wheel_measured[n:], times_s, strict=True):
-        y = where(measured, clean.wheel_speed_rad_s[k] + lag[k], np.nan)
-        belief, accepted = correct_sensor(
-            body.belief, y, model.passive_speed(k), model.stds(clean).encoder_rad_s[k] ** 2, gate.nis
-        )
-        rejected = measured & logical_not(accepted)
-        after_s.append(time_rejected(time_s, clean.dt_s, rejected, measured))
-        body = body._replace(
-            belief=belief,
-            observable=some([body.observable, accepted]),
-            passive_rejected=some([body.passive_rejected, rejected]),
-        )
-    return body._replace(rejected=body.rejected._replace(passive_s=np.array(after_s)))
 
 
 def use_gyro(

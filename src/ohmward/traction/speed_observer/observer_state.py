@@ -69,7 +69,7 @@ def started(
         history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
         rest_s=0.0,
         rejected=RejectedFor(np.zeros(n), np.zeros(n)),
-        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n)),
+        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
         unexplained_m_s=0.0,
         unobserved_s=0.0,
         stuck_s=0.0,

@@ -42,7 +42,6 @@ from ohmward.traction.speed_observer.body_sensors import (
     SensorGate,
     use_accelerometer,
     use_gyro,
-    use_passive_wheels,
     use_pitch,
     use_standstill,
 )
@@ -79,6 +78,7 @@ from ohmward.traction.speed_observer.matched_noise import match, matched_stds
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.observer_state import ObserverState, started
+from ohmward.traction.speed_observer.passive_wheels import use_passive_wheels
 from ohmward.traction.speed_observer.plausible import first_sight, without_impossible_currents
 from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
 from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
