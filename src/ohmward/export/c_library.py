@@ -14,7 +14,7 @@ from ohmward.atomic import write_text
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import flag_comments, member_comments
 from ohmward.export.template import filled, template, templates
-from ohmward.export.vectors import vector_words
+from ohmward.export.vectors import scalars, vector_words
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.lower.c_operations import literal
 from ohmward.trace.lower.c_source import Loops, Member, c_source, members
@@ -124,6 +124,10 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
         "SIGNATURE": "".join(f", float {word}" for word in export.start.argument_structure.fields[1:]),
         "SAMPLE": _table(structure.sample, "sample", comments),
         "OUTPUT": _table(structure.output, "output", comments),
+        "SAMPLE_VALUES": str(len(scalars(structure.sample))),
+        "OUTPUT_VALUES": str(len(scalars(structure.output))),
+        "SAMPLE_TO_VALUES": _to_values(structure.sample, "sample"),
+        "OUTPUT_TO_VALUES": _to_values(structure.output, "output"),
         "FLAGS": _flag_table(export, flags, comments),
     }
 
@@ -151,6 +155,15 @@ def _comments(export: Export) -> dict[str, str]:
     for struct, structure in export.step.step_structure._asdict().items():
         found |= {f"{struct}.{member}": text for member, text in member_comments(structure).items()}
     return found
+
+
+def _to_values(structure: Structure, struct: str) -> str:
+    """Lines of C that copy every scalar of a struct into an array of floats."""
+    lines = []
+    for k, (place, kind) in enumerate(scalars(structure)):
+        value = f"{struct}->{place}"
+        lines.append(f"    values[{k}] = {f'{value} ? 1.0f : 0.0f' if kind == 'bool' else value};")
+    return "\n".join(lines)
 
 
 def _table(structure: Structure, struct: str, comments: Mapping[str, str]) -> str:

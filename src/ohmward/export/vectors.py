@@ -24,14 +24,14 @@ def vector_words(step: Program, start: Program, arguments: tuple[float, ...], sa
         "VECTORS": str(len(singles)),
         "SAMPLE_BITS": _array_of_bits(singles),
         "OUTPUT_BITS": _array_of_bits(outputs),
-        "FILL_SAMPLE": "\n".join(f"    sample->{place} = {_from_bits(kind)};" for place, kind in _scalars(sample)),
+        "FILL_SAMPLE": "\n".join(f"    sample->{place} = {_from_bits(kind)};" for place, kind in scalars(sample)),
         "COMPARE_OUTPUT": "\n".join(
-            f"    same = same && {_same_bits(place, kind)};" for place, kind in _scalars(output)
+            f"    same = same && {_same_bits(place, kind)};" for place, kind in scalars(output)
         ),
     }
 
 
-def _scalars(structure: Structure) -> list[tuple[str, str]]:
+def scalars(structure: Structure) -> list[tuple[str, str]]:
     """Place in the struct and kind, "float" or "bool", of every scalar."""
     return [(place, member.kind) for member in members(structure) for place in member.places]
 

@@ -18,7 +18,7 @@ from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.mean_inbox import USUAL_S, MeanInbox, MeanSample
-from ohmward.onboard.quantities import BATTERY, DRIVE
+from ohmward.onboard.quantities import BATTERY, DRIVE, ESTIMATES
 from ohmward.onboard.robot_state import RobotState
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
@@ -28,6 +28,7 @@ from ohmward.traction.speed_observer.estimator import SlipEstimator
 _BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
+_REPORTED = f"{ESTIMATES[0].name}."
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
@@ -121,6 +122,8 @@ class Estimation:
         if self.inbox and (message := self._drive_message(values)):
             self.inbox.put(time_s, **message)
             states += [self._drive_state(sample) for sample in self.inbox.take()]
+        if reported := {name: value for name, value in values.items() if name.startswith(_REPORTED)}:
+            states.append(self._after(time_s, reported))
         return states
 
     def flush(self) -> list[RobotState]:

@@ -51,7 +51,10 @@ DRIVE = (
     Quantity("speed_age_s", "age of that speed", 0.0, 10.0),
 )
 
-QUANTITIES = {quantity.name: quantity for quantity in (*BATTERY, *DRIVE)}
+#: Of a microcontroller that estimates itself: passed on with the states, and not used.
+ESTIMATES = (Quantity("estimate", "estimate of a microcontroller, by its own name", each="estimate"),)
+
+QUANTITIES = {quantity.name: quantity for quantity in (*BATTERY, *DRIVE, *ESTIMATES)}
 
 
 def quantity_of(signal: str) -> Quantity:

@@ -5,13 +5,18 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
+import stat
 import sys
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
-from ohmward.onboard.part import EndedError
+from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.quantities import QUANTITIES, quantity_of
 
 #: Longest line that is read [bytes]; a longer one is left out.
@@ -23,7 +28,9 @@ class JsonLinesSource:
     """Objects by lines.
 
     Attributes:
-        address: "-" for standard input, else HOST:PORT or the path of a Unix socket to connect to.
+        address: "-" for standard input, else HOST:PORT or the path of a Unix socket.
+        listen: wait at the address for whoever connects, instead of connecting to it. Whoever reaches the address can
+            send: listen at 127.0.0.1, at a socket, or in a network that is the robot's own.
         time: key of the time stamp [s]; without it the time is that of the receipt.
         signals: quantity -> key; without any, keys are quantities themselves, arrays one for each wheel or cell.
         name: in diagnostics.
@@ -32,24 +39,71 @@ class JsonLinesSource:
     address: str = "-"
     time: str = "time_s"
     signals: Signals = field(default_factory=dict)
+    listen: bool = False
     name: str = "json-lines"
 
     def __post_init__(self) -> None:
         Wiring(self.signals)
-        host, colon, port = self.address.rpartition(":")
-        if colon and "/" not in self.address and not (host and port.isdigit() and 0 < int(port) < 65536):
+        if ":" in self.address and "/" not in self.address and not self._host_and_port()[1]:
             raise InputError(f"address must be -, HOST:PORT or the path of a socket, got {self.address!r}")
+        if self.listen and self.address == "-":
+            raise InputError('listen needs an address: address = "127.0.0.1:4710", or the path of a socket')
 
     async def run(self, put: Put) -> None:
         """Read lines until the other side ends."""
-        reader = await self._reader()
+        faulty = FaultyInput(self.name, "lines are no JSON object with a quantity")
+        if self.listen:
+            await self._serve(put, faulty)
+        if self.address == "-" and is_file(sys.stdin):
+            await self._read_file(put, faulty)
+        await self._read(await self._reader(), put, faulty)
+        if self.address == "-":
+            raise EndedError("standard input has ended")
+        raise OhmwardError(f"{self.address} has closed the connection; is its process running?")
+
+    async def _read(self, reader: asyncio.StreamReader, put: Put, faulty: FaultyInput) -> None:
+        """Put the lines of one stream until it ends."""
         wiring = Wiring(self.signals)
         while line := await _line(reader):
             if message := self.message(line, wiring, time.monotonic()):
                 put(message)
-        if self.address == "-":
-            raise EndedError("standard input has ended")
-        raise OhmwardError(f"{self.address} has closed the connection; is its process running?")
+            else:
+                faulty.count()
+
+    async def _read_file(self, put: Put, faulty: FaultyInput) -> None:
+        """Put the lines of standard input where it is a file, which no event loop waits for."""
+        wiring = Wiring(self.signals)
+        while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
+            if message := self.message(line, wiring, time.monotonic()):
+                put(message)
+            else:
+                faulty.count()
+        raise EndedError("standard input has ended")
+
+    async def _serve(self, put: Put, faulty: FaultyInput) -> None:
+        """Listen, and read from whoever connects, any number at once."""
+
+        async def read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            try:
+                await self._read(reader, put, faulty)
+            except OSError as error:
+                LOG.info("source %s: a connection was lost (%s)", self.name, error)
+            finally:
+                writer.close()
+
+        host, port = self._host_and_port()
+        try:
+            if port:
+                server = await asyncio.start_server(read, host, port, limit=LONGEST_LINE)
+            else:
+                await asyncio.to_thread(_remove_socket, self.address)
+                server = await asyncio.start_unix_server(read, self.address, limit=LONGEST_LINE)
+        except OSError as error:
+            raise OhmwardError(
+                f"{self.address} cannot be listened at ({error.strerror}); choose another port"
+            ) from error
+        async with server:
+            await server.serve_forever()
 
     def message(self, line: bytes, wiring: Wiring, received_s: float) -> Message | None:
         """The message of a line; None where it is no JSON object or has no quantity."""
@@ -63,16 +117,22 @@ class JsonLinesSource:
         stamp_s = as_number(found.get(self.time, math.nan))
         return Message(stamp_s, received_s, self.name, values) if values else None
 
+    def _host_and_port(self) -> tuple[str, int]:
+        """Host and port of the address; the port is 0 where it is none."""
+        host, _, port = self.address.rpartition(":")
+        number = int(port) if host and port.isdecimal() and len(port) < 6 and "/" not in self.address else 0
+        return host, number if number < 65536 else 0
+
     async def _reader(self) -> asyncio.StreamReader:
         if self.address == "-":
             reader = asyncio.StreamReader(limit=LONGEST_LINE)
             protocol = asyncio.StreamReaderProtocol(reader)
             await asyncio.get_running_loop().connect_read_pipe(lambda: protocol, sys.stdin)
             return reader
-        host, colon, port = self.address.rpartition(":")
+        host, port = self._host_and_port()
         try:
-            if colon and "/" not in self.address:
-                return (await asyncio.open_connection(host, int(port), limit=LONGEST_LINE))[0]
+            if port:
+                return (await asyncio.open_connection(host, port, limit=LONGEST_LINE))[0]
             return (await asyncio.open_unix_connection(self.address, limit=LONGEST_LINE))[0]
         except OSError as error:
             raise OhmwardError(
@@ -102,12 +162,26 @@ def _is_signal(signal: str) -> bool:
 
 
 async def _line(reader: asyncio.StreamReader) -> bytes:
-    """The next line, empty at the end; of one that is too long the rest up to its end is left out."""
+    """The next line, empty at the end; of one that is too long nothing but its end is left."""
+    while True:
+        try:
+            return await reader.readuntil(b"\n")
+        except asyncio.IncompleteReadError as end:
+            return end.partial
+        except asyncio.LimitOverrunError as long:
+            await reader.readexactly(long.consumed)
+
+
+def is_file(stream: TextIO) -> bool:
+    """True where a stream is a file on disk and not a pipe or a terminal."""
     try:
-        return await reader.readuntil(b"\n")
-    except asyncio.IncompleteReadError as end:
-        return end.partial
-    except asyncio.LimitOverrunError as long:
-        await reader.readexactly(long.consumed)
-        await _line(reader)
-        return b"\n"
+        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def _remove_socket(path: str) -> None:
+    """Remove the socket that a process of before has left, and nothing else."""
+    found = Path(path)
+    if found.is_socket():
+        found.unlink()

@@ -1,0 +1,36 @@
+/* Frames for the serial line to `ohmward run`: numbers with a time and a CRC-32, between zero bytes. */
+#ifndef SOC_FRAME_H
+#define SOC_FRAME_H
+
+#include "soc.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Most bytes of a frame with so many values, 250 at most. */
+#define SOC_FRAME_BYTES(count) (4u * (count) + 10u + (4u * (count) + 10u) / 254u + 3u)
+
+/* Write a frame and return its length in bytes.
+
+   number:   of the message; the setup of `ohmward run` names its values.
+   sequence: one more with each frame of this line, from 255 back to 0; a gap tells of frames that were lost.
+   time_us:  of the measurement, from a timer of 1 MHz that may overflow.
+   values:   NAN where there is none. */
+size_t soc_frame(uint8_t *frame, uint8_t number, uint8_t sequence, uint32_t time_us, const float *values, size_t count);
+
+#define SOC_SAMPLE_VALUES 4u
+#define SOC_OUTPUT_VALUES 9u
+
+/* Members as values, in the order of their tables in README.md. */
+void soc_sample_values(const soc_sample *sample, float *values);
+void soc_output_values(const soc_output *output, float *values);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,129 @@
+"""Serial line from a microcontroller: frames of `NAME_frame.c` in an exported library."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.faulty import FaultyInput
+from ohmward.onboard.handover import Handover
+from ohmward.onboard.message import Message, Put, Signals, Wiring
+from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
+from ohmward.optional import require
+
+#: The thread that reads looks so often for its end [s].
+_LOOK_S = 0.1
+
+
+@dataclass(frozen=True)
+class SerialSource:
+    """Frames of a line.
+
+    Attributes:
+        port: device of the line, "/dev/ttyACM0", or a URL of pyserial, "socket://192.168.1.7:4000".
+        baud: of the line; USB takes no notice.
+        messages: number of a message -> names of its values in order, "" for one that is not wanted.
+        signals: quantity -> one of these names; without any, the names are quantities themselves.
+        name: in diagnostics.
+    """
+
+    port: str
+    messages: dict[str, tuple[str, ...]]
+    baud: int = 921_600
+    signals: Signals = field(default_factory=dict)
+    name: str = "serial"
+
+    def __post_init__(self) -> None:
+        require_between("baud", self.baud, 50, 1e8)
+        if not self.messages:
+            raise InputError('messages is empty; name the values of one: messages = {1 = ["battery_current_A", "soc"]}')
+        for number in self.messages:
+            if not (number.isdecimal() and int(number) < 256):
+                raise InputError(f"messages: {number!r} is not the number of a message, 0 to 255")
+        names = {name for found in self.messages.values() for name in found}
+        for name in self._wiring().signals:
+            if name not in names:
+                raise InputError(
+                    f"signals: {name!r} is no value of the messages, which have {', '.join(sorted(names))}"
+                )
+
+    def _wiring(self) -> Wiring:
+        names = {name: name for found in self.messages.values() for name in found if name}
+        return Wiring(self.signals or dict(names))
+
+    async def run(self, put: Put) -> None:
+        """Put what the line says until it fails."""
+        wiring, frames, clock = self._wiring(), FrameReader(), FrameClock()
+        names = {int(number): found for number, found in self.messages.items()}
+        faulty = FaultyInput(self.name, "frames with a wrong CRC or of another length; are baud and messages right?")
+        lost = FaultyInput(self.name, "frames were lost on the line or before it")
+        async with self._line() as line:
+            while True:
+                for data, received_s in await line.take():
+                    for frame in frames.feed(data):
+                        if message := self.message(frame, names, wiring, clock, received_s):
+                            put(message)
+                        else:
+                            faulty.count()
+                    faulty.count(frames.faulty)
+                    lost.count(frames.lost)
+                    frames.faulty = frames.lost = 0
+
+    def message(
+        self,
+        frame: SerialFrame,
+        names: dict[int, tuple[str, ...]],
+        wiring: Wiring,
+        clock: FrameClock,
+        received_s: float,
+    ) -> Message | None:
+        """The message of a frame; None where it has another number of values than names."""
+        stamp_s = clock.stamp_s(frame.time_us)
+        of_frame = names.get(frame.number, ())
+        if len(of_frame) != len(frame.values):
+            return None
+        return Message(stamp_s, received_s, self.name, wiring.values(dict(zip(of_frame, frame.values, strict=True))))
+
+    @asynccontextmanager
+    async def _line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:
+        """Bytes of the line, read in a thread, with the monotonic times of their receipt."""
+        line, received, end = self._open(), Handover[tuple[bytes, float]](), threading.Event()
+        thread = threading.Thread(target=self._read, args=(line, received, end), name=f"read {self.port}", daemon=True)
+        thread.start()
+        try:
+            yield received
+        finally:
+            end.set()
+            await asyncio.to_thread(thread.join, 2 * _LOOK_S)
+            line.close()
+
+    def _open(self) -> Any:
+        serial = require("serial", "the serial line")
+        try:
+            return serial.serial_for_url(self.port, baudrate=self.baud, timeout=_LOOK_S)
+        except (OSError, ValueError) as error:
+            if getattr(error, "errno", None) == 13:
+                fix = "no permission: sudo usermod -aG dialout $USER, and log in again"
+            else:
+                there = [port.device for port in require("serial.tools.list_ports", "the serial line").comports()]
+                fix = f"there are: {', '.join(there)}" if there else "no port is there: is it plugged in?"
+            raise OhmwardError(f"{self.port} cannot be opened; {fix}") from error
+
+    def _read(self, line: Any, received: Handover[tuple[bytes, float]], end: threading.Event) -> None:
+        """Read bytes until the end."""
+        while not end.is_set():
+            try:
+                data = line.read(1)
+                data += line.read(line.in_waiting) if data else b""
+            except Exception as error:  # a plug that is pulled raises of every kind
+                received.fail(OhmwardError(f"{self.port} has failed ({error}); is it plugged in?"))
+                return
+            if data:
+                received.put((data, time.monotonic()))

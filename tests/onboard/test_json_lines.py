@@ -1,0 +1,101 @@
+"""JSON lines from sockets, pipes and files, whole, broken and endless."""
+
+import asyncio
+import json
+import random
+import subprocess
+import sys
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.message import Wiring
+from ohmward.onboard.sources.json_lines import LONGEST_LINE, JsonLinesSource
+from onboard.servers import free_port, wait_for_port
+
+LINES = b'{"time_s": 1, "battery_current_A": -2.5}\nno json\n{"cell_voltage_V": [3.3, null]}\n'
+
+
+async def listening(source, *streams):
+    got: list[Any] = []
+    task = asyncio.create_task(source.run(got.append))
+    await asyncio.sleep(0.1)
+    for stream in streams:
+        if source.address.startswith("127"):
+            await asyncio.to_thread(wait_for_port, int(source.address.rpartition(":")[2]))
+            _, writer = await asyncio.open_connection("127.0.0.1", int(source.address.rpartition(":")[2]))
+        else:
+            _, writer = await asyncio.open_unix_connection(source.address)
+        writer.write(stream)
+        writer.close()
+        await writer.wait_closed()
+    await asyncio.sleep(0.2)
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    return got
+
+
+@pytest.mark.parametrize("kind", ["port", "socket"])
+def test_it_listens_to_whoever_connects(kind, tmp_path):
+    address = f"127.0.0.1:{free_port()}" if kind == "port" else str(tmp_path / "socket")
+    for _ in range(2):  # the socket of before is in nobody's way
+        got = asyncio.run(listening(JsonLinesSource(address, listen=True), LINES, LINES))
+        assert [message.values.get("battery_current_A") for message in got] == [-2.5, None, -2.5, None]
+        assert list(got[1].values) == ["cell_voltage_V.0", "cell_voltage_V.1"]
+
+
+def test_a_line_without_end_is_left_out():
+    """A hundred times the longest line, without a break, then a good one."""
+    source = JsonLinesSource(f"127.0.0.1:{free_port()}", listen=True)
+    got = asyncio.run(listening(source, b"[" * 100 * LONGEST_LINE + b"\n" + LINES))
+    assert len(got) == 2
+
+
+@pytest.mark.parametrize("piped", [True, False])
+def test_standard_input_may_be_a_pipe_or_a_file(piped, tmp_path):
+    program = """
+import asyncio, json
+from ohmward.onboard.sources.json_lines import JsonLinesSource
+from ohmward.onboard.part import EndedError
+try:
+    asyncio.run(JsonLinesSource().run(lambda message: print(json.dumps(message.values))))
+except EndedError as end:
+    print(end)
+"""
+    (tmp_path / "lines").write_bytes(LINES)
+    with (tmp_path / "lines").open("rb") as file:
+        source = {"input": LINES} if piped else {"stdin": file}
+        out = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, timeout=60, **source)
+    first, second, end = out.stdout.decode().splitlines()
+    assert json.loads(first) == {"battery_current_A": -2.5}
+    assert json.loads(second)["cell_voltage_V.0"] == 3.3
+    assert end == "standard input has ended"
+
+
+def test_lines_of_any_kind_are_no_fault():
+    source, rng = JsonLinesSource(), random.Random(6)
+    seeds = [
+        LINES,
+        b'{"a": {"b": [' * 900,
+        b'{"time_s": 1e999, "battery_current_A": 1' + b"0" * 400 + b"}",
+        b"\xff\xfe\x00",
+    ]
+    for _ in range(10_000):
+        line = bytearray(rng.choice(seeds))
+        for _ in range(rng.randrange(5)):
+            line[rng.randrange(len(line))] = rng.getrandbits(8)
+        source.message(bytes(line), Wiring({}), 1.0)
+
+
+def test_addresses_are_checked():
+    for settings, message in (
+        ({"address": "host:99999"}, "address must be"),
+        ({"listen": True}, "listen needs an address"),
+    ):
+        with pytest.raises(InputError, match=message):
+            JsonLinesSource(**settings)
+    with pytest.raises(OhmwardError, match=r"no connection to 127.0.0.1:\d+ .* is it listening\?"):
+        asyncio.run(JsonLinesSource(f"127.0.0.1:{free_port()}").run(print))

@@ -1,0 +1,218 @@
+"""The serial line on a pseudo-terminal, with frames of the exported C."""
+
+import asyncio
+import ctypes
+import math
+import os
+import random
+import shutil
+import struct
+import subprocess
+import tty
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from ohmward import generic_battery
+from ohmward.errors import InputError, OhmwardError
+from ohmward.export import battery_export, library, write_library
+from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.message import Message
+from ohmward.onboard.part import keep_running
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader, SerialFrame, decode, encode
+from ohmward.onboard.sources.serial import SerialSource
+
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wundef", "-pedantic"]
+MESSAGES: dict[str, tuple[str, ...]] = {"1": ("battery_current_A", "battery_voltage_V"), "2": ("estimate.soc",)}
+
+
+def frame(k=0, values=(1.5, -2.0)):
+    return SerialFrame(1, k % 256, (1000 * k) % 2**32, tuple(values))
+
+
+def some_frames(number, seed=0):
+    rng = random.Random(seed)
+    for k in range(number):
+        floats = struct.unpack(
+            "<4f", struct.pack("<4f", *(rng.choice([0.0, 1.0, rng.uniform(-9, 9)]) for _ in range(4)))
+        )
+        yield SerialFrame(rng.randrange(256), k % 256, rng.getrandbits(32), floats[: rng.randrange(5)])
+
+
+@pytest.fixture(scope="module")
+def encoder(tmp_path_factory):
+    """`NAME_frame` of an exported library, compiled with every warning."""
+    if not shutil.which("gcc"):
+        pytest.skip("no C compiler here: gcc is not installed")
+    folder = tmp_path_factory.mktemp("soc")
+    write_library(library(battery_export(generic_battery("lfp", 12.0, 4), "textbook-ekf", "soc")), folder)
+    command = ["gcc", *STRICT, "-Werror", "-shared", "-fPIC", "-o", "soc.so", "soc_frame.c", "soc.c", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    loaded = ctypes.CDLL(str(folder / "soc.so"))
+    loaded.soc_frame.restype = ctypes.c_size_t
+
+    def encoded(found: SerialFrame) -> bytes:
+        values = (ctypes.c_float * max(len(found.values), 1))(*found.values)
+        buffer = (ctypes.c_uint8 * 2048)()
+        head = ctypes.c_uint8(found.number), ctypes.c_uint8(found.sequence), ctypes.c_uint32(found.time_us)
+        length = loaded.soc_frame(buffer, *head, values, ctypes.c_size_t(len(found.values)))
+        return bytes(buffer[:length])
+
+    return encoded
+
+
+def test_the_c_writes_the_bytes_of_the_desk(encoder):
+    for found in some_frames(2000):
+        assert encoder(found) == encode(found)
+        assert b"\0" not in encode(found)[:-1]
+    long = SerialFrame(9, 0, 1, tuple(float(k + 1) for k in range(MOST_VALUES)))
+    assert encoder(long)[:-1].rstrip(b"\1") == encode(long)[:-1].rstrip(b"\1")  # an empty last block may be left out
+    assert decode(encoder(long)[:-1]) == decode(encode(long)[:-1]) == long
+
+
+def test_values_of_a_struct_go_in_the_order_of_the_readme(tmp_path):
+    files = library(battery_export(generic_battery("lfp", 12.0, 4), "textbook-ekf", "soc"))
+    assert "values[1] = sample->current_A;" in files["soc_frame.c"]
+    assert "values[0] = output->soc;" in files["soc_frame.c"]
+
+
+def test_frames_come_back_from_pieces_of_any_size():
+    frames = list(some_frames(500))
+    data = b"".join(map(encode, frames))
+    rng, reader, got = random.Random(3), FrameReader(), []
+    while data:
+        cut = rng.randrange(1, 40)
+        got += reader.feed(data[:cut])
+        data = data[cut:]
+    assert got == frames
+    assert reader.faulty == reader.lost == 0
+
+
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """A frame with flipped bits, bytes that are missing or bytes too many."""
+    found = bytearray(data)
+    kind = rng.randrange(3)
+    at = rng.randrange(len(found))
+    if kind == 0:
+        for _ in range(rng.randrange(1, 5)):
+            found[rng.randrange(len(found))] ^= 1 << rng.randrange(8)
+    elif kind == 1:
+        del found[at : at + rng.randrange(1, 8)]
+    else:
+        found[at:at] = rng.randbytes(rng.randrange(1, 8))
+    return bytes(found)
+
+
+def test_flipped_bits_and_cut_frames_give_no_wrong_number():
+    """Of 20 000 frames a third is damaged: the others come through, and what comes through is right."""
+    rng, reader = random.Random(4), FrameReader()
+    sent, whole, got = set(), 0, []
+    for k in range(20_000):
+        one = frame(k, (rng.uniform(-100, 100), float(k)))
+        one = decode(encode(one)[:-1]) or one
+        sent.add(one)
+        damage = rng.random() < 1 / 3
+        whole += not damage
+        got += reader.feed(damaged(encode(one), rng) if damage else encode(one))
+    assert set(got) <= sent
+    assert len(got) >= 0.6 * whole  # a damaged end takes the frame behind it along
+    assert reader.faulty > 4000 and reader.lost > 4000
+
+
+def test_bytes_of_any_kind_are_no_fault_and_take_no_memory():
+    rng, reader = random.Random(5), FrameReader()
+    for _ in range(10_000):
+        assert reader.feed(rng.randbytes(rng.randrange(64))) == []
+    reader.feed(b"\1" * 10_000_000)
+    assert len(reader._rest) < 2000
+    assert reader.feed(b"\0" + encode(frame())) == [frame()]
+
+
+def test_a_timer_that_overflows_goes_on():
+    clock = FrameClock()
+    assert [clock.stamp_s(time % 2**32) for time in (2**32 - 1000, 2**32 + 1000, 2**32 + 3000)] == pytest.approx(
+        [0.0, 0.002, 0.004]
+    )
+
+
+async def while_reading(port, act, **settings):
+    got: list[Message] = []
+    task = asyncio.create_task(SerialSource(port, MESSAGES, **settings).run(got.append))
+    await asyncio.sleep(0.2)
+    act()
+    for _ in range(100):
+        await asyncio.sleep(0.02)
+        if len(got) >= 3:
+            break
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    return got
+
+
+@pytest.fixture
+def line():
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    yield ours, os.ttyname(theirs)
+    for descriptor in (ours, theirs):
+        with suppress(OSError):
+            os.close(descriptor)
+
+
+def test_a_line_brings_samples_and_estimates(line, encoder):
+    ours, port = line
+
+    def send():
+        os.write(ours, b"\x07half a frame\0" + encoder(SerialFrame(1, 0, 5000, (-2.5, 13.25))))
+        os.write(ours, encoder(SerialFrame(2, 1, 6000, (0.75,))) + encoder(SerialFrame(7, 2, 6500, (1.0,))))
+        os.write(ours, encoder(SerialFrame(1, 3, 15000, (math.nan, 13.25))))
+
+    got = asyncio.run(while_reading(port, send))
+    assert [dict(message.values) for message in got[:2]] == [
+        {"battery_current_A": -2.5, "battery_voltage_V": 13.25},
+        {"estimate.soc": 0.75},
+    ]
+    assert math.isnan(got[2].values["battery_current_A"])
+    assert got[2].stamp_s - got[0].stamp_s == pytest.approx(0.01)
+
+
+def test_estimates_of_the_microcontroller_go_on_with_the_states():
+    estimation = Estimation(generic_battery("nmc", 10.0, 4))
+    (state,) = estimation.put(1.0, {"estimate.soc": 0.75})
+    assert state.sample == {"estimate.soc": 0.75} and state.time_s == 1.0
+
+
+def test_a_plug_that_is_pulled_is_named(line):
+    ours, port = line
+    told: list[Any] = []
+
+    async def run():
+        source = SerialSource(port, MESSAGES)
+        task = asyncio.create_task(keep_running("source serial", lambda: source.run(print), told.append, 0.1))
+        await asyncio.sleep(0.3)
+        os.close(ours)
+        await asyncio.sleep(0.5)
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+    asyncio.run(run())
+    assert any(said.level == Level.ERROR and "is it plugged in?" in said.message for said in told)
+
+
+def test_settings_and_ports_are_checked():
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"messages": {}}, "messages is empty"),
+        ({"messages": {"300": ("soc",)}}, "not the number of a message"),
+        ({"messages": {"1": ("battery_curent_A",)}}, "did you mean battery_current_A"),
+        ({"messages": MESSAGES, "signals": {"battery_current_A": "I"}}, "'I' is no value of the messages"),
+        ({"messages": MESSAGES, "baud": 3}, "baud must be between"),
+    ]
+    for settings, message in refused:
+        with pytest.raises(InputError, match=message):
+            SerialSource("/dev/ttyACM0", **settings)
+    with pytest.raises(OhmwardError, match=r"/dev/ttyNONE cannot be opened; .*"):
+        asyncio.run(SerialSource("/dev/ttyNONE", MESSAGES).run(print))
