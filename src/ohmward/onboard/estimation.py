@@ -11,7 +11,9 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
+from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import SocEstimate
 from ohmward.battery.soc.told_soc import can_be_told
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.drive_meter import DriveSample
@@ -33,6 +35,9 @@ _REPORTED = f"{ESTIMATES[0].name}."
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
 
+
+#: The charge of before an absence is wrong where it is so many standard deviations from that by the voltage.
+CONTRADICTS = 3.0
 
 _NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
 
@@ -75,6 +80,10 @@ class Estimation:
         self.state = RobotState(math.nan, math.nan)
         #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
         self.shift_s = 0.0
+        #: Charge before a long absence, which the first voltage after it may contradict.
+        self.last_charge: SocNormal | None = None
+        #: Last current of the battery, nan before the first.
+        self.last_current_A = math.nan
         self._counted = counts_per_turn is not None
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
@@ -160,6 +169,11 @@ class Estimation:
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
         charge = self.soc.update(time_s, current_A, voltage_V, self._temperature_degC)
+        if math.isfinite(current_A):
+            self.last_current_A = current_A
+        if self.last_charge and math.isfinite(voltage_V):
+            charge = self._with_last_charge(self.last_charge, charge)
+            self.last_charge = None
         reach = None
         if self.range:
             speed_m_s = self.state.slip.speed_m_s if self.state.slip else None
@@ -168,6 +182,12 @@ class Estimation:
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
         return self._after(sample.time_s, sample.values, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _with_last_charge(self, before: SocNormal, charge: SocEstimate) -> SocEstimate:
+        """The estimate with the charge before an absence, unless the voltage contradicts it."""
+        assert self.soc is not None
+        differs = abs(before.soc - charge.soc) > CONTRADICTS * math.hypot(before.std, charge.soc_std)
+        return charge if differs or not can_be_told(self.soc.settings) else self.soc.tell_soc(*before)
 
     def _update_cells(self, sample: MeanSample) -> None:
         """The estimate of every cell, which begins where the pack's stands."""

@@ -20,8 +20,9 @@ class Setup:
         name: of the robot: in topics, rows of the store, the page.
         battery: path of the battery file; without it no charge and no range.
         robot: path of the robot file or the name of a packaged robot; without it no speed, slip and pose.
-        consumption: path of the consumption file, which learns; made at first.
-        state: folder of what survives a loss of power: snapshots and the store.
+        consumption: path of the consumption table, which learns; by default in the state's folder.
+        state: folder of what survives a loss of power: snapshots, tables and the store.
+        learn: let the battery file learn from day to day, in that folder.
         strict: refuse to start while a source or sink cannot; by default the process starts with what it has.
         delay_s: messages wait so long for others with an earlier time, >= 0.
         counts_per_turn: of the encoders, where they send counts.
@@ -33,6 +34,7 @@ class Setup:
     robot: str | None = None
     consumption: str | None = None
     state: str = "ohmward-state"
+    learn: bool = False
     strict: bool = False
     delay_s: float = 0.0
     counts_per_turn: float | None = None

@@ -144,7 +144,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         require_between("soc", number("soc", soc), 0.0, 1.0)
         if soc_std is not None:
             require_positive("soc_std", number("soc_std", soc_std))
-        self.last = self._told(soc, soc_std)
+        told = self._told(soc, soc_std)
+        self.last = SocEstimate._make([*map(float, told[:-1]), SocFlag(int(told.flags))])
         self.memory = self.memory.after(self.time_s, self.last)
         return self.last
 

@@ -7,16 +7,13 @@ import asyncio
 import logging
 import sys
 
-from ohmward.battery.file import load_battery
 from ohmward.checks import require_positive
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.run.demonstration import demo_process
-from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError
-from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.assembly import assemble
 from ohmward.onboard.process import Process
-from ohmward.onboard.setup import SETUP_FILE, Setup
-from ohmward.traction.robot.file import load_robot
+from ohmward.onboard.setup import SETUP_FILE
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -28,7 +25,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if not args.demo and not args.setup:
         raise InputError("give a SETUP.toml (`ohmward run --example > robot.toml` writes one), or --demo")
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="ohmward: %(message)s")
-    process = demo_process() if args.demo else process_of(SETUP_FILE.load(args.setup))
+    process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
     process.estimation.compile()
     asyncio.run(_run(process, args.seconds))
     return Outcome({}, "")
@@ -39,27 +36,3 @@ async def _run(process: Process, seconds: float | None) -> None:
     if seconds is not None:
         asyncio.get_running_loop().call_later(seconds, process.stop)
     await process.run()
-
-
-def process_of(setup: Setup) -> Process:
-    """The process of a setup.
-
-    Raises:
-        InputError: a file that cannot be read.
-    """
-    return Process(estimation_of(setup), setup.source, setup.sink, strict=setup.strict)
-
-
-def estimation_of(setup: Setup) -> Estimation:
-    """The estimators of a setup.
-
-    Raises:
-        InputError: a file that cannot be read.
-    """
-    return Estimation(
-        load_battery(setup.battery) if setup.battery else None,
-        load_robot(setup.robot) if setup.robot else None,
-        load_consumption(setup.consumption) if setup.consumption else None,
-        setup.delay_s,
-        setup.counts_per_turn,
-    )

@@ -1,0 +1,117 @@
+"""Estimators that go on after a restart or a loss of power.
+
+In a short absence nothing but time has passed. In a long one the filter no longer knows the charge, and its voltage,
+which is then that of a rest, tells it anew; the charge of before counts beside it, with
+
+std^2 = std_before^2 + (I t / Q)^2 + (c t)^2
+
+where the robot may have gone on for a while with its last current I, and electronics that are off draw a share c of the
+capacity. Where the voltage contradicts that, somebody has charged or used the battery, and the voltage alone counts.
+Speed and pose begin anew: the robot may have been moved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ohmward.battery.cells.pack_estimator import PackEstimator
+from ohmward.battery.soc.anchor_rule import SocNormal
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.energy.range_estimator import RangeEstimator
+from ohmward.errors import InputError
+from ohmward.onboard.estimation import Estimation
+from ohmward.trace.snapshot import to_json
+
+#: An absence up to this is one in which the current went on as it was: a process that crashed, a computer that reboots.
+SHORT_S = 60.0
+
+#: An absence of which no clock tells is taken for a day.
+UNKNOWN_S = 86400.0
+
+#: Beyond this the filter takes a step for a gap, and forgets the charge for what may have happened in it.
+_GAP_S = 601.0
+
+#: A robot goes on for so long at most with its last current before it is switched off.
+_STILL_ON_S = 600.0
+
+#: Drawn by electronics that are off, as a share of the capacity per hour: ten times that of a good protection board.
+_STANDBY_PER_HOUR = 0.01
+
+#: A drive that was interrupted for longer has ended; the next one begins with what is known of the consumption.
+DRIVE_S = 3600.0
+
+_SECONDS_PER_HOUR, _SECONDS_PER_DAY = 3600.0, 86400.0
+
+
+def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
+    """State of the estimators for a snapshot; empty before the first sample.
+
+    time_s: now, on the clock of the messages.
+    """
+    content: dict[str, Any] = {}
+    soc, charge = estimation.soc, estimation.state.battery
+    if soc and charge and soc.state is not None:
+        current_A = to_json(estimation.last_current_A)
+        content["charge"] = {"soc": charge.soc, "std": charge.soc_std, "current_A": current_A}
+        content |= {"soc": soc.snapshot(), "time_s": time_s + estimation.shift_s}
+    if estimation.cells and estimation.cells.last:
+        content["cells"] = estimation.cells.snapshot()
+    if estimation.range and math.isfinite(estimation.range.time_s):
+        content["range"] = estimation.range.snapshot()
+    return content
+
+
+def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, now_s: float) -> list[str]:
+    """Let the estimators go on from a snapshot; sentences about what could not.
+
+    away_s: since it was taken, nan where no clock tells.  now_s: on the clock of the messages.
+    """
+    if "soc" not in content or estimation.battery is None:
+        return []
+    away_s = UNKNOWN_S if math.isnan(away_s) else away_s
+    charge = content["charge"]
+    known = SocNormal(charge["soc"], _std_after(charge, estimation.battery.capacity_Ah, away_s))
+    try:
+        estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
+    except InputError:
+        begin = min(max(known.soc, 0.0), 1.0), known.std
+        estimation.soc = SocEstimator(estimation.battery, *begin)
+        return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
+    estimation.last_charge = known if away_s > SHORT_S else None
+    passed_s = away_s if away_s <= SHORT_S else max(away_s, _GAP_S)
+    estimation.shift_s = content["time_s"] + passed_s - now_s
+    return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
+
+
+def _std_after(charge: Mapping[str, float], capacity_Ah: float, away_s: float) -> float:
+    """Standard deviation of the charge of before after the absence; the equation at the head."""
+    drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
+    standby = _STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
+    return math.hypot(charge["std"], drawn, standby)
+
+
+def _resume_cells(estimation: Estimation, content: Mapping[str, Any]) -> list[str]:
+    if "cells" not in content or estimation.battery is None:
+        return []
+    try:
+        estimation.cells = PackEstimator.restore(estimation.battery, content["cells"])
+    except InputError as error:
+        return [f"the estimate of the cells begins anew: {error}"]
+    return []
+
+
+def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: float) -> list[str]:
+    """The drive goes on after a short interruption; else a new one begins with the consumption as it was learnt."""
+    if "range" not in content or estimation.range is None or estimation.battery is None:
+        return []
+    try:
+        before = RangeEstimator.restore(estimation.battery, content["range"])
+    except (InputError, KeyError, TypeError, ValueError):
+        return ["the drive of before cannot be continued: battery or settings have changed; a new one begins"]
+    if away_s <= DRIVE_S:
+        estimation.range = before
+    else:
+        estimation.range = RangeEstimator(estimation.battery, before.consumption, away_s / _SECONDS_PER_DAY)
+    return []

@@ -1,0 +1,191 @@
+"""Folder of what survives a loss of power: snapshots, the consumption table, a battery file that learns.
+
+snapshot.json            every few seconds, the one before beside it
+consumption.toml         every minute and at the end
+battery.toml             with `learn`: the battery file in use, as learnt up to the last day
+battery-learnt.toml      with `learn`: as learnt up to now; in use from the next day on
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from copy import copy
+from dataclasses import replace
+from pathlib import Path
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.file import load_battery, save_battery
+from ohmward.battery.learning.on_board import learnt_on_board
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.energy.consumption import Consumption
+from ohmward.energy.consumption_file import load_consumption, save_consumption
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.clock import SystemClock
+from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.part import LOG
+from ohmward.onboard.resume import DRIVE_S, remember, resume
+from ohmward.onboard.snapshot_file import read_snapshot, write_snapshot
+
+#: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
+SNAPSHOT_S = 5.0
+
+#: Between two consumption tables, and between two learnt battery files.
+TABLE_S, LEARNT_S = 60.0, 3600.0
+
+IN_USE, LEARNT, CONSUMPTION, LOCK = "battery.toml", "battery-learnt.toml", "consumption.toml", "lock"
+
+
+class StateFolder:
+    """The folder of one robot.
+
+    Args:
+        path: of the folder; made where there is none.
+        consumption: path of the consumption table; by default in the folder.
+        learn: keep a battery file that learns.
+        clock: of this machine.
+
+    Raises:
+        OhmwardError: it cannot be made, or another process uses it.
+    """
+
+    def __init__(
+        self, path: Path, consumption: Path | None = None, learn: bool = False, clock: SystemClock | None = None
+    ):
+        self.path, self.learn, self.clock = path, learn, clock or SystemClock()
+        self.consumption_path = consumption or path / CONSUMPTION
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = (path / LOCK).open("a", encoding="utf-8")
+        except OSError as error:
+            raise OhmwardError(
+                f"state = {str(path)!r} cannot be used ({error.strerror or error}); choose a folder that takes files"
+            ) from error
+        _lock(self._lock.fileno(), path)
+        found = read_snapshot(path)
+        self.before, self.notes = found.content or {}, [found.note] if found.note else []
+        self.away_s = self._away_s()
+
+    def battery(self, given: str) -> Battery:
+        """The battery file to use: that which has learnt, unless the one that is given is newer.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        in_use, learnt, source = self.path / IN_USE, self.path / LEARNT, Path(given)
+        battery = load_battery(source)
+        if not self.learn:
+            return battery
+        if learnt.exists() and self.before and not self.away_s <= DRIVE_S:
+            learnt.replace(in_use)
+        if not in_use.exists() or in_use.stat().st_mtime < source.stat().st_mtime:
+            return battery
+        try:
+            return load_battery(in_use)
+        except InputError as error:
+            self.notes.append(f"{error}; {given} is used")
+            return battery
+
+    def consumption(self) -> tuple[Consumption | None, float]:
+        """The consumption as learnt on earlier days, None before the first, and the days since then.
+
+        Raises:
+            InputError: the table cannot be read.
+        """
+        if not self.consumption_path.exists():
+            return None, 0.0
+        table = load_consumption(self.consumption_path)
+        before_s = self.clock.unix_s() if table.last_drive_unix_s is None else table.last_drive_unix_s
+        return table, max(self.clock.unix_s() - before_s, 0.0) / 86400.0
+
+    def begin(self, estimation: Estimation) -> None:
+        """Let the estimators go on from the last snapshot."""
+        self.notes += resume(estimation, self.before, self.away_s, self.clock.now_s())
+        for note in self.notes:
+            LOG.warning("state: %s", note)
+
+    def writer(self, estimation: Estimation, now_s: Callable[[], float]) -> Callable[[], Awaitable[None]]:
+        """The part that writes it all again and again, and once more when it is cancelled."""
+
+        async def write() -> None:
+            table_s = learnt_s = self.clock.now_s()
+            try:
+                while True:
+                    await asyncio.sleep(SNAPSHOT_S)
+                    await asyncio.to_thread(self._write_snapshot, self._content(estimation, now_s()))
+                    if self.clock.now_s() - table_s > TABLE_S:
+                        table_s = self.clock.now_s()
+                        await asyncio.to_thread(self._write_table, estimation)
+                    if self.learn and self.clock.now_s() - learnt_s > LEARNT_S:
+                        learnt_s = self.clock.now_s()
+                        await asyncio.to_thread(self._write_learnt, estimation.battery, copy(estimation.soc))
+            finally:
+                self.write(estimation, now_s())
+
+        return write
+
+    def write(self, estimation: Estimation, now_s: float) -> None:
+        """Write everything once."""
+        self._write_snapshot(self._content(estimation, now_s))
+        self._write_table(estimation)
+        if self.learn:
+            self._write_learnt(estimation.battery, estimation.soc)
+
+    def close(self) -> None:
+        """Give the folder back."""
+        self._lock.close()
+
+    def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
+        clocks = {"boot": boot_id(), "monotonic_s": self.clock.now_s(), "unix_s": self.clock.unix_s()}
+        found = remember(estimation, now_s)
+        return found | clocks if found else {}
+
+    def _write_snapshot(self, content: dict[str, object]) -> None:
+        if content:
+            write_snapshot(self.path, content)
+
+    def _write_table(self, estimation: Estimation) -> None:
+        if estimation.range and estimation.range.state.finished_m > 0.0:
+            table = replace(estimation.range.consumption, last_drive_unix_s=self.clock.unix_s())
+            save_consumption(table, self.consumption_path)
+
+    def _write_learnt(self, battery: Battery | None, soc: SocEstimator | None) -> None:
+        if battery and soc and soc.state is not None:
+            try:
+                learnt = learnt_on_board(battery, soc)
+            except InputError as error:  # a filter that carries no corrections
+                LOG.info("nothing is learnt on board: %s", error)
+                return
+            save_battery(learnt, self.path / LEARNT)
+
+    def _away_s(self) -> float:
+        """Time since the last snapshot; nan where no clock tells, as on a computer without one that was off."""
+        if not self.before:
+            return math.nan
+        if self.before.get("boot") == boot_id() != "":
+            return max(self.clock.now_s() - float(self.before["monotonic_s"]), 0.0)
+        away_s = self.clock.unix_s() - float(self.before["unix_s"])
+        return away_s if away_s > 0.0 else math.nan
+
+
+def boot_id() -> str:
+    """Name of this boot of the machine; empty where the system has none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
+
+
+def _lock(handle: int, path: Path) -> None:
+    """Hold the folder for this process, as long as it lives."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise OhmwardError(
+            f"another process uses the folder {str(path)!r}; end it, or give this one a folder of its own: state = ..."
+        ) from error

@@ -1,0 +1,316 @@
+"""State that survives: snapshots, absences, tables, files that learn, and a process that is killed under load."""
+
+import json
+import math
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ohmward import SocEstimator, SocFlag, generic_battery, load_battery, save_battery
+from ohmward.errors import OhmwardError
+from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.resume import remember, resume
+from ohmward.onboard.snapshot_file import NAME, PREVIOUS, read_snapshot, write_snapshot
+from ohmward.onboard.state_folder import CONSUMPTION, IN_USE, LEARNT, StateFolder
+from ohmward.traction.robot.robot import RLMA
+
+
+class FakeClock:
+    def __init__(self, now_s=1000.0, unix_s=1.8e9):
+        self.monotonic, self.unix = now_s, unix_s
+
+    def now_s(self):
+        return self.monotonic
+
+    def unix_s(self):
+        return self.unix
+
+
+@pytest.fixture(scope="module")
+def battery():
+    return generic_battery("nmc", 10.0, 4)
+
+
+def one(states) -> Any:
+    """The only state; its parts are there."""
+    (state,) = states
+    return state
+
+
+def driven(battery, robot=None, seconds=300, at_s=1000.0):
+    """Estimators after some minutes of 2 A out of a battery that began at 60 % +- 2 %."""
+    estimation = Estimation(battery, robot)
+    for k in range(seconds * 2):
+        values = {"battery_current_A": -2.0, "battery_voltage_V": 15.3 - 2e-4 * k}
+        if robot:
+            values |= {f"wheel_speed_rad_s.{j}": 4.0 for j in range(4)}
+        estimation.put(at_s + 0.5 * k, values)
+        if k == 0 and estimation.soc:
+            estimation.soc.tell_soc(0.6, 0.02)
+    return estimation
+
+
+def test_a_snapshot_comes_back_and_the_one_before_stays(tmp_path):
+    write_snapshot(tmp_path, {"a": 1})
+    write_snapshot(tmp_path, {"a": 2})
+    assert (read_snapshot(tmp_path).content or {})["a"] == 2
+    assert json.loads((tmp_path / PREVIOUS).read_text())["a"] == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([NAME, PREVIOUS])
+
+
+@pytest.mark.parametrize("damage", ["", "{", '{"version": 2, "a": 3, "checksum": "0"}', "\x00" * 50, "[" * 5000])
+def test_a_damaged_snapshot_is_named_and_the_one_before_is_used(tmp_path, damage):
+    write_snapshot(tmp_path, {"a": 1})
+    write_snapshot(tmp_path, {"a": 2})
+    (tmp_path / NAME).write_text(damage)
+    content, note = read_snapshot(tmp_path)
+    assert (content or {})["a"] == 1
+    assert NAME in note
+
+
+def test_no_snapshot_is_no_fault(tmp_path):
+    assert read_snapshot(tmp_path) == (None, "")
+
+
+def test_a_cut_at_any_byte_leaves_a_snapshot(tmp_path):
+    write_snapshot(tmp_path, {"a": 1})
+    write_snapshot(tmp_path, {"a": 2})
+    whole = (tmp_path / NAME).read_bytes()
+    for length in range(len(whole)):
+        (tmp_path / NAME).write_bytes(whole[:length])
+        assert (read_snapshot(tmp_path).content or {})["a"] == 1
+
+
+def test_a_restart_within_a_minute_goes_on_to_the_bit(battery):
+    before = driven(battery, RLMA)
+    content = json.loads(json.dumps(remember(before, 1300.0), allow_nan=False))
+    after = Estimation(battery, RLMA)
+    assert resume(after, content, 20.0, 5.0) == []
+    assert before.soc and after.soc and after.range and before.range
+    assert after.range.consumption.mean.tolist() == before.range.consumption.mean.tolist()
+    assert after.range.state.meter == before.range.state.meter
+    expected = before.soc.update(1320.0, -2.0, 15.2)
+    state: Any = one(after.put(5.0, {"battery_current_A": -2.0, "battery_voltage_V": 15.2}))
+    assert state.battery == expected
+    assert state.time_s == 5.0
+
+
+@pytest.mark.parametrize("away_s", [300.0, 3600.0, 12 * 3600.0, math.nan])
+def test_a_long_absence_widens_and_keeps_what_the_voltage_does_not_contradict(battery, away_s):
+    before = driven(battery)
+    charge = before.state.battery
+    rest_V = float(battery.thevenin.ocv.mean_V(charge.soc, 25.0))
+    after = Estimation(battery)
+    resume(after, remember(before, 1300.0), away_s, 5.0)
+    state: Any = one(after.put(5.0, {"battery_current_A": 0.0, "battery_voltage_V": rest_V}))
+    assert isinstance(state.battery.flags, SocFlag)
+    assert charge.soc_std < state.battery.soc_std < 0.15
+    assert state.battery.soc == pytest.approx(charge.soc, abs=2 * state.battery.soc_std)
+
+
+def test_a_battery_that_was_charged_meanwhile_is_told_by_its_voltage(battery):
+    before = driven(battery)
+    after = Estimation(battery)
+    resume(after, remember(before, 1300.0), 3 * 3600.0, 5.0)
+    full_V = float(battery.thevenin.ocv.mean_V(0.98, 25.0))
+    for k in range(10):
+        state: Any = one(after.put(5.0 + k, {"battery_current_A": -0.2, "battery_voltage_V": full_V}))
+    assert state.battery.soc == pytest.approx(0.98, abs=2 * state.battery.soc_std)
+    assert state.battery.soc > 0.85
+
+
+def test_another_battery_file_goes_on_with_the_charge(battery):
+    before = driven(battery)
+    after = Estimation(generic_battery("nmc", 11.0, 4))
+    (note,) = resume(after, remember(before, 1300.0), 10.0, 5.0)
+    assert "battery file has changed" in note
+    state: Any = one(after.put(5.0, {"battery_current_A": -2.0, "battery_voltage_V": 15.2}))
+    assert state.battery.soc == pytest.approx(before.state.battery.soc, abs=0.05)
+
+
+def test_cells_go_on_too(battery):
+    before = Estimation(battery)
+    for k in range(200):
+        cells = {f"cell_voltage_V.{j}": 3.8 + 0.002 * j for j in range(4)}
+        before.put(0.5 * k, {"battery_current_A": -1.0, "battery_voltage_V": 15.2} | cells)
+    after = Estimation(battery)
+    resume(after, json.loads(json.dumps(remember(before, 100.0))), 5.0, 0.0)
+    assert after.cells and before.cells
+    assert after.cells.snapshot()["cells"] == before.cells.snapshot()["cells"]
+
+
+def folder(path, clock, **options):
+    return StateFolder(path, clock=clock, **options)
+
+
+def test_the_time_away_is_that_of_the_monotonic_clock_within_a_boot(tmp_path, battery):
+    clock = FakeClock()
+    first = folder(tmp_path, clock)
+    first.write(driven(battery), clock.now_s())
+    first.close()
+    clock.monotonic += 50.0
+    clock.unix -= 3600.0
+    second = folder(tmp_path, clock)
+    assert second.away_s == 50.0
+    second.close()
+
+
+def test_the_time_away_is_that_of_the_wall_clock_after_another_boot(tmp_path, battery, monkeypatch):
+    clock = FakeClock()
+    first = folder(tmp_path, clock)
+    first.write(driven(battery), clock.now_s())
+    first.close()
+    monkeypatch.setattr("ohmward.onboard.state_folder.boot_id", lambda: "another")
+    clock.monotonic, clock.unix = 3.0, clock.unix + 7200.0
+    second = folder(tmp_path, clock)
+    assert second.away_s == 7200.0
+    second.close()
+    clock.unix = 0.0  # a computer without a clock of its own
+    third = folder(tmp_path, clock)
+    assert math.isnan(third.away_s)
+    third.close()
+
+
+def test_a_folder_serves_one_process(tmp_path):
+    first = folder(tmp_path, FakeClock())
+    with pytest.raises(OhmwardError, match=r"another process uses the folder .*state = \.\.\."):
+        folder(tmp_path, FakeClock())
+    first.close()
+    folder(tmp_path, FakeClock()).close()
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OhmwardError, match="choose a folder that takes files"):
+        folder(tmp_path / "file", FakeClock())
+
+
+def test_the_consumption_table_goes_on_across_days(tmp_path, battery):
+    clock = FakeClock()
+    first = folder(tmp_path, clock)
+    assert first.consumption() == (None, 0.0)
+    estimation = Estimation(battery, RLMA)
+    for k in range(1200):
+        speed = 0.0 if 600 <= k < 900 else 4.0
+        wheels = {f"wheel_speed_rad_s.{j}": speed for j in range(4)}
+        estimation.put(0.2 * k, {"battery_current_A": -1.0, "battery_voltage_V": 15.2} | wheels)
+    first.write(estimation, clock.now_s())
+    first.close()
+    assert (tmp_path / CONSUMPTION).exists()
+    clock.unix += 2 * 86400.0
+    second = folder(tmp_path, clock)
+    table, days = second.consumption()
+    assert days == pytest.approx(2.0)
+    assert table and estimation.range
+    assert table.mean == pytest.approx(estimation.range.consumption.mean)
+    second.close()
+
+
+def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
+    given = tmp_path / "given.toml"
+    save_battery(battery, given)
+    clock = FakeClock()
+    state = tmp_path / "state"
+    for away_s, in_use in ((0.0, False), (600.0, False), (10 * 3600.0, True)):
+        clock.monotonic += away_s
+        clock.unix += away_s
+        now = folder(state, clock, learn=True)
+        used = now.battery(str(given))
+        assert (state / IN_USE).exists() == in_use
+        assert (used.knowledge is not None and bool(used.knowledge.logs)) == in_use
+        estimation = driven(used, at_s=clock.now_s())
+        now.write(estimation, clock.now_s())
+        assert (state / LEARNT).exists()
+        now.close()
+    later = time.time() + 10.0
+    os.utime(given, (later, later))
+    newer = folder(state, clock, learn=True)
+    assert newer.battery(str(given)) == load_battery(given)
+    newer.close()
+
+
+PROCESS = """
+import asyncio, sys
+from ohmward.onboard.assembly import assemble
+from ohmward.onboard.setup import SETUP_FILE
+import ohmward.onboard.state_folder as state_folder
+state_folder.SNAPSHOT_S = 0.002
+process = assemble(SETUP_FILE.load(sys.argv[1]))
+asyncio.run(process.run())
+"""
+
+
+def make_setup(tmp_path, battery):
+    save_battery(battery, tmp_path / "battery.toml")
+    rows = ["time_s,current_A,voltage_V"]
+    rows += [f"{0.01 * k:.2f},{-2.0 - math.sin(0.01 * k):.4f},{15.3 - 2e-5 * k:.4f}" for k in range(100_000)]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    text = f"""
+format = "ohmward-setup/1"
+battery = "{tmp_path}/battery.toml"
+state = "{tmp_path}/state"
+[[source]]
+kind = "replay"
+path = "{tmp_path}/log.csv"
+current_sign = "charge"
+rate = 50.0
+[[sink]]
+kind = "json-lines"
+path = "{tmp_path}/states.jsonl"
+interval_s = 1.0
+"""
+    (tmp_path / "robot.toml").write_text(text)
+    return tmp_path / "robot.toml"
+
+
+def kill_again_and_again(tmp_path, battery, times, seed=1):
+    """Kill the process under load at random moments; after each the snapshot loads and the charge goes on."""
+    setup, draw = make_setup(tmp_path, battery), random.Random(seed)
+    before = None
+    for _ in range(times):
+        with subprocess.Popen([sys.executable, "-c", PROCESS, str(setup)]) as process:
+            try:
+                wait_for(tmp_path / "state" / NAME, process)
+                time.sleep(draw.uniform(0.0, 0.3))
+            finally:
+                process.send_signal(signal.SIGKILL)
+        found = read_snapshot(tmp_path / "state")
+        assert found.content is not None, found.note
+        assert found.note == ""
+        restored = SocEstimator.restore(load_battery(tmp_path / "battery.toml"), found.content["soc"])
+        assert restored.state is not None
+        charge = found.content["charge"]
+        if before is not None:
+            moved = abs(charge["soc"] - before["soc"])
+            assert moved <= 0.02 + 2.0 * before["std"]
+        before = charge
+
+
+def wait_for(path: Path, process):
+    """Wait until the process has written a snapshot of its own."""
+    written = path.stat().st_mtime_ns if path.exists() else 0
+    for _ in range(3000):
+        assert process.poll() is None
+        if path.exists() and path.stat().st_mtime_ns != written:
+            return
+        time.sleep(0.01)
+    pytest.fail("no snapshot was written")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_the_charge_goes_on_after_every_kill(tmp_path, battery):
+    kill_again_and_again(tmp_path, battery, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("sh") is None, reason="SIGKILL")
+def test_the_charge_goes_on_after_many_kills(tmp_path, battery):
+    kill_again_and_again(tmp_path, battery, 25, seed=2)
