@@ -110,7 +110,7 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float t94 = t33 * t90;
     const float t95 = fabsf(t94);
     const float t96 = (t93 > t95 || t93 != t93) ? t93 : t95;
-    const bool t97 = 0.2f < t96;
+    const bool t97 = 0.22f < t96;
     const bool t98 = t8 == t90;
     const float t99 = t98 ? t5 : 0e+00f;
     const float t100 = t72 ? t10 : 0e+00f;
@@ -122,12 +122,12 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float t106 = t40 * t105;
     const float t107 = t7 + t106;
     const bool t108 = 0e+00f < t107;
-    const float t109 = t108 ? 5.5f : 1.0f;
-    const float t110 = 0.2f * t109;
+    const float t109 = t108 ? 5.0f : 1.0f;
+    const float t110 = 0.22f * t109;
     const float t111 = t109 - 1.0f;
     const float t112 = t96 * t111;
     const float t113 = t110 - t112;
-    const float t114 = (0.2f > t113) ? 0.2f : t113;
+    const float t114 = (0.22f > t113) ? 0.22f : t113;
     const float t115 = (t96 > t114 || t96 != t96) ? t96 : t114;
     const float t116 = 0.1f * t115;
     const float t117 = t92 - t94;

@@ -87,6 +87,19 @@ def test_currents_that_neither_ground_nor_wheel_can_have_taken_are_refused(metho
     assert found < 0.05 and covered > 0.9
 
 
+@pytest.mark.parametrize("method", ["ekf", "ukf"])
+def test_a_speed_from_outside_that_the_wheels_exclude_is_refused_however_often_it_comes(method):
+    encoders, current_A, x = drive()
+    wrong = np.where(np.arange(len(x)) % 10 == 0, -20.0, np.nan)
+    samples = log(encoders[:, 0], current_A[:, 0], yaw_rate_rad_s=x[:, 1], speed_m_s=wrong)
+    samples.wheel_speed_rad_s[:, 1] = encoders[:, 1]
+    samples.current_A[:] = current_A
+    noise = ObserverNoise(gyro_std_rad_s=0.01, speed_std_m_s=0.05)
+    e = observed(SpeedObserver(RLMA_ON_FLOOR, noise=noise, method=method), samples)[1]
+    assert has(e, SlipFlag.SPEED_REJECTED)[::10].all() and not has(e, SlipFlag.SPEED_TAKEN_ANEW).any()
+    assert np.abs(e.speed_m_s - x[:, 0]).max() < 0.1
+
+
 def test_a_belief_that_is_no_number_starts_again_and_says_so():
     encoders, current_A, _ = drive()
     samples = log(encoders[:, 0], current_A[:, 0])

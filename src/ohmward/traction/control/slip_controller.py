@@ -65,8 +65,8 @@ class SlipController:
     limits: Limits
     force_filter: ForceFilter = field(default_factory=ForceFilter)
     target_rate_per_s: float = 5.0
-    floor_m_s: float = 0.2
-    launch: float = 5.5
+    floor_m_s: float = 0.22
+    launch: float = 5.0
     stop_m_s: float = 0.05
     tolerance: float = 0.02
     unreachable_after_s: float = 0.2

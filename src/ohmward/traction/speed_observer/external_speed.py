@@ -92,26 +92,29 @@ def use_speed(
     model: Model,
     gate: SensorGate,
 ) -> BodyCorrection:
-    """Correct with the external speed, or open the estimate for one that a robot may have, |y| <= fastest_m_s."""
+    """Correct with the external speed, or open the estimate for it; one that no such robot can have is not used.
+
+    fastest_m_s: greatest speed that the body can have, by its wheels and by how long it can have slid.
+    """
     if model.noise.speed_std_m_s is None:
         return body
-    y = external_speed(sample, body.belief, history, model.noise.speed_std_m_s, model)
+    received = external_speed(sample, body.belief, history, model.noise.speed_std_m_s, model)
+    y = within_reach(received, fastest_m_s)
     dispute = disputed(y, body.belief, body.rejected, clean.dt_s, gate)
     opened = opened_for(body.belief, y.innovation_m_s, model)
     held = inflate(body.belief, 0, dispute.open_m_s**2 - body.belief.cov[0, 0])
     prior = choose(dispute.reset, sliding_for(opened, y.innovation_m_s, model), held)
     belief, accepted = correct_sensor(prior, y.speed_m_s, lambda x: x[:1], y.variance, gate.nis)
     rejected = isfinite(y.speed_m_s) & logical_not(accepted)
-    possible = rejected & (abs(y.speed_m_s) <= fastest_m_s)
     last = body.rejected
     return body._replace(
-        belief=choose(possible, opened, belief),
+        belief=choose(rejected, opened, belief),
         observable=some([body.observable, accepted]),
-        speed_rejected=rejected,
+        speed_rejected=some([rejected, every([received.credible, logical_not(y.credible)])]),
         speed_reset=dispute.reset,
         rejected=last._replace(
             speed_s=time_rejected(last.speed_s, clean.dt_s, rejected, y.credible, sparse=True),
-            disputed_m_s=where(y.credible, where(possible, y.innovation_m_s, 0.0), last.disputed_m_s),
+            disputed_m_s=where(y.credible, where(rejected, y.innovation_m_s, 0.0), last.disputed_m_s),
             innovation_sum=where(rejected | dispute.reset, 0.0, dispute.innovation_sum),
         ),
     )
@@ -132,6 +135,16 @@ def external_speed(sample: SlipSample, belief: Belief, history: History, std_m_s
     y = where(credible, sample.speed_m_s + change_since(history, age_s), np.nan)
     innovation_m_s = where(credible, y, belief.mean[0]) - belief.mean[0]
     return ReceivedSpeed(credible, y, own_std * own_std + drift * drift, innovation_m_s)
+
+
+def within_reach(y: ReceivedSpeed, fastest_m_s: Scalar) -> ReceivedSpeed:
+    """The external speed, or none where the body cannot have it: |y| > fastest_m_s."""
+    reachable = every([y.credible, abs(y.speed_m_s) <= fastest_m_s])
+    return y._replace(
+        credible=reachable,
+        speed_m_s=where(reachable, y.speed_m_s, np.nan),
+        innovation_m_s=where(reachable, y.innovation_m_s, 0.0),
+    )
 
 
 def disputed(y: ReceivedSpeed, belief: Belief, last: BodyTimers, dt_s: Scalar, gate: SensorGate) -> Dispute:
