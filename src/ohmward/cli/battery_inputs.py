@@ -79,7 +79,8 @@ def read_battery_log(
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
     battery, of_sensor = load_battery_with_sensor(args.battery, args)
-    file = open_table(split_selection(args.log)[0])
+    path, where = split_selection(args.log)
+    file = open_table(path).part("battery", dict(args.where) | where)
     cells_too = cell_names(file.names) if battery.n_series > 1 else ()
     extra = None if args.truth else (*cells_too, *charger_columns(file.names))
     log = check_log(read_battery_log(args.log, args, extra, report, file), battery)

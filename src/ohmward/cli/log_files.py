@@ -8,9 +8,11 @@ from pathlib import Path
 
 from ohmward.cli.parser import split_selection
 from ohmward.errors import InputError
+from ohmward.logs.bags.files import ENDINGS as RECORDINGS
+from ohmward.logs.bags.files import parts_of
 
 #: Endings of logs in a folder.
-_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet")
+_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDINGS)
 
 
 def log_files(words: Sequence[str]) -> list[str]:
@@ -23,15 +25,22 @@ def log_files(words: Sequence[str]) -> list[str]:
 
 
 def _named(word: str) -> list[str]:
-    """A file or rows of it as they are; the files of a folder or of a pattern."""
-    if split_selection(word)[0].is_file():
+    """A file, a recording's folder or rows of one as they are; the files of a folder or of a pattern."""
+    path = split_selection(word)[0]
+    if path.is_file() or (path.is_dir() and parts_of(path)):
         return [word]
-    if Path(word).is_dir():
-        found = [str(path) for path in sorted(Path(word).rglob("*")) if path.name.lower().endswith(_ENDINGS)]
-        if not found:
+    if path.is_dir():
+        files = [file for file in sorted(path.rglob("*")) if file.name.lower().endswith(_ENDINGS)]
+        if not files:
             raise InputError(f"the folder {word!r} holds no log ({', '.join(_ENDINGS)}); name the files")
-        return found
-    found = sorted(path for path in glob.glob(word, recursive=True) if Path(path).is_file())  # noqa: PTH207 absolute too
+        return list(dict.fromkeys(_recording_of(file, path) for file in files))
+    found = sorted(name for name in glob.glob(word, recursive=True) if Path(name).is_file())  # noqa: PTH207 absolute too
     if not found:
         raise InputError(f"no file matches {word!r}; check the path, and quote a pattern for the shell")
     return found
+
+
+def _recording_of(file: Path, folder: Path) -> str:
+    """The folder of the recording that a file is a part of, else the file."""
+    inner = file.parent != folder and file.name.endswith(RECORDINGS) and file in parts_of(file.parent)
+    return str(file.parent if inner else file)

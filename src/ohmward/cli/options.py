@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
+from ohmward.logs.bags.choice import TOPIC
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino")
@@ -19,7 +20,7 @@ UNKNOWN = "unknown"
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Options of logs of batteries."""
-    group = parser.add_argument_group("reading logs (CSV, Parquet, BDF)")
+    group = parser.add_argument_group("reading logs (CSV, Parquet, BDF, rosbag, MCAP, ULog)")
     group.add_argument(
         "--current-sign",
         choices=("auto", "charge", "discharge"),
@@ -36,7 +37,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
     """Options of logs of drives."""
-    group = parser.add_argument_group("reading logs of drives (CSV, Parquet)")
+    group = parser.add_argument_group("reading logs of drives (CSV, Parquet, rosbag, MCAP, ULog)")
     _add_column_options(
         group,
         column="the column of front_left_wheel_speed, left_motor_current, yaw_rate, speed, ...",
@@ -70,7 +71,11 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 def add_soc_options(parser: argparse.ArgumentParser) -> None:
     """The log, the battery, the start and the truth of `soc` and `compare`."""
-    parser.add_argument("log", metavar="LOG", help="a CSV, Parquet or BDF file")
+    parser.add_argument(
+        "log",
+        metavar="LOG",
+        help="a CSV, Parquet or BDF file, or a recording: .mcap, .bag, .db3, .ulg, a folder of `ros2 bag record`",
+    )
     parser.add_argument(
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
     )
@@ -161,6 +166,14 @@ def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) 
     ):
         what = f"{text}; may be repeated"
         group.add_argument(option, metavar=metavar, type=pair, action="append", default=[], help=what)
+    group.add_argument(
+        "--topic",
+        metavar="/A,/B",
+        type=lambda names: (TOPIC, names),
+        action="append",
+        dest="where",
+        help="topics of a recording of ROS or PX4, where their types do not tell, or several have one type",
+    )
 
 
 def _add_sort_option(group: argparse._ArgumentGroup) -> None:

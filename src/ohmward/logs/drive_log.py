@@ -122,9 +122,9 @@ def read_drive(
     leave: Collection[str] = (),
     sort_time: bool = False,
 ) -> DriveLog:
-    """The drive in a CSV or Parquet file, or in a DataFrame of pandas.
+    """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame of pandas.
 
-    source: the path of the file, of either format whatever its name; or the DataFrame.
+    source: the path of the file, of any of these formats whatever its name; or the DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.
     driven: number of driven wheels; only with names.
     radius_m: of the wheels; needed for speeds in m/s at the rim; that of the robot unless given.
@@ -134,20 +134,21 @@ def read_drive(
     columns: channel -> column name, where names alone do not tell: {"front_left_wheel_speed": "velL"}.
     units: channel or kind -> unit: {"wheel_speed": "rpm"}.
     where: column -> value, to choose one of several recordings; "recording" counts clock restarts.
+        Of a recording of ROS, {"topic": "/joint_states,/imu"} names the topics.
     extra: further columns to keep; None keeps every numeric one.
     leave: columns not to take for a sensor by their names: truths.
     sort_time: sort rows that are out of order, whatever the reason.
 
     Raises:
         InputError: the file cannot be read as a drive; the message names the file, the place and the fix.
-        OhmwardError: Parquet without pyarrow.
+        OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
     wheels = _wheels(robot, driven)
     if hasattr(robot, "places"):
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
     mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
-    file = open_table(source)
+    file = open_table(source).part("drive", where)
     found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
     rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))

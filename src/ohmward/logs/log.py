@@ -120,13 +120,14 @@ def read_log(
     sort_time: bool = False,
     progress: Progress | None = None,
 ) -> Log:
-    """The log in a CSV, Parquet or BDF file, or in a DataFrame of pandas.
+    """The log in a CSV, Parquet or BDF file, a recording of ROS, a ULog of PX4, or in a DataFrame of pandas.
 
-    source: the path of the file, of either format whatever its name; or the DataFrame.
+    source: the path of the file, of any of these formats whatever its name; or the DataFrame.
     current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to tell from the voltage.
     columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
     units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.
     where: column -> value, to choose one of several recordings: {"script": 1}; "recording" counts clock restarts.
+        Of a recording of ROS, {"topic": "/battery"} names the topics, separated by commas.
     extra: further columns to keep; None keeps every numeric one.
     sort_time: sort rows that are out of order, whatever the reason.
     progress: called now and then with the amounts read and to read.
@@ -135,9 +136,9 @@ def read_log(
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
-        OhmwardError: Parquet without pyarrow.
+        OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
-    file = with_pack_voltage(open_table(source), columns)
+    file = with_pack_voltage(open_table(source).part("battery", where), columns)
     bdf.check_names(file.source, file.names)
     chosen = find_columns(file.source, file.names, file.given(columns), units)
     wanted = Wanted(where or {}, extra, sort_time, progress)

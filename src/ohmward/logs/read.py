@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.bags.bag_table import open_bag
+from ohmward.logs.bags.choice import TOPIC
+from ohmward.logs.bags.files import is_recording
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import nanosecond_column, read_clock
 from ohmward.logs.columns import Column
@@ -17,6 +20,7 @@ from ohmward.logs.order import find_restarts, merge_equal_times, sort_rows
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
 from ohmward.logs.table import Progress, Table, TableFile
+from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
 
 
 class Wanted(NamedTuple):
@@ -42,10 +46,11 @@ class RecordedTable(NamedTuple):
 
 
 def open_table(source: Any) -> TableFile:
-    """The columns of a CSV or Parquet file or of a DataFrame, whatever they mean; a file that is open stays as it is.
+    """The columns of a log or of a DataFrame, whatever they mean; a file that is open stays as it is.
 
     Raises:
-        InputError: neither a path nor a DataFrame; no such file, a folder, no permission, neither CSV nor Parquet.
+        InputError: neither a path nor a DataFrame; no such file, a folder without a recording, no permission, no log.
+        OhmwardError: a package that the format needs is not installed.
     """
     if isinstance(source, TableFile):
         return source
@@ -53,20 +58,25 @@ def open_table(source: Any) -> TableFile:
         return open_frame(source)
     if not isinstance(source, str | PathLike):
         raise InputError(
-            f"the source of a log must be the path of a CSV, Parquet or BDF file, or a DataFrame of pandas, not "
-            f"{source!r:.60} ({type(source).__name__}); make columns a DataFrame, or arrays a Log(name, time_s, ...)"
+            f"the source of a log must be the path of a CSV, Parquet or BDF file or of a recording, or a DataFrame of "
+            f"pandas, not {source!r:.60} ({type(source).__name__}); make columns a "
+            "DataFrame, or arrays a Log(name, time_s, ...)"
         )
     path = Path(source)
-    if path.is_dir():
+    if path.is_dir() and not is_recording(path):
         raise InputError(f"{path} is a folder; name one log file in it")
     try:
+        if path.is_dir() or is_recording(path):
+            return open_bag(path)
         with path.open("rb") as stream:
-            is_parquet = stream.read(4) == b"PAR1"
+            head = stream.read(len(ULOG_MAGIC))
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
-    return open_parquet(path) if is_parquet else open_csv(path)
+    if head == ULOG_MAGIC:
+        return open_ulog(path)
+    return open_parquet(path) if head.startswith(b"PAR1") else open_csv(path)
 
 
 def read_recording(
@@ -84,6 +94,8 @@ def read_recording(
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time}
     table = file.load(_names(file, own, wanted), wanted.progress)
     labels = dict(wanted.where)
+    if file.choose:
+        labels.pop(TOPIC, None)
     number = labels.pop(RECORDING, None) if RECORDING not in table.columns else None
     table = select_rows(table, labels)
     clock = read_clock(table, columns["time"])

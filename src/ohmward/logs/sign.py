@@ -114,6 +114,9 @@ def charging_current(
     elif bdf.has_columns(file.names):
         sign = "charge"
         note = Note("positive current charges the battery (by definition of BDF, whose column names these are)")
+    elif file.positive_current:
+        sign = file.positive_current
+        note = Note(f"positive current {sign}s the battery (by definition of the recorded messages)")
     elif not np.nan_to_num(current_A).any():
         sign = "charge"
         note = Note("the current is zero throughout: its sign does not matter", "warning")

@@ -63,12 +63,23 @@ class TableFile(NamedTuple):
     names: the columns in the file's order.
     load: reads columns.
     time: the column that is the time whatever its name, or None.
+    choose: of a recording of ROS, the same with the topics of a battery or of a drive alone; see `part`.
+    positive_current: "charge" or "discharge" where the format defines the effect of a positive current.
     """
 
     source: str
     names: tuple[str, ...]
     load: ColumnLoader
     time: str | None = None
+    choose: Callable[[str, Mapping[str, float | str]], TableFile] | None = None
+    positive_current: str | None = None
+
+    def part(self, kind: str, where: Mapping[str, float | str] | None = None) -> TableFile:
+        """The columns of a "battery" or of a "drive", where the file keeps them apart; otherwise the file as it is.
+
+        where: column -> value of the rows wanted; its `topic` names topics.
+        """
+        return self.choose(kind, where or {}) if self.choose else self
 
     def given(self, columns: Mapping[str, str] | None) -> dict[str, str]:
         """The columns that the caller names, and that of the time where the table knows it and the caller does not."""
@@ -76,9 +87,9 @@ class TableFile(NamedTuple):
 
     @property
     def stem(self) -> str:
-        """The name without .csv, .bdf.csv, .csv.gz and the like."""
+        """The name without .csv, .bdf.csv, .csv.gz, .mcap and the like."""
         stem = self.source
-        for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf"):
+        for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf", ".mcap", ".db3", ".bag", ".ulg"):
             stem = stem.removesuffix(suffix)
         return stem
 

@@ -1,0 +1,137 @@
+"""Places of the numbers in a message: CDR of ROS 2 (OMG DDS-XTypes 1.3, 7.4.1) and the serialisation of ROS 1.
+
+Messages of one type whose texts and arrays are of equal lengths have their numbers at equal places, so that thousands
+of them are read at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.logs.bags.definitions import Definitions, Several, Single
+from ohmward.logs.bags.recording import CDR
+
+#: Types of numbers and their notation in NumPy, without the order of bytes.
+_NUMBERS = {
+    **{"bool": "u1", "byte": "u1", "octet": "u1", "char": "u1", "uint8": "u1", "int8": "i1"},
+    **{"int16": "i2", "int32": "i4", "int64": "i8", "uint16": "u2", "uint32": "u4", "uint64": "u8"},
+    **{"float32": "f4", "float64": "f8"},
+}
+#: Arrays of more elements are images and scans, not quantities: their numbers are passed over.
+MOST_ELEMENTS = 64
+#: Messages of messages of messages do not go deeper.
+_DEEPEST = 32
+
+
+class Number(NamedTuple):
+    """A number in a message: its type as of NumPy with the order of bytes, and its place [bytes]."""
+
+    dtype: str
+    at: int
+
+
+class Layout(NamedTuple):
+    """Places in messages that are laid out alike.
+
+    numbers: by their paths, `header.stamp.sec`, `cell_voltage[0]`.
+    texts: by their paths.
+    marks: (K,) places of the bytes that are the same in all such messages: lengths, and names in arrays.
+    """
+
+    numbers: dict[str, Number]
+    texts: dict[str, str]
+    marks: np.ndarray
+
+
+def layout_of(payload: bytes, type_: str, definitions: Definitions, encoding: str) -> Layout:
+    """The layout of a message.
+
+    Raises:
+        ValueError: shorter than it says.
+    """
+    walk = _Walk(payload, definitions, encoding)
+    walk.message(type_, "")
+    return Layout(walk.numbers, walk.texts, np.array(walk.marks, dtype=np.intp))
+
+
+class _Walk:
+    """A walk through the fields of a message."""
+
+    def __init__(self, payload: bytes, definitions: Definitions, encoding: str):
+        self.payload, self.definitions = payload, definitions
+        self.aligned = encoding == CDR
+        if self.aligned and (len(payload) < 4 or payload[:2] not in (b"\x00\x00", b"\x00\x01")):
+            raise ValueError("not plain CDR")
+        self.order = ">" if self.aligned and payload[1] == 0 else "<"
+        self.origin = self.at = 4 if self.aligned else 0
+        self.numbers: dict[str, Number] = {}
+        self.texts: dict[str, str] = {}
+        self.marks: list[int] = [1] if self.aligned else []
+        self.depth = 0
+
+    def message(self, type_: str, path: str) -> None:
+        """All fields of a message."""
+        if type_ not in self.definitions or self.depth == _DEEPEST:
+            raise ValueError(f"no definition of {type_}")
+        self.depth += 1
+        for name, content in self.definitions[type_]:
+            inner = f"{path}.{name}" if path else name
+            if isinstance(content, Single):
+                self.single(content, inner)
+            else:
+                self.several(content, inner)
+        self.depth -= 1
+
+    def single(self, content: Single, path: str, in_array: bool = False) -> None:
+        """A number, a text or a message."""
+        if content.type in _NUMBERS:
+            size = int(_NUMBERS[content.type][1])
+            self.align(size)
+            self.numbers[path] = Number(self.order + _NUMBERS[content.type], self.at)
+            self.skip(size)
+        elif content.type in ("string", "wstring"):
+            self.text(path, in_array, 2 if content.type == "wstring" else 1)
+        else:
+            self.message(content.type, path)
+
+    def several(self, content: Several, path: str) -> None:
+        """An array, which says its length unless that is fixed."""
+        count = self.length() if content.size is None else content.size
+        if content.item.type in _NUMBERS and count > MOST_ELEMENTS:
+            size = int(_NUMBERS[content.item.type][1])
+            self.align(size)
+            self.skip(count * size)
+            return
+        if count > len(self.payload) - self.at:
+            raise ValueError("array longer than its message")
+        for k in range(count):
+            self.single(content.item, f"{path}[{k}]", in_array=True)
+
+    def text(self, path: str, in_array: bool, width: int) -> None:
+        """A text; of ROS 2 with a zero at its end. In arrays texts are names, which tell messages apart."""
+        length = width * self.length()
+        begin = self.at
+        self.skip(length)
+        self.texts[path] = self.payload[begin : self.at].decode("utf-8", "replace").rstrip("\x00")
+        if in_array:
+            self.marks += range(begin, self.at)
+
+    def length(self) -> int:
+        """The length of an array or a text."""
+        self.align(4)
+        self.skip(4)
+        self.marks += range(self.at - 4, self.at)
+        return int.from_bytes(self.payload[self.at - 4 : self.at], "big" if self.order == ">" else "little")
+
+    def align(self, size: int) -> None:
+        """Go to the next place for a number of this size [bytes], which ROS 1 does not."""
+        if self.aligned:
+            self.at += -(self.at - self.origin) % size
+
+    def skip(self, size: int) -> None:
+        """Go on by this size [bytes]."""
+        self.at += size
+        if self.at > len(self.payload):
+            raise ValueError("message shorter than its fields")

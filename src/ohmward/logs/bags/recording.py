@@ -1,0 +1,67 @@
+"""Topics and messages of a recording, whatever the format of its files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ohmward.logs.note import Note
+
+#: Serialisations of messages: that of ROS 2 and that of ROS 1.
+CDR, ROS1 = "cdr", "ros1"
+
+
+class Topic(NamedTuple):
+    """A topic of a recording.
+
+    name: `/battery_state`.
+    type: `sensor_msgs/msg/BatteryState`, of ROS 1 as well.
+    encoding: of the messages, `cdr` or `ros1`; another one cannot be read.
+    definition: text of the message's definition and of those that it uses, "" where the recording has none.
+    """
+
+    name: str
+    type: str
+    encoding: str
+    definition: str = ""
+
+
+class Recorded(NamedTuple):
+    """A message as it was recorded: its topic, the time of its receipt [ns since 1970] and its bytes."""
+
+    topic: Topic
+    received_ns: int
+    payload: bytes
+
+
+@dataclass
+class Recording:
+    """Messages of a file or of several.
+
+    Attributes:
+        source: name for messages.
+        read: yields the messages of these topics, of all where None, in the order of the file, and adds to `notes`.
+        topics: all topics by name; None before the recording was looked through.
+        notes: what could not be read.
+        all_known: `topics` has every topic before any message is read.
+    """
+
+    source: str
+    read: Callable[[Recording, Collection[str] | None], Iterator[Recorded]]
+    topics: dict[str, Topic] = field(default_factory=dict)
+    notes: dict[str, Note] = field(default_factory=dict)
+    all_known: bool = False
+
+    def messages(self, names: Collection[str] | None = None) -> Iterator[Recorded]:
+        """The messages of the topics of these names, in the order of the file."""
+        return self.read(self, names)
+
+    def warn(self, text: str) -> None:
+        """Add a warning once."""
+        self.notes[text] = Note(text, "warning")
+
+
+def full_type(name: str) -> str:
+    """The type's name as ROS 2 writes it: `sensor_msgs/BatteryState` is `sensor_msgs/msg/BatteryState`."""
+    return name if name.count("/") != 1 else name.replace("/", "/msg/")
