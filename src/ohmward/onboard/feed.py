@@ -29,12 +29,16 @@ class Feed:
         self._waiting: deque[RobotState] = deque(maxlen=longest)
         self._something = asyncio.Event()
         self._last_s = -math.inf
+        self._measured: dict[str, float] = {}
         self.ended = False
 
     def put(self, state: RobotState) -> None:
-        """Add a state, unless the last one is too recent."""
-        if state.time_s - self._last_s < self.interval_s and state.time_s >= self._last_s:
-            return
+        """Add a state, unless the last one is too recent; what was measured then goes with the next one."""
+        if self.interval_s:
+            self._measured |= state.sample
+            if 0.0 <= state.time_s - self._last_s < self.interval_s:
+                return
+            state, self._measured = state._replace(sample=self._measured), {}
         self._last_s = state.time_s
         self.lost += len(self._waiting) == self._waiting.maxlen
         self._waiting.append(state)

@@ -6,6 +6,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import Sink
 from ohmward.onboard.process import Process
+from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 from ohmward.onboard.sources.simulation import SimulationSource, demonstration
 
@@ -20,5 +21,5 @@ def demo_process() -> Process:
 
 
 def demo_sinks() -> list[Sink]:
-    """A line on the terminal."""
-    return [TerminalSink()]
+    """A line on the terminal, and the live page."""
+    return [TerminalSink(), PageSink(robot="demonstration")]

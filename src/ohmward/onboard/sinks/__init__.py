@@ -3,9 +3,16 @@
 from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sinks.mqtt import MqttSink
+from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 
 #: Any of them.
-AnySink = CanSink | JsonLinesSink | MqttSink | TerminalSink
+AnySink = CanSink | JsonLinesSink | MqttSink | PageSink | TerminalSink
 
-SINKS: dict[type, str] = {CanSink: "can", JsonLinesSink: "json-lines", MqttSink: "mqtt", TerminalSink: "terminal"}
+SINKS: dict[type, str] = {
+    CanSink: "can",
+    JsonLinesSink: "json-lines",
+    MqttSink: "mqtt",
+    PageSink: "page",
+    TerminalSink: "terminal",
+}

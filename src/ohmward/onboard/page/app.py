@@ -1,0 +1,238 @@
+"""Web application of the live page: HTML, server-sent events, a JSON API and metrics. It takes no commands."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import json
+import math
+import re
+from collections.abc import AsyncIterator, Awaitable, Callable
+from importlib.resources import files
+from typing import Any
+from urllib.parse import parse_qs
+
+from ohmward import __version__
+from ohmward.onboard.page.board import Board
+from ohmward.onboard.page.metrics import metrics
+from ohmward.onboard.page.openapi import openapi
+from ohmward.onboard.plain import plain_state
+from ohmward.optional import require
+from ohmward.report.palette import css_variables
+
+#: Time between two events at least, and between two signs of life where nothing is new.
+EVENT_S, ALIVE_S = 0.2, 10.0
+
+#: Readers of events at once; one more is told to come back later.
+MOST_READERS = 50
+
+#: A wrong token is answered after so long, so that guessing takes years.
+WRONG_TOKEN_S = 0.5
+
+#: Names by which a machine calls itself; others in `Host` are those of a page elsewhere that was led here.
+_LOOPBACK = {"localhost", "127.0.0.1", "[::1]"}
+
+_PORT = re.compile(r":\d+$")
+
+_COOKIE = "ohmward_token"
+_OPEN = ("/login", "/page.css", "/palette.css")
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+_ASSETS = {
+    "/": ("onboard.page", "assets/page.html", "text/html"),
+    "/page.js": ("onboard.page", "assets/page.js", "text/javascript"),
+    "/charts.js": ("onboard.page", "assets/charts.js", "text/javascript"),
+    "/page.css": ("onboard.page", "assets/page.css", "text/css"),
+    "/uPlot.js": ("report", "vendor/uplot/uPlot.iife.min.js", "text/javascript"),
+    "/uPlot.css": ("report", "vendor/uplot/uPlot.min.css", "text/css"),
+}
+
+Scope = dict[str, Any]
+Asgi = Callable[[Scope, Callable[..., Awaitable[Any]], Callable[..., Awaitable[Any]]], Awaitable[None]]
+
+
+def make_app(board: Board, token: str = "") -> Asgi:
+    """The application.
+
+    token: that readers must show; "" lets in whoever is on this machine, and only by its own names.
+    """
+    applications = require("starlette.applications", "the live page")
+    routing = require("starlette.routing", "the live page")
+
+    routes = [routing.Route(path, _asset(path), methods=["GET"]) for path in _ASSETS]
+    routes.append(routing.Route("/palette.css", _palette, methods=["GET"]))
+    routes += [routing.Route(path, answer, methods=["GET"]) for path, answer in _api(board).items()]
+    if token:
+        routes.append(routing.Route("/login", _login(token), methods=["GET", "POST"]))
+    return guarded(applications.Starlette(routes=routes), token)
+
+
+def _api(board: Board) -> dict[str, Callable[[Any], Awaitable[Any]]]:
+    """What is answered with data, by path."""
+    responses = require("starlette.responses", "the live page")
+
+    async def state(_: Any) -> Any:
+        return responses.JSONResponse(plain_state(board.state) if board.state else {})
+
+    async def now(_: Any) -> Any:
+        return responses.JSONResponse(board.view())
+
+    async def history(request: Any) -> Any:
+        try:
+            since = float(request.query_params.get("since", "-inf"))
+        except ValueError:
+            since = math.nan
+        if math.isnan(since):
+            return responses.JSONResponse({"error": "since must be a number, seconds since 1970"}, status_code=400)
+        return responses.JSONResponse(board.history(since))
+
+    async def path(_: Any) -> Any:
+        return responses.JSONResponse({"x_m": [x for x, _ in board.path], "y_m": [y for _, y in board.path]})
+
+    async def numbers(_: Any) -> Any:
+        return responses.PlainTextResponse(metrics(board.view()), media_type="text/plain; version=0.0.4")
+
+    async def description(_: Any) -> Any:
+        return responses.JSONResponse(openapi(__version__))
+
+    return {
+        "/api/now": now,
+        "/api/state": state,
+        "/api/history": history,
+        "/api/path": path,
+        "/metrics": numbers,
+        "/openapi.json": description,
+        "/events": _events(board),
+    }
+
+
+def _events(board: Board) -> Callable[[Any], Awaitable[Any]]:
+    """Newest states as they come; a slow reader misses some and holds up nobody."""
+    responses = require("starlette.responses", "the live page")
+    readers = 0
+
+    async def stream() -> AsyncIterator[str]:
+        nonlocal readers
+        readers += 1
+        version = 0
+        try:
+            yield "retry: 1000\n\n"
+            while not board.ended:
+                newest = await board.newer_than(version, ALIVE_S)
+                yield f"data: {json.dumps(board.view(), allow_nan=False)}\n\n" if newest > version else ": alive\n\n"
+                version = newest
+                await asyncio.sleep(EVENT_S)
+        finally:
+            readers -= 1
+
+    async def events(_: Any) -> Any:
+        if readers >= MOST_READERS:
+            headers = {"Retry-After": "10"}
+            return responses.JSONResponse({"error": "too many readers; close some"}, status_code=503, headers=headers)
+        return responses.StreamingResponse(stream(), media_type="text/event-stream")
+
+    return events
+
+
+def _asset(path: str) -> Callable[[Any], Awaitable[Any]]:
+    """Answer with a file of the package."""
+    responses = require("starlette.responses", "the live page")
+    room, name, kind = _ASSETS[path]
+    text = files(f"ohmward.{room}").joinpath(*name.split("/")).read_text(encoding="utf-8")
+
+    async def asset(_: Any) -> Any:
+        return responses.Response(text, media_type=kind)
+
+    return asset
+
+
+async def _palette(_: Any) -> Any:
+    """Colours of the reports, light and dark."""
+    responses = require("starlette.responses", "the live page")
+    dark = f"@media (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
+    return responses.Response(f":root{{{css_variables('light')}}}{dark}", media_type="text/css")
+
+
+def guarded(app: Asgi, token: str) -> Asgi:
+    """The application behind its guard: headers that keep a browser safe, the token, the names of this machine."""
+    responses = require("starlette.responses", "the live page")
+
+    async def guard(scope: Scope, receive: Any, send: Any) -> None:
+        if scope["type"] != "http":
+            return
+        headers = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in scope["headers"]}
+
+        async def send_safely(message: dict[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                added = [(key.lower().encode(), value.encode()) for key, value in _HEADERS.items()]
+                message = {**message, "headers": [*message["headers"], *added]}
+            await send(message)
+
+        if not token and _PORT.sub("", headers.get("host", "localhost")) not in _LOOPBACK:
+            refusal = responses.JSONResponse({"error": "open this page as http://127.0.0.1"}, status_code=421)
+        elif token and scope["path"] not in _OPEN and not is_known(headers, token):
+            refusal = _refusal(scope, headers)
+        else:
+            await app(scope, receive, send_safely)
+            return
+        await refusal(scope, receive, send_safely)
+
+    return guard
+
+
+def is_known(headers: dict[str, str], token: str) -> bool:
+    """True where a request shows the token, as `Authorization: Bearer TOKEN` or by the cookie of the login."""
+    given = headers.get("authorization", "")
+    if hmac.compare_digest(given.encode(), f"Bearer {token}".encode()):
+        return True
+    cookies = [part.strip().partition("=") for part in headers.get("cookie", "").split(";")]
+    return any(name == _COOKIE and hmac.compare_digest(value.encode(), _ticket(token)) for name, _, value in cookies)
+
+
+def _ticket(token: str) -> bytes:
+    """What the cookie holds: it lets in and does not give the token away."""
+    return hmac.new(token.encode(), b"ohmward live page", hashlib.sha256).hexdigest().encode()
+
+
+def _refusal(scope: Scope, headers: dict[str, str]) -> Any:
+    responses = require("starlette.responses", "the live page")
+    if scope["path"] == "/" and "text/html" in headers.get("accept", ""):
+        return responses.RedirectResponse("/login", status_code=303)
+    advice = {"error": "give the token: Authorization: Bearer TOKEN"}
+    return responses.JSONResponse(advice, status_code=401, headers={"WWW-Authenticate": "Bearer"})
+
+
+def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
+    """Form that takes the token and gives the browser a cookie."""
+    responses = require("starlette.responses", "the live page")
+    form = files("ohmward.onboard.page").joinpath("assets", "login.html").read_text(encoding="utf-8")
+
+    async def login(request: Any) -> Any:
+        if request.method == "GET":
+            return responses.HTMLResponse(form.replace("$said", ""))
+        (given,) = parse_qs((await _first_bytes(request)).decode("latin-1")).get("token", [""])[:1]
+        if not hmac.compare_digest(given.encode(), token.encode()):
+            await asyncio.sleep(WRONG_TOKEN_S)
+            return responses.HTMLResponse(form.replace("$said", "That is not the token."), status_code=401)
+        answer = responses.RedirectResponse("/", status_code=303)
+        secure = request.url.scheme == "https"
+        answer.set_cookie(_COOKIE, _ticket(token).decode(), httponly=True, samesite="strict", secure=secure)
+        return answer
+
+    return login
+
+
+async def _first_bytes(request: Any, most: int = 4096) -> bytes:
+    """Beginning of a body; a longer one is cut."""
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) >= most:
+            break
+    return body[:most]

@@ -1,0 +1,171 @@
+"""State of the robot as the page, its history and the metrics show it: bands of 95 %, power, an ellipse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ohmward.energy.points import Quantiles
+from ohmward.filters.consistency import BAND_95
+from ohmward.onboard.plain import plain
+from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+
+#: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
+ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
+
+#: Columns of the history.
+HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
+
+
+def view(state: RobotState) -> dict[str, Any]:
+    """The state as the page shows it, for JSON; what is not known is None."""
+    return plain(
+        {
+            "time_s": state.time_s,
+            "unix_s": state.unix_s,
+            "charge": _charge(state),
+            "range": _range(state),
+            "drive": _drive(state),
+            "pose": _pose(state),
+            "power": _power(state),
+            "sensors": [{"name": d.name, "level": d.level, "message": d.message} for d in state.diagnostics],
+            "level": max((d.level for d in state.diagnostics), default=Level.OK),
+        }
+    )
+
+
+def history_row(state: RobotState) -> tuple[float, ...]:
+    """Values of `HISTORY`, nan for what is not known."""
+    charge, slip = state.battery, state.slip
+    low, high = band(charge.soc, charge.soc_std) if charge else (math.nan, math.nan)
+    values = (
+        state.unix_s,
+        charge.soc if charge else math.nan,
+        low,
+        high,
+        slip.speed_m_s if slip else math.nan,
+        slip.speed_std_m_s if slip else math.nan,
+        largest(slip.slip_ratio) if slip else math.nan,
+        battery_power_W(state.sample),
+        state.range.distance_m.p50 if state.range else math.nan,
+    )
+    return tuple(float(value) for value in values)
+
+
+def band(soc: float, soc_std: float) -> tuple[float, float]:
+    """Band of 95 % of a state of charge, within what it can be."""
+    return max(soc - BAND_95 * soc_std, 0.0), min(soc + BAND_95 * soc_std, 1.0)
+
+
+def battery_power_W(sample: Mapping[str, float]) -> float:
+    """Power that the battery gives [W], nan where current or voltage was not measured."""
+    return -sample.get("battery_current_A", math.nan) * sample.get("battery_voltage_V", math.nan)
+
+
+def largest(ratios: np.ndarray) -> float:
+    """The ratio of the largest size, nan where there is none."""
+    known = ratios[np.isfinite(ratios)]
+    return float(known[np.argmax(np.abs(known))]) if len(known) else math.nan
+
+
+def ellipse(cov: np.ndarray) -> dict[str, float]:
+    """Half axes [m] and angle of the major one [rad] of the ellipse that holds x and y with 95 %."""
+    variances, axes = np.linalg.eigh(cov[:2, :2])
+    minor_m, major_m = ELLIPSE_95 * np.sqrt(np.maximum(variances, 0.0))
+    return {"major_m": major_m, "minor_m": minor_m, "angle_rad": math.atan2(axes[1, 1], axes[0, 1])}
+
+
+def _charge(state: RobotState) -> dict[str, Any] | None:
+    if (charge := state.battery) is None:
+        return None
+    low, high = band(charge.soc, charge.soc_std)
+    return {
+        "soc": charge.soc,
+        "low": low,
+        "high": high,
+        "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %.",
+        "current_A": state.sample.get("battery_current_A", math.nan),
+        "voltage_V": state.sample.get("battery_voltage_V", math.nan),
+        "temperature_degC": state.sample.get("battery_temperature_degC", math.nan),
+        "soh_capacity": charge.soh_capacity,
+        "resistance_ratio": charge.resistance_ratio,
+        "flags": charge.flags,
+    }
+
+
+def _range(state: RobotState) -> dict[str, Any] | None:
+    if (reach := state.range) is None or math.isnan(reach.distance_m.p50):
+        return None
+    return {
+        "distance_m": _quantiles(reach.distance_m),
+        "duration_s": _quantiles(reach.duration_s),
+        "home_probability": reach.home_probability,
+        "energy_J_per_m": _quantiles(reach.energy_J_per_m),
+    }
+
+
+def _quantiles(values: Quantiles) -> dict[str, float]:
+    return {"p10": values.p10, "p50": values.p50, "p90": values.p90}
+
+
+def _drive(state: RobotState) -> dict[str, Any] | None:
+    if (slip := state.slip) is None:
+        return None
+    return {
+        "speed_m_s": slip.speed_m_s,
+        "band_m_s": BAND_95 * slip.speed_std_m_s,
+        "yaw_rate_rad_s": slip.yaw_rate_rad_s,
+        "grade_rad": slip.grade_rad,
+        "immobilised": bool(slip.immobilised),
+        "wheels": [_wheel(k, name, slip) for k, name in enumerate(wheel_names(state))],
+        "flags": slip.flags,
+    }
+
+
+def _wheel(k: int, name: str, slip: SlipEstimate) -> dict[str, Any]:
+    return {
+        "name": name,
+        "slip_ratio": slip.slip_ratio[k],
+        "slip_speed_m_s": slip.slip_speed_m_s[k],
+        "traction_N": slip.traction_N[k],
+        "slipping": bool(slip.slipping[k]),
+    }
+
+
+def wheel_names(state: RobotState) -> list[str]:
+    """Names of the driven wheels, numbers where the sample does not name them."""
+    assert state.slip is not None
+    prefix = "wheel_speed_rad_s."
+    named = [signal.removeprefix(prefix) for signal in state.sample if signal.startswith(prefix)]
+    driven = len(state.slip.slip_ratio)
+    return (named if len(named) >= driven else [f"wheel_{k}" for k in range(driven)])[:driven]
+
+
+def _pose(state: RobotState) -> dict[str, Any] | None:
+    if (pose := state.pose) is None:
+        return None
+    return {
+        "x_m": pose.x_m,
+        "y_m": pose.y_m,
+        "yaw_rad": pose.yaw_rad,
+        "distance_m": pose.distance_m,
+        "ellipse": ellipse(pose.pose_cov),
+    }
+
+
+def _power(state: RobotState) -> dict[str, Any]:
+    """Power of the battery [W], and of it what moves the robot, what slips away, and the rest.
+
+    Force of the ground times speed of the body is motion, force times slip speed is slip; the rest goes into motors,
+    gears and electronics.
+    """
+    whole_W = battery_power_W(state.sample)
+    if (slip := state.slip) is None:
+        return {"battery_W": whole_W}
+    motion_W = float(np.sum(slip.traction_N) * slip.speed_m_s)
+    slip_W = float(np.sum(slip.traction_N * slip.slip_speed_m_s))
+    return {"battery_W": whole_W, "motion_W": motion_W, "slip_W": slip_W, "rest_W": whole_W - motion_W - slip_W}

@@ -1,0 +1,136 @@
+"""Live page of the robot in a browser, with its API and metrics."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.page.app import make_app
+from ohmward.onboard.page.board import Board
+from ohmward.onboard.part import LOG
+from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.optional import require
+
+#: Readers that are still there at the end have so long to go [s].
+_END_S = 1.0
+
+
+@dataclass(frozen=True)
+class PageSink:
+    """A page on loopback; elsewhere only for those who have the token.
+
+    Attributes:
+        host: address that it listens on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network.
+        port: 0 takes any that is free.
+        token: where the token is: the name of an environment variable, or file:PATH of a file of mode 600. Needed
+            for any host but loopback.
+        certificate, key: paths of the files for TLS; both or none.
+        robot: title of the page.
+        interval_s: least time between two states that are looked at, >= 0.
+        name: in diagnostics.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+    robot: str = "robot"
+    interval_s: float = 0.1
+    name: str = "page"
+
+    def __post_init__(self) -> None:
+        require_between("port", self.port, 0, 65535)
+        require_between("interval_s", self.interval_s, 0.0, 1e9)
+        if self.token is not None:
+            check_secret_name("token", self.token)
+        elif not is_loopback(self.host):
+            raise InputError(
+                f"the page on {self.host} could be read by the whole network; give token = "
+                '"file:/etc/ohmward/token" (a file of mode 600), or keep host = "127.0.0.1"'
+            )
+        if (self.certificate is None) != (self.key is None):
+            raise InputError("certificate and key go together: give both for TLS, or none")
+
+    async def run(self, feed: Feed) -> None:
+        """Serve the page until the feed ends."""
+        board = Board(self.robot)
+        with self._listening() as listener:
+            server = self._server(board)
+            serving = asyncio.create_task(server.serve(sockets=[listener]))
+            LOG.info("the page of %s: %s", self.robot, self._address(listener))
+            try:
+                while states := await feed.batch():
+                    board.take(states)
+                    if serving.done():
+                        raise OhmwardError("the server of the page has ended")
+            finally:
+                board.end()
+                server.should_exit = True
+                await asyncio.wait([serving], timeout=2.0 * _END_S)
+                serving.cancel()
+
+    def _server(self, board: Board) -> Any:
+        uvicorn = require("uvicorn", "the live page")
+        app = make_app(board, secret("token", self.token) if self.token else "")
+        for path in (self.certificate, self.key):
+            if path and not Path(path).is_file():
+                raise OhmwardError(f"{path} is no file; give the paths of certificate and key for TLS")
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            server_header=False,
+            timeout_graceful_shutdown=_END_S,
+            ssl_certfile=self.certificate,
+            ssl_keyfile=self.key,
+        )
+        server = uvicorn.Server(config)
+        server.capture_signals = _no_signals  # they belong to the process
+        return server
+
+    @contextmanager
+    def _listening(self) -> Iterator[socket.socket]:
+        """The socket that the server listens on.
+
+        Raises:
+            OhmwardError: the port is taken, or this machine has no such address.
+        """
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        try:
+            listener = socket.create_server((self.host, self.port), family=family)
+        except OSError as error:
+            raise OhmwardError(
+                f"port {self.port} of {self.host} cannot be had ({error.strerror or error}); choose another one: port ="
+            ) from error
+        try:
+            yield listener
+        finally:
+            listener.close()
+
+    def _address(self, listener: socket.socket) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http{'s' if self.certificate else ''}://{host}:{listener.getsockname()[1]}"
+
+
+def is_loopback(host: str) -> bool:
+    """True where only this machine can reach a host."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+@contextmanager
+def _no_signals() -> Iterator[None]:
+    yield

@@ -1,0 +1,290 @@
+"""The live page: what it says, whom it lets in, and that no reader holds it up."""
+
+import asyncio
+import json
+import math
+import threading
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.page.app import make_app
+from ohmward.onboard.page.board import POINTS, ROWS, Board
+from ohmward.onboard.page.metrics import metrics
+from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.sinks.page import PageSink, is_loopback
+from onboard.page_states import drive
+
+TOKEN = "a token of the robot"
+
+
+def filled_board() -> Board:
+    board = Board("rover <1>")
+    board.take(drive())
+    return board
+
+
+@contextmanager
+def served(token="", board=None):
+    """Address of a server of the page in a thread of its own."""
+    sink = PageSink(port=0, token="OHMWARD_TEST_TOKEN" if token else None)
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    board = board or asyncio.run_coroutine_threadsafe(_board(), loop).result()
+    with sink._listening() as listener:
+        server = sink._server(board)
+        done = asyncio.run_coroutine_threadsafe(server.serve(sockets=[listener]), loop)
+        try:
+            yield sink._address(listener)
+        finally:
+            loop.call_soon_threadsafe(board.end)
+            server.should_exit = True
+            done.result(10)
+            loop.call_soon_threadsafe(loop.stop)
+            thread.join(10)
+            loop.close()
+
+
+async def _board():
+    return filled_board()
+
+
+@pytest.fixture(scope="module")
+def page():
+    with served() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def locked():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OHMWARD_TEST_TOKEN", TOKEN)
+        with served(token=TOKEN) as address:
+            yield address
+
+
+def get(url, method="GET", data=None, **headers):
+    """Status, headers and text of an answer; redirections are not followed."""
+    request = urllib.request.Request(url, data=data, headers=headers, method=method)
+    opener = urllib.request.build_opener(_NoRedirect)
+    try:
+        with opener.open(request, timeout=10) as answer:
+            return answer.status, answer.headers, answer.read().decode()
+    except urllib.error.HTTPError as answer:
+        return answer.code, answer.headers, answer.read().decode()
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_):
+        return None
+
+
+def test_the_view_has_bands_power_and_wheels_by_name():
+    state = drive()[-1]._replace(sample={"battery_current_A": -3.0, "battery_voltage_V": 13.0, **drive()[-1].sample})
+    shown = view(state)
+    assert shown["charge"]["low"] < shown["charge"]["soc"] < shown["charge"]["high"]
+    assert [wheel["name"] for wheel in shown["drive"]["wheels"]] == ["front_left", "front_right"]
+    power = shown["power"]
+    assert power["battery_W"] == pytest.approx(39.0)
+    assert power["motion_W"] + power["slip_W"] + power["rest_W"] == pytest.approx(39.0)
+    assert shown["level"] == "WARN"
+    json.dumps(shown, allow_nan=False)
+
+
+def test_the_ellipse_holds_95_percent():
+    cov = np.array([[0.05, 0.02, 0.0], [0.02, 0.03, 0.0], [0.0, 0.0, 0.1]])
+    found = ellipse(cov)
+    points = np.random.default_rng(1).multivariate_normal([0, 0], cov[:2, :2], 100_000)
+    c, s = math.cos(found["angle_rad"]), math.sin(found["angle_rad"])
+    along, across = points @ [c, s], points @ [-s, c]
+    inside = (along / found["major_m"]) ** 2 + (across / found["minor_m"]) ** 2 <= 1.0
+    assert inside.mean() == pytest.approx(0.95, abs=0.003)
+    assert found["major_m"] >= found["minor_m"]
+    assert pytest.approx(2.4477, abs=1e-4) == ELLIPSE_95
+
+
+def test_the_largest_slip_is_that_of_either_sign():
+    assert largest(np.array([0.1, -0.3, math.nan])) == -0.3
+    assert math.isnan(largest(np.array([math.nan])))
+
+
+def test_history_and_path_are_bounded():
+    board, state = Board("rover"), drive()[-1]
+    assert state.pose is not None
+    for k in range(3 * ROWS):
+        pose = state.pose._replace(x_m=0.1 * k)
+        board.take([state._replace(time_s=float(k), unix_s=float(k), pose=pose)])
+    history = board.history()
+    assert set(history) == set(HISTORY) and len(history["unix_s"]) == ROWS
+    assert len(board.path) <= POINTS
+    assert board.path[0] == (0.0, pytest.approx(state.pose.y_m))
+    assert len(board.history(3 * ROWS - 11.0)["soc"]) == 10
+
+
+def test_a_clock_that_was_set_back_does_not_stop_the_history():
+    board, state = Board("rover"), drive()[-1]
+    board.take([state._replace(time_s=1000.0)])
+    board.take([state._replace(time_s=10.0)])
+    assert len(board.history()["soc"]) == 2
+
+
+def test_the_value_of_a_silent_sensor_is_not_shown():
+    board = filled_board()
+    silent = drive()[-1].diagnostics[1]._replace(level=Level.STALE)
+    board.take([drive()[-1]._replace(diagnostics=(silent,), sample={})])
+    assert board.view()["charge"]["voltage_V"] is None
+    assert board.view()["charge"]["current_A"] == -3.0
+
+
+def test_a_feed_that_leaves_states_out_keeps_their_measurements():
+    async def collected():
+        feed = Feed(0.35)
+        for state in drive():
+            feed.put(state)
+        feed.end()
+        return await feed.batch()
+
+    states = asyncio.run(collected())
+    assert len(states) < len(drive()) / 4
+    assert all("battery_voltage_V" in s.sample and "yaw_rate_rad_s" in s.sample for s in states[1:])
+
+
+def test_metrics_are_whole_lines_with_their_robot():
+    text = metrics(filled_board().view())
+    assert 'ohmward_soc_ratio{robot="rover <1>"} 0.' in text
+    assert 'ohmward_slip_ratio{robot="rover <1>",wheel="front_left"}' in text
+    assert 'ohmward_condition{robot="rover <1>",name="battery_voltage_V"} 1' in text
+    names = [line.split()[2] for line in text.splitlines() if line.startswith("# TYPE")]
+    assert len(names) == len(set(names))
+    assert metrics({"name": "new"}) == "\n"
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/page.js", "/charts.js", "/page.css", "/palette.css", "/uPlot.js", "/uPlot.css"]
+)
+def test_every_file_of_the_page_is_served_with_safe_headers(page, path):
+    status, headers, text = get(page + path)
+    assert status == 200 and text
+    assert "default-src 'none'" in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+
+
+def test_the_page_asks_nobody_else(page):
+    texts = [get(page + path)[2] for path in ("/", "/page.js", "/charts.js", "/page.css", "/palette.css")]
+    assert not any("//" in text.replace("http://www.w3.org/2000/svg", "").replace("// ", "") for text in texts)
+
+
+def test_the_api_says_what_is_known(page):
+    assert json.loads(get(page + "/api/now")[2])["name"] == "rover <1>"
+    assert json.loads(get(page + "/api/state")[2])["battery"]["soc"] > 0.3
+    assert len(json.loads(get(page + "/api/history")[2])["unix_s"]) > 3
+    assert json.loads(get(page + "/api/history?since=2e9")[2])["unix_s"] == []
+    assert get(page + "/api/history?since=now")[0] == 400
+    assert json.loads(get(page + "/api/path")[2])["x_m"]
+
+
+def test_nothing_takes_a_command(page):
+    for path in json.loads(get(page + "/openapi.json")[2])["paths"]:
+        for method in ("POST", "PUT", "DELETE", "PATCH"):
+            assert get(page + path, method, data=b"{}")[0] == 405
+
+
+def test_a_page_elsewhere_cannot_read_it_through_a_browser(page):
+    assert get(page + "/api/now", Host="evil.example")[0] == 421
+    assert get(page + "/api/now", Host="evil.example:8080")[0] == 421
+    assert get(page + "/api/now", Host="localhost:8080")[0] == 200
+
+
+def test_without_the_token_nobody_reads(locked):
+    for path in ("/api/now", "/api/history", "/metrics", "/events", "/openapi.json", "/page.js"):
+        assert get(locked + path)[0] == 401
+        assert get(locked + path, Authorization="Bearer wrong")[0] == 401
+    assert get(locked + "/api/now", Authorization=f"Bearer {TOKEN}", Host="rover.local")[0] == 200
+
+
+def test_the_login_gives_a_cookie_that_is_not_the_token(locked):
+    status, headers, _ = get(locked + "/", Accept="text/html")
+    assert (status, headers["location"]) == (303, "/login")
+    assert "password" in get(locked + "/login")[2]
+    status, _, text = get(locked + "/login", "POST", b"token=wrong")
+    assert status == 401 and "not the token" in text
+    status, headers, _ = get(locked + "/login", "POST", b"token=" + TOKEN.replace(" ", "+").encode())
+    cookie = headers["set-cookie"]
+    assert status == 303 and "HttpOnly" in cookie and "SameSite=strict" in cookie and TOKEN not in cookie
+    assert get(locked + "/api/now", Cookie=cookie.partition(";")[0])[0] == 200
+    assert get(locked + "/api/now", Cookie="ohmward_token=guess")[0] == 401
+
+
+def test_events_carry_the_newest_state(page):
+    with urllib.request.urlopen(page + "/events", timeout=5) as stream:
+        assert stream.readline() == b"retry: 1000\n"
+        stream.readline()
+        assert json.loads(stream.readline().removeprefix(b"data: "))["name"] == "rover <1>"
+
+
+def test_readers_that_do_not_read_hold_nobody_up():
+    async def delivered():
+        board = Board("rover")
+        app = make_app(board)
+        waiting: list[object] = []
+
+        async def never(message):
+            waiting.append(message)
+            await asyncio.Event().wait()
+
+        scope = {"type": "http", "method": "GET", "path": "/events", "query_string": b"", "headers": []}
+        readers = [asyncio.ensure_future(app(dict(scope), _silence, never)) for _ in range(60)]
+        await asyncio.sleep(0.05)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        for state in drive():
+            board.take([state])
+            await asyncio.sleep(0)
+        took_s = loop.time() - began
+        for reader in readers:
+            reader.cancel()
+        return took_s, len(waiting)
+
+    took_s, waiting = asyncio.run(delivered())
+    assert waiting == 60
+    assert took_s < 2.0
+
+
+async def _silence():
+    await asyncio.Event().wait()
+
+
+def test_a_network_is_refused_without_a_token():
+    with pytest.raises(InputError, match=r"could be read by the whole network; give token"):
+        PageSink(host="0.0.0.0")
+    assert PageSink(host="0.0.0.0", token="ROBOT_TOKEN").token == "ROBOT_TOKEN"
+    assert is_loopback("::1") and is_loopback("localhost") and not is_loopback("rover.local")
+
+
+def test_a_certificate_goes_with_its_key():
+    with pytest.raises(InputError, match="go together"):
+        PageSink(certificate="robot.pem")
+
+
+def test_a_port_that_is_taken_is_named(page):
+    port = int(page.rpartition(":")[2])
+    with pytest.raises(OhmwardError, match=rf"port {port} of 127.0.0.1 cannot be had"):
+        asyncio.run(PageSink(port=port).run(Feed()))
+
+
+def test_the_sink_ends_with_its_feed():
+    async def run():
+        feed = Feed()
+        for state in drive():
+            feed.put(state)
+        feed.end()
+        await asyncio.wait_for(PageSink(port=0).run(feed), 10)
+
+    asyncio.run(run())
