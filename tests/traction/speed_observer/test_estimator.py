@@ -70,6 +70,8 @@ OBSERVERS = {
     "aukf of known ground": SpeedObserver(scene(RLMA, FLOOR), KNOWN_GROUND, matching=True),
     "every sensor": SpeedObserver(scene(RLMA, FLOOR), method="ekf", noise=EVERYTHING),
 }
+#: A rounding error of the slip times the slope of the traction over it, some 1e3 N s/m; else it is 1e-9.
+ROUNDING = {"traction_N": 1e-6}
 each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.keys())
 
 
@@ -97,12 +99,13 @@ def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observe
     assert found.counts() == expected.counts()
     for name in SlipEstimate._fields:
         f, e = getattr(found.estimates, name), getattr(expected.estimates, name)
-        assert_allclose(f, e, rtol=1e-9, atol=1e-9, err_msg=name)
+        assert_allclose(f, e, rtol=1e-9, atol=ROUNDING.get(name, 1e-9), err_msg=name)
     for name, value in in_python.snapshot()["state"].items():
         assert in_machine_code.snapshot()["state"][name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
     rest = faulty_drive(60)
-    for f, e in zip(live_estimates(in_machine_code, rest), live_estimates(in_python, rest), strict=True):
-        assert_allclose(f, e, rtol=1e-9, atol=1e-9)
+    pairs = zip(live_estimates(in_machine_code, rest), live_estimates(in_python, rest), strict=True)
+    for name, (f, e) in zip(SlipEstimate._fields, pairs, strict=True):
+        assert_allclose(f, e, rtol=1e-9, atol=ROUNDING.get(name, 1e-9), err_msg=name)
 
 
 def test_live_samples_run_in_machine_code_where_it_is_installed():
