@@ -14,7 +14,7 @@ import pytest
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import make_app
-from ohmward.onboard.page.board import POINTS, ROWS, Board
+from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
 from ohmward.onboard.robot_state import Level
@@ -24,27 +24,27 @@ from onboard.page_states import drive
 TOKEN = "a token of the robot"
 
 
-def filled_board() -> Board:
-    board = Board("rover <1>")
-    board.take(drive())
-    return board
+def filled_dashboard() -> Dashboard:
+    dashboard = Dashboard("rover <1>")
+    dashboard.take(drive())
+    return dashboard
 
 
 @contextmanager
-def served(token="", board=None):
+def served(token="", dashboard=None):
     """Address of a server of the page in a thread of its own."""
     sink = PageSink(port=0, token="OHMWARD_TEST_TOKEN" if token else None)
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
-    board = board or asyncio.run_coroutine_threadsafe(_board(), loop).result()
+    dashboard = dashboard or asyncio.run_coroutine_threadsafe(_dashboard(), loop).result()
     with sink._listening() as listener:
-        server = sink._server(board)
+        server = sink._server(dashboard)
         done = asyncio.run_coroutine_threadsafe(server.serve(sockets=[listener]), loop)
         try:
             yield sink._address(listener)
         finally:
-            loop.call_soon_threadsafe(board.end)
+            loop.call_soon_threadsafe(dashboard.end)
             server.should_exit = True
             done.result(10)
             loop.call_soon_threadsafe(loop.stop)
@@ -52,8 +52,8 @@ def served(token="", board=None):
             loop.close()
 
 
-async def _board():
-    return filled_board()
+async def _dashboard():
+    return filled_dashboard()
 
 
 @pytest.fixture(scope="module")
@@ -116,31 +116,31 @@ def test_the_largest_slip_is_that_of_either_sign():
 
 
 def test_history_and_path_are_bounded():
-    board, state = Board("rover"), drive()[-1]
+    dashboard, state = Dashboard("rover"), drive()[-1]
     assert state.pose is not None
     for k in range(3 * ROWS):
         pose = state.pose._replace(x_m=0.1 * k)
-        board.take([state._replace(time_s=float(k), unix_s=float(k), pose=pose)])
-    history = board.history()
+        dashboard.take([state._replace(time_s=float(k), unix_s=float(k), pose=pose)])
+    history = dashboard.history()
     assert set(history) == set(HISTORY) and len(history["unix_s"]) == ROWS
-    assert len(board.path) <= POINTS
-    assert board.path[0] == (0.0, pytest.approx(state.pose.y_m))
-    assert len(board.history(3 * ROWS - 11.0)["soc"]) == 10
+    assert len(dashboard.path) <= POINTS
+    assert dashboard.path[0] == (0.0, pytest.approx(state.pose.y_m))
+    assert len(dashboard.history(3 * ROWS - 11.0)["soc"]) == 10
 
 
 def test_a_clock_that_was_set_back_does_not_stop_the_history():
-    board, state = Board("rover"), drive()[-1]
-    board.take([state._replace(time_s=1000.0)])
-    board.take([state._replace(time_s=10.0)])
-    assert len(board.history()["soc"]) == 2
+    dashboard, state = Dashboard("rover"), drive()[-1]
+    dashboard.take([state._replace(time_s=1000.0)])
+    dashboard.take([state._replace(time_s=10.0)])
+    assert len(dashboard.history()["soc"]) == 2
 
 
 def test_the_value_of_a_silent_sensor_is_not_shown():
-    board = filled_board()
+    dashboard = filled_dashboard()
     silent = drive()[-1].diagnostics[1]._replace(level=Level.STALE)
-    board.take([drive()[-1]._replace(diagnostics=(silent,), sample={})])
-    assert board.view()["charge"]["voltage_V"] is None
-    assert board.view()["charge"]["current_A"] == -3.0
+    dashboard.take([drive()[-1]._replace(diagnostics=(silent,), sample={})])
+    assert dashboard.view()["charge"]["voltage_V"] is None
+    assert dashboard.view()["charge"]["current_A"] == -3.0
 
 
 def test_a_feed_that_leaves_states_out_keeps_their_measurements():
@@ -157,7 +157,7 @@ def test_a_feed_that_leaves_states_out_keeps_their_measurements():
 
 
 def test_metrics_are_whole_lines_with_their_robot():
-    text = metrics(filled_board().view())
+    text = metrics(filled_dashboard().view())
     assert 'ohmward_soc_ratio{robot="rover <1>"} 0.' in text
     assert 'ohmward_slip_ratio{robot="rover <1>",wheel="front_left"}' in text
     assert 'ohmward_condition{robot="rover <1>",name="battery_voltage_V"} 1' in text
@@ -231,8 +231,8 @@ def test_events_carry_the_newest_state(page):
 
 def test_readers_that_do_not_read_hold_nobody_up():
     async def delivered():
-        board = Board("rover")
-        app = make_app(board)
+        dashboard = Dashboard("rover")
+        app = make_app(dashboard)
         waiting: list[object] = []
 
         async def never(message):
@@ -245,7 +245,7 @@ def test_readers_that_do_not_read_hold_nobody_up():
         loop = asyncio.get_running_loop()
         began = loop.time()
         for state in drive():
-            board.take([state])
+            dashboard.take([state])
             await asyncio.sleep(0)
         took_s = loop.time() - began
         for reader in readers:

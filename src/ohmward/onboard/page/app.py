@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from ohmward import __version__
-from ohmward.onboard.page.board import Board
+from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.openapi import openapi
 from ohmward.onboard.plain import plain_state
@@ -57,7 +57,7 @@ Scope = dict[str, Any]
 Asgi = Callable[[Scope, Callable[..., Awaitable[Any]], Callable[..., Awaitable[Any]]], Awaitable[None]]
 
 
-def make_app(board: Board, token: str = "") -> Asgi:
+def make_app(dashboard: Dashboard, token: str = "") -> Asgi:
     """The application.
 
     token: that readers must show; "" lets in whoever is on this machine, and only by its own names.
@@ -67,21 +67,21 @@ def make_app(board: Board, token: str = "") -> Asgi:
 
     routes = [routing.Route(path, _asset(path), methods=["GET"]) for path in _ASSETS]
     routes.append(routing.Route("/palette.css", _palette, methods=["GET"]))
-    routes += [routing.Route(path, answer, methods=["GET"]) for path, answer in _api(board).items()]
+    routes += [routing.Route(path, answer, methods=["GET"]) for path, answer in _api(dashboard).items()]
     if token:
         routes.append(routing.Route("/login", _login(token), methods=["GET", "POST"]))
     return guarded(applications.Starlette(routes=routes), token)
 
 
-def _api(board: Board) -> dict[str, Callable[[Any], Awaitable[Any]]]:
-    """What is answered with data, by path."""
+def _api(dashboard: Dashboard) -> dict[str, Callable[[Any], Awaitable[Any]]]:
+    """Answers with data, by path."""
     responses = require("starlette.responses", "the live page")
 
     async def state(_: Any) -> Any:
-        return responses.JSONResponse(plain_state(board.state) if board.state else {})
+        return responses.JSONResponse(plain_state(dashboard.state) if dashboard.state else {})
 
     async def now(_: Any) -> Any:
-        return responses.JSONResponse(board.view())
+        return responses.JSONResponse(dashboard.view())
 
     async def history(request: Any) -> Any:
         try:
@@ -90,13 +90,13 @@ def _api(board: Board) -> dict[str, Callable[[Any], Awaitable[Any]]]:
             since = math.nan
         if math.isnan(since):
             return responses.JSONResponse({"error": "since must be a number, seconds since 1970"}, status_code=400)
-        return responses.JSONResponse(board.history(since))
+        return responses.JSONResponse(dashboard.history(since))
 
     async def path(_: Any) -> Any:
-        return responses.JSONResponse({"x_m": [x for x, _ in board.path], "y_m": [y for _, y in board.path]})
+        return responses.JSONResponse({"x_m": [x for x, _ in dashboard.path], "y_m": [y for _, y in dashboard.path]})
 
     async def numbers(_: Any) -> Any:
-        return responses.PlainTextResponse(metrics(board.view()), media_type="text/plain; version=0.0.4")
+        return responses.PlainTextResponse(metrics(dashboard.view()), media_type="text/plain; version=0.0.4")
 
     async def description(_: Any) -> Any:
         return responses.JSONResponse(openapi(__version__))
@@ -108,11 +108,11 @@ def _api(board: Board) -> dict[str, Callable[[Any], Awaitable[Any]]]:
         "/api/path": path,
         "/metrics": numbers,
         "/openapi.json": description,
-        "/events": _events(board),
+        "/events": _events(dashboard),
     }
 
 
-def _events(board: Board) -> Callable[[Any], Awaitable[Any]]:
+def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
     """Newest states as they come; a slow reader misses some and holds up nobody."""
     responses = require("starlette.responses", "the live page")
     readers = 0
@@ -123,9 +123,11 @@ def _events(board: Board) -> Callable[[Any], Awaitable[Any]]:
         version = 0
         try:
             yield "retry: 1000\n\n"
-            while not board.ended:
-                newest = await board.newer_than(version, ALIVE_S)
-                yield f"data: {json.dumps(board.view(), allow_nan=False)}\n\n" if newest > version else ": alive\n\n"
+            while not dashboard.ended:
+                newest = await dashboard.newer_than(version, ALIVE_S)
+                yield (
+                    f"data: {json.dumps(dashboard.view(), allow_nan=False)}\n\n" if newest > version else ": alive\n\n"
+                )
                 version = newest
                 await asyncio.sleep(EVENT_S)
         finally:
@@ -196,7 +198,7 @@ def is_known(headers: dict[str, str], token: str) -> bool:
 
 
 def _ticket(token: str) -> bytes:
-    """What the cookie holds: it lets in and does not give the token away."""
+    """Content of the cookie: it lets in and does not give the token away."""
     return hmac.new(token.encode(), b"ohmward live page", hashlib.sha256).hexdigest().encode()
 
 

@@ -15,7 +15,7 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import make_app
-from ohmward.onboard.page.board import Board
+from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.part import LOG
 from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.optional import require
@@ -63,25 +63,25 @@ class PageSink:
 
     async def run(self, feed: Feed) -> None:
         """Serve the page until the feed ends."""
-        board = Board(self.robot)
+        dashboard = Dashboard(self.robot)
         with self._listening() as listener:
-            server = self._server(board)
+            server = self._server(dashboard)
             serving = asyncio.create_task(server.serve(sockets=[listener]))
             LOG.info("the page of %s: %s", self.robot, self._address(listener))
             try:
                 while states := await feed.batch():
-                    board.take(states)
+                    dashboard.take(states)
                     if serving.done():
                         raise OhmwardError("the server of the page has ended")
             finally:
-                board.end()
+                dashboard.end()
                 server.should_exit = True
                 await asyncio.wait([serving], timeout=2.0 * _END_S)
                 serving.cancel()
 
-    def _server(self, board: Board) -> Any:
+    def _server(self, dashboard: Dashboard) -> Any:
         uvicorn = require("uvicorn", "the live page")
-        app = make_app(board, secret("token", self.token) if self.token else "")
+        app = make_app(dashboard, secret("token", self.token) if self.token else "")
         for path in (self.certificate, self.key):
             if path and not Path(path).is_file():
                 raise OhmwardError(f"{path} is no file; give the paths of certificate and key for TLS")

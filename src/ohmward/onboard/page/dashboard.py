@@ -1,4 +1,4 @@
-"""Board that readers look at: the newest state of the robot, its recent history and its path, all bounded."""
+"""Dashboard of a robot: the newest state of the robot, its recent history and its path, all bounded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROW_S, ROWS = 1.0, 5400
 POINT_M, POINTS = 0.05, 2000
 
 
-class Board:
+class Dashboard:
     """States in, what readers ask for out; readers never hold up whoever writes.
 
     Args:
@@ -58,11 +58,11 @@ class Board:
         self.ended = True
         self._wake()
 
-    async def newer_than(self, version: int, patience_s: float) -> int:
-        """Version of the newest state, once it is newer than `version` or the patience is over."""
+    async def newer_than(self, version: int, timeout_s: float) -> int:
+        """Version of the newest state, once it is newer than `version` or the time is over."""
         if self.version <= version and not self.ended:
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._news.wait(), patience_s)
+                await asyncio.wait_for(self._news.wait(), timeout_s)
         return self.version
 
     def view(self) -> dict[str, Any]:
