@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
@@ -85,6 +83,11 @@ class Estimation:
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
         self._counted = counts_per_turn is not None
+        self._places = tuple(place.name for place in robot.places) if robot else ()
+        self._wheel_signals = {
+            argument: tuple(f"{name}.{place}" for place in self._places)
+            for argument, name in (("wheel_speed_rad_s", "wheel_speed_rad_s"), ("current_A", "motor_current_A"))
+        }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
@@ -244,23 +247,21 @@ class Estimation:
         argument = name.removeprefix("motor_")
         if not part:
             return _Route(argument, None)
-        wheel = _number(part, [place.name for place in self.robot.places[: self._count(argument)]])
+        wheel = _number(part, self._places[: self._count(argument)])
         return None if wheel is None else _Route(argument, wheel)
 
     def _count(self, argument: str) -> int:
         """Number of motors or wheels."""
         assert self.robot is not None
-        return self.robot.driven if argument == "current_A" else len(self.robot.places)
+        return self.robot.driven if argument == "current_A" else len(self._places)
 
     def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
-        """Values of a sample of the drive by signal, wheels by name."""
-        assert self.robot is not None
+        """Values of a sample of the drive by signal, wheels by name; those that were not measured left out."""
         signals: dict[str, float] = {}
         for argument, value in sample.items():
-            if isinstance(value, np.ndarray):
-                name = "motor_current_A" if argument == "current_A" else argument
-                pairs = zip(self.robot.places, value.tolist(), strict=False)
-                signals |= {f"{name}.{place.name}": number for place, number in pairs if number == number}
+            if argument in self._wheel_signals:
+                pairs = zip(self._wheel_signals[argument], value.tolist(), strict=False)
+                signals |= {signal: number for signal, number in pairs if number == number}
             elif argument != "time_s":
                 signals[argument] = value
         return signals

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import math
 import signal
+import sys
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -26,10 +27,14 @@ LOOK_S = 0.25
 QUIET_S = 1.0
 
 #: The range is forecast so often, and at once when the charge has leapt by so much.
-FORECAST_S, FORECAST_SOC = 10.0, 0.02
+FORECAST_S, FORECAST_SOC = 30.0, 0.02
 
 #: At the end sinks have so long to deliver what waits; what they could not stays undelivered or on their own disk.
 END_S = 5.0
+
+#: Another thread gives the interpreter back after so long [s]; with the usual 5 ms a forecast of the range would delay
+#: hundreds of estimates.
+SWITCH_S = 0.0005
 
 #: In strict mode a source or sink that fails so soon after the start ends the process.
 STRICT_S = 5.0
@@ -82,6 +87,7 @@ class Process:
             OhmwardError: in strict mode, a source or sink cannot begin.
         """
         self._stop, self._began_s = asyncio.Event(), self.clock.now_s()
+        sys.setswitchinterval(SWITCH_S)
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
         beside = [
             self._begin("sensors", self._look),
@@ -107,6 +113,10 @@ class Process:
     def now_s(self) -> float:
         """Time on the clock of the states: that of the machine, unless a replay runs ahead of it."""
         return self.clock.now_s() + self._ahead_s
+
+    def add_sink(self, sink: Sink) -> None:
+        """Add a sink before the process runs."""
+        self.sinks.append((sink, Feed(sink.interval_s)))
 
     def stop(self) -> None:
         """End the sources; sinks deliver what waits, and `run` returns."""

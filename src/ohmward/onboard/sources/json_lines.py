@@ -10,6 +10,7 @@ import stat
 import sys
 import time
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TextIO
 
@@ -21,6 +22,9 @@ from ohmward.onboard.quantities import QUANTITIES, quantity_of
 
 #: Longest line that is read [bytes]; a longer one is left out.
 LONGEST_LINE = 1 << 16
+
+#: Lines of a burst that are read before others have their turn: some milliseconds.
+AT_ONCE = 16
 
 
 @dataclass(frozen=True)
@@ -56,19 +60,36 @@ class JsonLinesSource:
             await self._serve(put, faulty)
         if self.address == "-" and is_file(sys.stdin):
             await self._read_file(put, faulty)
-        await self._read(await self._reader(), put, faulty)
+        reader, writer = await self._streams()
+        try:
+            await self._read(reader, put, faulty)
+        finally:
+            if writer:
+                writer.close()
         if self.address == "-":
             raise EndedError("standard input has ended")
         raise OhmwardError(f"{self.address} has closed the connection; is its process running?")
 
     async def _read(self, reader: asyncio.StreamReader, put: Put, faulty: FaultyInput) -> None:
-        """Put the lines of one stream until it ends."""
-        wiring = Wiring(self.signals)
-        while line := await _line(reader):
+        """Put the lines of one stream until it ends; of a line that is too long all is left out."""
+        wiring, rest, skipping = Wiring(self.signals), b"", False
+        while data := await reader.read(LONGEST_LINE):
+            *lines, rest = (rest + data).split(b"\n")
+            await self._put_lines(lines[1:] if skipping else lines, wiring, put, faulty)
+            skipping = skipping and not lines
+            if len(rest) > LONGEST_LINE:
+                faulty.count()
+                rest, skipping = b"", True
+        await self._put_lines([rest] if rest and not skipping else [], wiring, put, faulty)
+
+    async def _put_lines(self, lines: list[bytes], wiring: Wiring, put: Put, faulty: FaultyInput) -> None:
+        for k, line in enumerate(lines, 1):
             if message := self.message(line, wiring, time.monotonic()):
                 put(message)
             else:
                 faulty.count()
+            if k % AT_ONCE == 0:
+                await asyncio.sleep(0)
 
     async def _read_file(self, put: Put, faulty: FaultyInput) -> None:
         """Put the lines of standard input where it is a file, which no event loop waits for."""
@@ -123,17 +144,18 @@ class JsonLinesSource:
         number = int(port) if host and port.isdecimal() and len(port) < 6 and "/" not in self.address else 0
         return host, number if number < 65536 else 0
 
-    async def _reader(self) -> asyncio.StreamReader:
+    async def _streams(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter | None]:
+        """The reader, and the writer of a socket, which closes it when it is let go."""
         if self.address == "-":
             reader = asyncio.StreamReader(limit=LONGEST_LINE)
             protocol = asyncio.StreamReaderProtocol(reader)
             await asyncio.get_running_loop().connect_read_pipe(lambda: protocol, sys.stdin)
-            return reader
+            return reader, None
         host, port = self._host_and_port()
         try:
             if port:
-                return (await asyncio.open_connection(host, port, limit=LONGEST_LINE))[0]
-            return (await asyncio.open_unix_connection(self.address, limit=LONGEST_LINE))[0]
+                return await asyncio.open_connection(host, port, limit=LONGEST_LINE)
+            return await asyncio.open_unix_connection(self.address, limit=LONGEST_LINE)
         except OSError as error:
             raise OhmwardError(
                 f"no connection to {self.address} ({error.strerror or error}); is it listening?"
@@ -153,23 +175,13 @@ def own_names(found: dict[str, object]) -> dict[str, float]:
     return {signal: value for signal, value in values.items() if _is_signal(signal)}
 
 
+@lru_cache(maxsize=1024)
 def _is_signal(signal: str) -> bool:
     try:
         quantity_of(signal)
     except InputError:
         return False
     return True
-
-
-async def _line(reader: asyncio.StreamReader) -> bytes:
-    """The next line, empty at the end; of one that is too long nothing but its end is left."""
-    while True:
-        try:
-            return await reader.readuntil(b"\n")
-        except asyncio.IncompleteReadError as end:
-            return end.partial
-        except asyncio.LimitOverrunError as long:
-            await reader.readexactly(long.consumed)
 
 
 def is_file(stream: TextIO) -> bool:

@@ -14,7 +14,6 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.odometry.shown_motion import rim_matrix
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
@@ -173,7 +172,7 @@ def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> tuple[An
     """The fields `OBSERVED` of a sample from estimates (...) of a speed observer."""
     robot = settings.robot
     rim = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None] * estimate.wheel_speed_rad_s
-    left_m_s = (rim - estimate.slip_speed_m_s) @ rim_matrix(robot)[1]
+    left_m_s = (rim - estimate.slip_speed_m_s) @ settings.rims[1]
     radius_std = np.asarray(estimate.radius_std)
     scale = np.minimum(radius_std / settings.noise.radius_std, 1.0) if settings.noise.radius_std else 0.0 * radius_std
     return (

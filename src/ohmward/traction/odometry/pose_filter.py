@@ -107,9 +107,14 @@ class PoseFilter:
         require_between("late_steps", self.late_steps, 0, 1000)
 
     @cached_property
+    def rims(self) -> np.ndarray:
+        """(3, driven): `rim_matrix` of the robot."""
+        return rim_matrix(self.robot)
+
+    @cached_property
     def turn_per_slip(self) -> float:
         """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
-        return float(np.linalg.norm(rim_matrix(self.robot)[2]))
+        return float(np.linalg.norm(self.rims[2]))
 
     def no_sample(self) -> OdometrySample:
         """A sample without any measurement, to be filled with `_replace`."""
