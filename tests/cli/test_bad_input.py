@@ -114,7 +114,7 @@ def test_a_report_must_be_html_in_a_folder(words, here, refused, monkeypatch):
 @pytest.mark.parametrize(
     ("output", "message"),
     [
-        ("x.xlsx", ".csv or .parquet"),
+        ("x.xlsx", ".csv, .parquet or .mcap"),
         ("nowhere/x.csv", "no folder 'nowhere'"),
         ("day.csv", "is an input"),
         ("folder.csv", "this is a folder"),

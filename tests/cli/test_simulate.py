@@ -125,7 +125,7 @@ def test_an_interrupt_leaves_nothing_half_written(folder, monkeypatch):
         ((), "name a scenario file, or one of `ohmward simulate --list`"),
         (("nothing",), "nothing: no such file, and no scenario of that name; there are: example"),
         (("nothing.toml",), "nothing.toml: cannot be read"),
-        (("speed.toml", "-o", "speed.toml"), "the name must end in .csv or .parquet"),
+        (("speed.toml", "-o", "speed.toml"), "the name must end in .csv, .parquet or .mcap"),
         (("speed.toml", "-o", "none/x.csv"), "there is no folder 'none'"),
         (("bad.toml",), "ground.friction must be > 0 and at most 3, got -0.1"),
     ],

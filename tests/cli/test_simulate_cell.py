@@ -84,7 +84,7 @@ def test_the_text_says_what_comes_next(recorded, capsys):
         (("simulate", "onto-ice", "--aged-to", "0.8"), "--aged-to is of a battery alone"),
         (("simulate", "onto-ice", "--cell", "Prada2013"), "name a scenario (onto-ice) or --cell Prada2013, not both"),
         ((*CELL, "--n-series", "0"), "--n-series"),
-        ((*CELL, "-o", "test.bdf"), "the name must end in .csv or .parquet"),
+        ((*CELL, "-o", "test.bdf"), "the name must end in .csv, .parquet or .mcap"),
     ],
 )
 def test_contradictions_are_refused(words, message, recorded, refused):

@@ -84,7 +84,7 @@ def test_a_drive_needs_its_robot(here, as_json, capsys):
             ["firmware", "day.csv", "--battery", "battery.toml", "--filter", "ekf"],
             "name with --filter what was exported",
         ),
-        (["firmware", "day.csv", "-o", "out.txt"], "must end in .csv or .parquet"),
+        (["firmware", "day.csv", "-o", "out.txt"], "must end in .csv, .parquet or .mcap"),
         (["firmware", "none.csv"], "none.csv"),
     ],
 )

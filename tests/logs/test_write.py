@@ -97,7 +97,10 @@ def test_text_columns_can_be_written(tmp_path):
 @pytest.mark.parametrize(
     ("write", "message"),
     [
-        (lambda folder: write_log(log(), folder / "log.xlsx"), r"unknown suffix '\.xlsx'; name the file \.csv or"),
+        (
+            lambda folder: write_log(log(), folder / "log.xlsx"),
+            r"unknown suffix '\.xlsx'; name the file \.csv, ",
+        ),
         (
             lambda folder: write_log(log(extra={"time_s": [0, 1]}), folder / "l.csv"),
             "extra column 'time_s' has the name",

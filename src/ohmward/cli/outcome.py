@@ -85,7 +85,8 @@ def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs:
         return
     file = Path(path)
     if not file.name.endswith(tuple(suffixes)):
-        raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
+        endings = " or ".join(", ".join(suffixes).rsplit(", ", 1))
+        raise InputError(f"{option} {path}: the name must end in {endings}")
     if not file.parent.is_dir():
         raise InputError(f"{option} {path}: there is no folder {str(file.parent)!r}; make it first")
     if file.is_dir():

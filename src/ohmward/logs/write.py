@@ -1,4 +1,4 @@
-"""Write logs and other tables as CSV, Parquet or BDF; a file is either whole or not there."""
+"""Write logs and other tables as CSV, Parquet, BDF or MCAP; a file is either whole or not there."""
 
 from __future__ import annotations
 
@@ -13,21 +13,24 @@ from ohmward.atomic import replacing
 from ohmward.errors import InputError
 from ohmward.logs import bdf, csv_arrow
 from ohmward.logs.log import Log
+from ohmward.logs.mcap_table import write_mcap
 from ohmward.logs.parquet_file import write_parquet
 from ohmward.logs.table import Progress
 
+#: Endings of tables that can be written.
+TABLES = (".csv", ".parquet", ".mcap")
 _BLOCK_ROWS = 100_000
 
 
 def write_log(log: Log, path: str | PathLike[str]) -> None:
-    """Write a log; the suffix says how: .csv, .parquet, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
+    """Write a log; the suffix says how: .csv, .parquet, .mcap, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
 
-    CSV and Parquet carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF those
-    of the Battery Data Format. The extra columns follow under their own names; notes are not written.
+    CSV, Parquet and MCAP carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF
+    those of the Battery Data Format. The extra columns follow under their own names; notes are not written.
 
     Raises:
         InputError: an unknown suffix, or an extra column with the name of a measured one.
-        OhmwardError: the disk refused, or Parquet without pyarrow.
+        OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
     """
     path = Path(path)
     own = log.measured()
@@ -39,21 +42,21 @@ def write_log(log: Log, path: str | PathLike[str]) -> None:
 
 
 def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], progress: Progress | None = None) -> None:
-    """Write named columns (T,) as .csv or .parquet; numbers keep every digit, NaN is an empty cell in CSV.
+    """Write named columns (T,) as .csv, .parquet or .mcap; numbers keep every digit, NaN is an empty cell in CSV.
 
     progress: called now and then with the rows that are written and all rows.
 
     Raises:
         InputError: an unknown suffix, or columns of different lengths.
-        OhmwardError: the disk refused, or Parquet without pyarrow.
+        OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
     """
     path = Path(path)
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"{path.name}: columns differ in length: {lengths}; give every column one value per row")
-    writers = {".csv": _write_csv, ".parquet": write_parquet}
+    writers = dict(zip(TABLES, (_write_csv, write_parquet, write_mcap), strict=True))
     if path.suffix.lower() not in writers:
-        raise InputError(f"{path.name}: unknown suffix {path.suffix!r}; name the file .csv or .parquet")
+        raise InputError(f"{path.name}: unknown suffix {path.suffix!r}; name the file .csv, .parquet or .mcap")
     with replacing(path) as temporary:
         writers[path.suffix.lower()](temporary, columns, progress)
 

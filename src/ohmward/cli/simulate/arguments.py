@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=count, metavar="N", help="another seed than the file's: other noise")
     _add_cell_options(parser)
     add_output_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the log: .csv or .parquet")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the log: .csv, .parquet or .mcap")
 
 
 def _add_cell_options(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,7 @@ from ohmward.cli.report_parts import FOOTER
 from ohmward.errors import InputError
 from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
 from ohmward.logs import Log, write_log
+from ohmward.logs.write import TABLES
 from ohmward.report import TIME, Figure, Page, Series
 from ohmward.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, record_cell
 from ohmward.simulate.electrochemical.cell import usual_model
@@ -29,7 +30,7 @@ class CellRecord(NamedTuple):
 
 def run(args: argparse.Namespace) -> Outcome:
     """Simulate, write the log and report."""
-    check_output("--output", args.output, (".csv", ".parquet"))
+    check_output("--output", args.output, TABLES)
     if args.scenario is not None:
         raise InputError(f"name a scenario ({args.scenario}) or --cell {args.cell}, not both")
     found = _recorded(args)

@@ -15,6 +15,7 @@ from ohmward.cli.simulate.report import make_page
 from ohmward.cli.simulate.result import describe, summary
 from ohmward.errors import InputError
 from ohmward.logs import write_table
+from ohmward.logs.write import TABLES
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop import ClosedLoopRun, Scenario
 from ohmward.simulate.closed_loop.scenario_file import EXAMPLE, packaged_text
@@ -31,7 +32,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if given := [name for name in OF_CELLS if getattr(args, name) is not None]:
         raise InputError(f"--{given[0].replace('_', '-')} is of a battery alone: name it with --cell")
     scenario = _scenario(args)
-    check_output("--output", args.output, (".csv", ".parquet"), [args.scenario])
+    check_output("--output", args.output, TABLES, [args.scenario])
     answer = _simulate(scenario)
     if args.output:
         write_table(closed_loop.columns(answer), args.output)

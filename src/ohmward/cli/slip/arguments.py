@@ -38,4 +38,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_drive_options(parser)
     add_output_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv, .parquet or .mcap")

@@ -12,13 +12,14 @@ from ohmward.cli.slip.report import make_page
 from ohmward.cli.slip.result import SlipTask, describe, estimate_table, summary
 from ohmward.errors import InputError
 from ohmward.logs import write_table
+from ohmward.logs.write import TABLES
 from ohmward.traction.observed_drive import ObservedDrive, observe_drive, observe_on_floors
 from ohmward.traction.terrain.file import load_floors
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Observe, compare with the truth, write the estimates; the exit status is 1 if the model does not fit the log."""
-    check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.robot])
+    check_output("--output", args.output, TABLES, [args.log, args.robot])
     task = make_task(args)
     observed = observe(task, args)
     if args.output:

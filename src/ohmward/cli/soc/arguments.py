@@ -24,4 +24,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "published: published.aekf, published.aukf, published.hybrid, published.rc-kf, published.rc-aukf",
     )
     add_output_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv or .parquet")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the estimates: .csv, .parquet or .mcap")

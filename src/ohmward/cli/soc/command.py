@@ -13,11 +13,12 @@ from ohmward.cli.progress import counting, progress
 from ohmward.cli.soc.report import make_page
 from ohmward.cli.soc.result import describe, estimate_table, summary
 from ohmward.logs import write_table
+from ohmward.logs.write import TABLES
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate, compare with the truth, write the estimates."""
-    check_output("--output", args.output, (".csv", ".parquet"), [args.log, args.battery])
+    check_output("--output", args.output, TABLES, [args.log, args.battery])
     with progress() as report:
         task = make_soc_task(args, report)
         name = chosen_name(args.filter.lower(), task.battery)

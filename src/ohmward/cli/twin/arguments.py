@@ -42,4 +42,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of a battery's log: what a positive current in the file does to it (default %(default)s)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write what the firmware says: .csv or .parquet")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write what the firmware says: .csv, .parquet or .mcap")

@@ -19,6 +19,7 @@ from ohmward.export.comparison import compare
 from ohmward.export.traction import observer_export
 from ohmward.export.twin import Twin, first_of, output_columns
 from ohmward.logs import DriveLog, Log, write_table
+from ohmward.logs.write import TABLES
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -38,7 +39,7 @@ class Replay(NamedTuple):
 
 def run(args: argparse.Namespace) -> Outcome:
     """Compile, replay, compare, write."""
-    check_output("--output", args.output, (".csv", ".parquet"), [args.log])
+    check_output("--output", args.output, TABLES, [args.log])
     twin = Twin(args.library, args.name)
     replay = prepare(twin, args)
     began = time.perf_counter()

@@ -20,6 +20,8 @@ from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 
 TIME = "time"
+#: Earlier times are those of a simulation, or of a clock that counts from its own start.
+_YEAR_2000_NS = 946_684_800 * 10**9
 
 
 class _Bag(NamedTuple):
@@ -104,7 +106,7 @@ def _load(
     time_ns = np.concatenate([times for times, _ in found.values()])
     if not time_ns.size:
         raise InputError(f"{source}: no message of {', '.join(gatherers)} could be read; record it again")
-    columns: dict[str, np.ndarray] = {TIME: time_ns.view("M8[ns]")}
+    columns: dict[str, np.ndarray] = {TIME: time_ns.view("M8[ns]" if time_ns[0] > _YEAR_2000_NS else "m8[ns]")}
     begin = 0
     for times, values in found.values():
         for name, column in values.items():

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ohmward.errors import InputError
 
-BATTERY, DRIVE = "battery", "drive"
+BATTERY, DRIVE, BOTH = "battery", "drive", "both"
 
 #: Name of the choice of topics among the rows that are wanted: `--topic /a` is `--where topic=/a`.
 TOPIC = "topic"
@@ -16,7 +16,7 @@ TOPIC = "topic"
 class KnownType(NamedTuple):
     """A type that is found without being named.
 
-    part: of what it tells, `battery` or `drive`.
+    part: of what it tells, `battery`, `drive` or `both`.
     columns: path of a field -> name of its column.
     by_name_only: it is read where a topic of it is named.
     """
@@ -46,10 +46,10 @@ def choose_topics(
     named = [name.strip() for name in str(where.get(TOPIC, "")).split(",") if name.strip()]
     if unknown := [name for name in named if name not in topics]:
         raise InputError(f"{source}: there is no topic {unknown[0]!r} that can be read; it has: {_listed(topics)}")
-    chosen = [name for name in named if topics[name] not in known or known[topics[name]].part == kind]
+    chosen = [name for name in named if topics[name] not in known or known[topics[name]].part in (kind, BOTH)]
     types = {topics[name] for name in chosen}
     for type_, about in known.items():
-        if type_ in types or about.by_name_only or about.part != kind:
+        if type_ in types or about.by_name_only or about.part not in (kind, BOTH):
             continue
         found = [name for name in topics if topics[name] == type_]
         if len(found) > 1:

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import re
 
-from ohmward.logs.bags.choice import BATTERY, DRIVE, KnownType
+from ohmward.logs.bags.choice import BATTERY, BOTH, DRIVE, KnownType
 from ohmward.logs.bags.layout import Layout
 from ohmward.logs.bags.recording import Topic
+
+#: Rows of a table that ohmward has written.
+TABLE_TYPE = "ohmward_msgs/msg/Table"
 
 _SPEED = "speed [m/s]"
 #: Types that are found without being named, and those that a name makes a quantity.
@@ -30,6 +33,7 @@ KNOWN = {
             "linear_acceleration.x": "linear acceleration x [m/s2]",
         },
     ),
+    TABLE_TYPE: KnownType(BOTH, {}),
     "nav_msgs/msg/Odometry": KnownType(DRIVE, {"twist.twist.linear.x": _SPEED}, by_name_only=True),
     "geometry_msgs/msg/TwistStamped": KnownType(DRIVE, {"twist.linear.x": _SPEED}, by_name_only=True),
     "geometry_msgs/msg/TwistWithCovarianceStamped": KnownType(
@@ -49,6 +53,8 @@ def column_names(topic: Topic, layout: Layout) -> dict[str, str]:
     known = KNOWN.get(topic.type)
     if known is None:
         return {f"{topic.name}/{path}".removesuffix("/data"): path for path in layout.numbers if not _is_stamp(path)}
+    if topic.type == TABLE_TYPE:
+        return {path: path for path in layout.numbers if not _is_stamp(path)}
     if topic.type == "sensor_msgs/msg/JointState":
         return _of_joints(layout)
     named = {name: path for path, name in known.columns.items() if path in layout.numbers}

@@ -1,0 +1,190 @@
+"""States of the robot as messages of ROS 2: units of REP-103, frames of REP-105, conditions of REP-107."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+
+Message = dict[str, Any]
+
+#: Variance of what is not estimated: height, roll and pitch of a robot that stays on its floor.
+UNKNOWN_VARIANCE = 1e6
+#: Covariance of x, y and yaw among the six of ROS: x, y, z, roll, pitch, yaw.
+_PLANAR = (0, 1, 5)
+#: A current of less than this share of the capacity in an hour neither charges nor discharges.
+_IDLE_C = 0.01
+#: Constants of BatteryState.
+_UNKNOWN, _CHARGING, _DISCHARGING, _NOT_CHARGING, _FULL = range(5)
+_LION, _LIPO, _LIFE, _VRLA = 2, 3, 4, 8
+_TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of coordinate frames, REP-105.
+
+    odom: in which the pose is continuous.  base: of the robot, at its centre of gravity.
+    """
+
+    odom: str = "odom"
+    base: str = "base_link"
+
+
+def header(state: RobotState, frame: str) -> Message:
+    """Stamp and frame of a message about a state."""
+    sec, nanosec = divmod(round(state.unix_s * 1e9), 10**9) if math.isfinite(state.unix_s) else (0, 0)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
+
+
+def battery_state(state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames) -> Message:
+    """`sensor_msgs/BatteryState`; nan where a quantity is not known.
+
+    measured: signal -> latest value of the battery's sensors.
+    battery: its label, where it is known.
+    """
+    charge, nan = state.battery, math.nan
+    capacity_Ah = battery.capacity_Ah if battery else nan
+    now_Ah = capacity_Ah * float(charge.soh_capacity) if charge and charge.soh_capacity == charge.soh_capacity else nan
+    now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
+    soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
+    return {
+        "header": header(state, frames.base),
+        "voltage": measured.get("battery_voltage_V", nan),
+        "temperature": measured.get("battery_temperature_degC", nan),
+        "current": measured.get("battery_current_A", nan),
+        "charge": soc * now_Ah,
+        "capacity": now_Ah,
+        "design_capacity": capacity_Ah,
+        "percentage": soc,
+        "power_supply_status": _status(measured, charge, capacity_Ah),
+        "power_supply_health": _UNKNOWN,
+        "power_supply_technology": _TECHNOLOGY.get(battery.chemistry, _LION) if battery else _UNKNOWN,
+        "present": True,
+        "cell_voltage": _cells(measured, battery),
+        "cell_temperature": [],
+        "location": "",
+        "serial_number": battery.serial_number if battery else "",
+    }
+
+
+def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
+    """Voltages of the cells, nan for one that is not measured; none where no cell is."""
+    voltages = {int(name.partition(".")[2]): v for name, v in measured.items() if name.startswith("cell_voltage_V.")}
+    count = 0 if not voltages else int(battery.n_series) if battery else max(voltages) + 1
+    return [voltages.get(k, math.nan) for k in range(count)]
+
+
+def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> int:
+    """Status of the power supply, by the current without the offset of its sensor."""
+    if measured.get("battery_full", 0.0) >= 0.5:
+        return _FULL
+    offset_A = float(charge.current_offset_A) if charge and charge.current_offset_A == charge.current_offset_A else 0.0
+    current_A = measured.get("battery_current_A", math.nan) - offset_A
+    idle_A = _IDLE_C * capacity_Ah if math.isfinite(capacity_Ah) else 0.0
+    if math.isnan(current_A):
+        return _UNKNOWN
+    return _CHARGING if current_A > idle_A else _DISCHARGING if current_A < -idle_A else _NOT_CHARGING
+
+
+def odometry(state: RobotState, frames: Frames) -> Message:
+    """`nav_msgs/Odometry`: pose in the frame odom, twist in that of the robot.
+
+    state: has a pose.
+    """
+    pose = state.pose
+    assert pose is not None
+    half = 0.5 * float(pose.yaw_rad)
+    turned = {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}
+    position = {"x": float(pose.x_m), "y": float(pose.y_m), "z": 0.0}
+    twist = _twist(pose.speed_m_s, pose.speed_left_m_s, pose.yaw_rate_rad_s)
+    return {
+        "header": header(state, frames.odom),
+        "child_frame_id": frames.base,
+        "pose": {"pose": {"position": position, "orientation": turned}, "covariance": _covariance(pose.pose_cov)},
+        "twist": {"twist": twist, "covariance": _covariance(pose.twist_cov)},
+    }
+
+
+def twist(state: RobotState, frames: Frames) -> Message:
+    """`geometry_msgs/TwistWithCovarianceStamped`: speed and yaw rate as they are in spite of slip.
+
+    state: has an estimate of the slip.
+    """
+    slip = state.slip
+    assert slip is not None
+    left = 0.0 if state.pose is None else float(state.pose.speed_left_m_s)
+    left_var = UNKNOWN_VARIANCE if state.pose is None else float(state.pose.twist_cov[1, 1])
+    covariance = np.diag([float(slip.speed_std_m_s) ** 2, left_var, float(slip.yaw_rate_std_rad_s) ** 2])
+    moved = _twist(slip.speed_m_s, left, slip.yaw_rate_rad_s)
+    return {"header": header(state, frames.base), "twist": {"twist": moved, "covariance": _covariance(covariance)}}
+
+
+def diagnostics(state: RobotState, robot: str) -> Message:
+    """`diagnostic_msgs/DiagnosticArray`: charge, drive, and the condition of every sensor, source and sink.
+
+    robot: its name.
+    """
+    conditions = [*_estimates(state), *state.diagnostics]
+    return {"header": header(state, ""), "status": [_status_message(condition, robot) for condition in conditions]}
+
+
+def _status_message(condition: Diagnostic, robot: str) -> Message:
+    values = [{"key": key, "value": _text(value)} for key, value in condition.values.items()]
+    return {
+        "level": int(condition.level),
+        "name": f"ohmward: {condition.name}",
+        "message": condition.message,
+        "hardware_id": robot,
+        "values": values,
+    }
+
+
+def _estimates(state: RobotState) -> list[Diagnostic]:
+    """Estimates with their standard deviations, which the other messages have no room for."""
+    found: list[Diagnostic] = []
+    if charge := state.battery:
+        values: dict[str, str | float] = {
+            "soc": float(charge.soc),
+            "soc_std": float(charge.soc_std),
+            "soh_capacity": float(charge.soh_capacity),
+            "resistance_ratio": float(charge.resistance_ratio),
+            "current_offset_A": float(charge.current_offset_A),
+        }
+        if reach := state.range:
+            quantiles = zip(("p10", "p50", "p90"), reach.distance_m, reach.duration_s, strict=True)
+            for quantile, distance_m, duration_s in quantiles:
+                values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
+        text = f"{100 * float(charge.soc):.0f} +- {100 * float(charge.soc_std):.0f} %"
+        found.append(Diagnostic("charge", Level.OK, text, values))
+    if slip := state.slip:
+        ratios = {f"slip_ratio.{k}": float(ratio) for k, ratio in enumerate(slip.slip_ratio)}
+        stuck = float(slip.immobilised) >= 0.5
+        level = Level.ERROR if stuck else Level.WARN if np.any(np.asarray(slip.slipping) >= 0.5) else Level.OK
+        text = "wheels turn, the robot does not" if stuck else "wheels slip" if level else "wheels grip"
+        found.append(Diagnostic("drive", level, text, {"speed_m_s": float(slip.speed_m_s), **ratios}))
+    return found
+
+
+def _text(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.9g}"
+
+
+def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:
+    return {
+        "linear": {"x": float(forward_m_s), "y": float(left_m_s), "z": 0.0},
+        "angular": {"x": 0.0, "y": 0.0, "z": float(yaw_rate_rad_s)},
+    }
+
+
+def _covariance(planar: np.ndarray) -> Sequence[float]:
+    """(36,) of x, y, z, roll, pitch and yaw from (3, 3) of x, y and yaw."""
+    whole = UNKNOWN_VARIANCE * np.eye(6)
+    whole[np.ix_(_PLANAR, _PLANAR)] = planar
+    return whole.ravel().tolist()

@@ -1,0 +1,69 @@
+"""Fields and hashes of the message types that go out or come in, as ros2/common_interfaces defines them."""
+
+from __future__ import annotations
+
+from ohmward.logs.bags.definitions import Definitions, Fields, Several, Single
+
+BATTERY_STATE = "sensor_msgs/msg/BatteryState"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+IMU = "sensor_msgs/msg/Imu"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+FLOATS = "std_msgs/msg/Float64MultiArray"
+
+#: A field a line: type and name; `[9]` is an array of nine, `[]` a sequence.
+_TEXT = {
+    "builtin_interfaces/msg/Time": "int32 sec, uint32 nanosec",
+    "std_msgs/msg/Header": "builtin_interfaces/msg/Time stamp, string frame_id",
+    BATTERY_STATE: "std_msgs/msg/Header header, float32 voltage, float32 temperature, float32 current, float32 charge, "
+    "float32 capacity, float32 design_capacity, float32 percentage, uint8 power_supply_status, uint8 "
+    "power_supply_health, uint8 power_supply_technology, bool present, float32[] cell_voltage, float32[] "
+    "cell_temperature, string location, string serial_number",
+    JOINT_STATE: "std_msgs/msg/Header header, string[] name, float64[] position, float64[] velocity, float64[] effort",
+    IMU: "std_msgs/msg/Header header, geometry_msgs/msg/Quaternion orientation, float64[9] orientation_covariance, "
+    "geometry_msgs/msg/Vector3 angular_velocity, float64[9] angular_velocity_covariance, geometry_msgs/msg/Vector3 "
+    "linear_acceleration, float64[9] linear_acceleration_covariance",
+    "geometry_msgs/msg/Quaternion": "float64 x, float64 y, float64 z, float64 w",
+    "geometry_msgs/msg/Vector3": "float64 x, float64 y, float64 z",
+    "geometry_msgs/msg/Point": "float64 x, float64 y, float64 z",
+    "geometry_msgs/msg/Pose": "geometry_msgs/msg/Point position, geometry_msgs/msg/Quaternion orientation",
+    "geometry_msgs/msg/Twist": "geometry_msgs/msg/Vector3 linear, geometry_msgs/msg/Vector3 angular",
+    "geometry_msgs/msg/PoseWithCovariance": "geometry_msgs/msg/Pose pose, float64[36] covariance",
+    "geometry_msgs/msg/TwistWithCovariance": "geometry_msgs/msg/Twist twist, float64[36] covariance",
+    ODOMETRY: "std_msgs/msg/Header header, string child_frame_id, geometry_msgs/msg/PoseWithCovariance pose, "
+    "geometry_msgs/msg/TwistWithCovariance twist",
+    TWIST: "std_msgs/msg/Header header, geometry_msgs/msg/TwistWithCovariance twist",
+    "diagnostic_msgs/msg/KeyValue": "string key, string value",
+    "diagnostic_msgs/msg/DiagnosticStatus": "byte level, string name, string message, string hardware_id, "
+    "diagnostic_msgs/msg/KeyValue[] values",
+    DIAGNOSTICS: "std_msgs/msg/Header header, diagnostic_msgs/msg/DiagnosticStatus[] status",
+    "std_msgs/msg/MultiArrayDimension": "string label, uint32 size, uint32 stride",
+    "std_msgs/msg/MultiArrayLayout": "std_msgs/msg/MultiArrayDimension[] dim, uint32 data_offset",
+    FLOATS: "std_msgs/msg/MultiArrayLayout layout, float64[] data",
+}
+
+#: REP-2011 hashes of the types, the same from Iron on; `ros2 topic info -v` shows them.
+HASHES = {
+    BATTERY_STATE: "RIHS01_4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
+    JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+    IMU: "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
+    ODOMETRY: "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    TWIST: "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563",
+    DIAGNOSTICS: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    FLOATS: "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
+}
+
+
+def _fields(text: str) -> Fields:
+    """The fields of a type."""
+    return [(name, _content(type_)) for type_, name in (field.split() for field in text.split(", "))]
+
+
+def _content(type_: str) -> Single | Several:
+    """The content of a field of this type."""
+    item, bracket, size = type_.removesuffix("]").partition("[")
+    return Several(Single(item), int(size) if size else None) if bracket else Single(item)
+
+
+DEFINITIONS: Definitions = {type_: _fields(text) for type_, text in _TEXT.items()}

@@ -1,0 +1,138 @@
+"""ROS 2 in: state of the battery, joints, inertial unit, and odometry from outside."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+from ohmward.errors import InputError
+from ohmward.logs.bags.layout import Layout
+from ohmward.onboard.message import Message, Put
+from ohmward.onboard.ros import types
+from ohmward.onboard.ros.cdr import read
+from ohmward.onboard.ros.transport import RosNetwork
+
+#: Time between two looks at the way to other nodes [s].
+_LOOK_S = 1.0
+#: Words in the names of joints that do not tell which wheel it is.
+_OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
+#: `power_supply_status` of a full battery.
+_FULL = 4.0
+
+
+@dataclass(frozen=True)
+class Ros2Source(RosNetwork):
+    """Messages of sensors; an empty topic is not subscribed to.
+
+    Attributes:
+        battery_state: topic of `sensor_msgs/BatteryState`.
+        joint_states: topic of `sensor_msgs/JointState`, whose velocities are those of wheels.
+        joints: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`.
+        imu: topic of `sensor_msgs/Imu`.
+        odometry: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS.
+        name: in diagnostics.
+    """
+
+    battery_state: str = ""
+    joint_states: str = ""
+    joints: dict[str, str] = field(default_factory=dict)
+    imu: str = ""
+    odometry: str = ""
+    name: str = "ros2"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not any(topic for topic, _, _ in self._topics()):
+            raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
+
+    async def run(self, put: Put) -> None:
+        """Receive until the way to the other nodes is lost."""
+        transport = await asyncio.to_thread(self.open)
+        loop = asyncio.get_running_loop()
+        try:
+            for topic, type_, values in self._topics():
+                if topic:
+                    receive = partial(self._receive, loop, put, type_, values)
+                    await asyncio.to_thread(transport.subscribe, topic, type_, receive)
+            while True:
+                await asyncio.sleep(_LOOK_S)
+                transport.check()
+        finally:
+            await asyncio.to_thread(transport.close)
+
+    def message(self, type_: str, payload: bytes, received_s: float) -> Message | None:
+        """The message of ROS as one of signals; None where it cannot be read or has none."""
+        values_of = next(values for _, of, values in self._topics() if of == type_)
+        try:
+            layout, numbers = read(type_, payload)
+        except ValueError:
+            return None
+        values = values_of(layout, numbers)
+        stamp_s = numbers["header.stamp.sec"] + 1e-9 * numbers["header.stamp.nanosec"]
+        return Message(stamp_s if stamp_s > 0.0 else math.nan, received_s, self.name, values) if values else None
+
+    def _receive(self, loop: asyncio.AbstractEventLoop, put: Put, type_: str, values: object, payload: bytes) -> None:
+        """Hand a message over to the loop, from a thread of the transport."""
+        found = self.message(type_, payload, time.monotonic())
+        if found and not loop.is_closed():
+            loop.call_soon_threadsafe(put, found)
+
+    def _topics(self) -> tuple[tuple[str, str, Callable[[Layout, dict[str, float]], dict[str, float]]], ...]:
+        """Topic, type and translation of each message."""
+        return (
+            (self.battery_state, types.BATTERY_STATE, _battery),
+            (self.joint_states, types.JOINT_STATE, self._wheels),
+            (self.imu, types.IMU, _body),
+            (self.odometry, types.ODOMETRY, _speed),
+        )
+
+    def _wheels(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+        """Speeds of the wheels by their names."""
+        wheels = {joint: wheel for wheel, joint in self.joints.items()}
+        values = {}
+        for path, joint in layout.texts.items():
+            speed = numbers.get(f"velocity{path.removeprefix('name')}")
+            if not path.startswith("name[") or speed is None or (wheels and joint not in wheels):
+                continue
+            values[f"wheel_speed_rad_s.{wheels.get(joint) or wheel_of(joint)}"] = speed
+        return values
+
+
+def wheel_of(joint: str) -> str:
+    """The wheel of a joint by its name: `front_left_wheel_joint` turns `front_left`."""
+    return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint
+
+
+def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+    values = {
+        "battery_current_A": numbers["current"],
+        "battery_voltage_V": numbers["voltage"],
+        "battery_temperature_degC": numbers["temperature"],
+    }
+    cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
+    values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
+    if numbers["power_supply_status"] == _FULL:
+        values["battery_full"] = 1.0
+    return {signal: value for signal, value in values.items() if math.isfinite(value)}
+
+
+def _body(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+    """Yaw rate and acceleration; the first covariance is -1 where the unit has no such sensor."""
+    values = {}
+    if numbers["angular_velocity_covariance[0]"] != -1.0:
+        values["yaw_rate_rad_s"] = numbers["angular_velocity.z"]
+    if numbers["linear_acceleration_covariance[0]"] != -1.0:
+        values["acceleration_m_s2"] = numbers["linear_acceleration.x"]
+    return values
+
+
+def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+    """Speed and, where it is told, its standard deviation."""
+    values = {"speed_m_s": numbers["twist.twist.linear.x"]}
+    if (variance := numbers["twist.covariance[0]"]) > 0.0:
+        values["speed_std_m_s"] = math.sqrt(variance)
+    return values

@@ -1,0 +1,152 @@
+"""Messages against rosbags: the same bytes, types, hashes; signs and conditions of the conventions."""
+
+import math
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.soc.sample import SocEstimate
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+from ohmward.onboard.ros import messages, types
+from ohmward.onboard.ros.cdr import read, serialize
+from ohmward.onboard.ros.messages import Frames
+from ohmward.traction import RLMA
+from ohmward.traction.odometry.estimator import Odometry
+from ohmward.traction.speed_observer.estimator import SlipEstimator
+
+typesys = pytest.importorskip("rosbags.typesys")
+STORES = [name for name in typesys.Stores if name.value.startswith("ros2") or name.value == "latest"]
+STORE = typesys.get_typestore(typesys.Stores.LATEST)
+
+
+def charge(soc: float = 0.5, offset_A: float = 0.0) -> SocEstimate:
+    return SocEstimate(soc, 0.02, 13.2, 0.01, 0.0, offset_A, 0.9, 1.2, 0)
+
+
+def driven() -> RobotState:
+    """A robot after a second of driving and turning."""
+    slip, odometry = SlipEstimator(RLMA), Odometry(RLMA)
+    speeds = np.full(len(RLMA.places), 4.0)
+    for k in range(50):
+        found = slip.update(0.02 * k, speeds, np.full(RLMA.driven, 1.0), yaw_rate_rad_s=0.4)
+        pose = odometry.update(0.02 * k, speeds, 0.4, observed=found)
+    told = (Diagnostic("source can0", Level.WARN, "no message for 2 s", {"silent_s": 2.0, "bus": "can0"}),)
+    sample = {"battery_voltage_V": 13.2, "battery_current_A": -3.0, "cell_voltage_V.1": 3.31}
+    return RobotState(5.0, 1.7e9 + 0.25, sample, charge(), None, found, pose, None, told, 4.9, 4.9)
+
+
+def of_rosbags(type_: str, message: dict):
+    """The message as an object of rosbags."""
+    fields = {}
+    for name, (kind, detail) in STORE.fielddefs[type_][1]:
+        value = message[name]
+        if kind.name == "NAME":
+            fields[name] = of_rosbags(detail, value)
+        elif kind.name in ("ARRAY", "SEQUENCE"):
+            item_kind, item = detail[0]
+            if item_kind.name == "NAME":
+                fields[name] = [of_rosbags(item, one) for one in value]
+            else:
+                fields[name] = value if item[0] == "string" else np.array(value, item[0])
+        else:
+            fields[name] = value
+    return STORE.types[type_](**fields)
+
+
+def every_message() -> dict[str, dict]:
+    state, battery = driven(), generic_battery("lfp", 12.0, 4, "test")
+    frames = Frames()
+    return {
+        types.BATTERY_STATE: messages.battery_state(state, state.sample, battery, frames),
+        types.ODOMETRY: messages.odometry(state, frames),
+        types.TWIST: messages.twist(state, frames),
+        types.DIAGNOSTICS: messages.diagnostics(state, "robot 1"),
+        types.JOINT_STATE: {
+            "header": messages.header(state, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
+            "effort": [],
+        },
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("type_", every_message())
+def test_the_bytes_are_those_of_rosbags(type_):
+    message = every_message()[type_]
+    assert serialize(type_, message) == bytes(STORE.serialize_cdr(of_rosbags(type_, message), type_))
+
+
+@pytest.mark.parametrize("store", STORES)
+@pytest.mark.parametrize("type_", types.HASHES)
+def test_types_and_hashes_are_those_of_every_distribution(type_, store):
+    found = typesys.get_typestore(store)
+    assert found.hash_rihs01(type_) == types.HASHES[type_]
+    assert [name for name, _ in found.fielddefs[type_][1]] == [name for name, _ in types.DEFINITIONS[type_]]
+
+
+def test_numbers_are_read_back():
+    message = every_message()[types.JOINT_STATE]
+    layout, numbers = read(types.JOINT_STATE, serialize(types.JOINT_STATE, message))
+    assert [numbers["velocity[0]"], numbers["velocity[1]"]] == [1.0, 2.0]
+    assert [layout.texts["name[0]"], layout.texts["name[1]"]] == ["left_wheel", "r"]
+    assert numbers["header.stamp.sec"] == 1_700_000_000
+
+
+def test_cut_and_damaged_messages_are_refused_with_one_error():
+    whole = serialize(types.BATTERY_STATE, every_message()[types.BATTERY_STATE])
+    for cut in range(len(whole)):
+        with pytest.raises(ValueError):
+            read(types.BATTERY_STATE, whole[:cut])
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        damaged = bytearray(whole)
+        for at in rng.integers(0, len(whole), 3):
+            damaged[at] = rng.integers(256)
+        with suppress(ValueError):
+            read(types.BATTERY_STATE, bytes(damaged))
+
+
+@pytest.mark.parametrize(
+    ("current_A", "full", "offset_A", "status"),
+    [
+        *((-3.0, 0.0, 0.0, 2), (3.0, 0.0, 0.0, 1), (0.05, 0.0, 0.0, 3)),
+        *((0.5, 0.0, 0.48, 3), (1.0, 1.0, 0.0, 4), (math.nan, 0.0, 0.0, 0)),
+    ],
+)
+def test_the_status_follows_current_offset_and_charger(current_A, full, offset_A, status):
+    state = driven()._replace(battery=charge(0.5, offset_A))
+    measured = {"battery_current_A": current_A, "battery_full": full}
+    found = messages.battery_state(state, measured, generic_battery("lfp", 12.0, 4, "test"), Frames())
+    assert found["power_supply_status"] == status
+
+
+def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():
+    bare = messages.battery_state(RobotState(1.0, 1.0), {}, None, Frames())
+    unknown = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+    assert all(math.isnan(bare[name]) for name in unknown)
+    state = driven()
+    known = messages.battery_state(state, state.sample, generic_battery("lfp", 12.0, 4, "test"), Frames())
+    assert known["percentage"] == 0.5
+    assert known["capacity"] == pytest.approx(0.9 * 12.0)
+    assert known["charge"] == pytest.approx(0.5 * 0.9 * 12.0)
+    assert math.isnan(known["cell_voltage"][0]) and known["cell_voltage"][1] == 3.31 and len(known["cell_voltage"]) == 4
+    assert known["power_supply_technology"] == 4
+
+
+def test_odometry_has_its_pose_and_covariance_in_their_places():
+    state = driven()
+    message = messages.odometry(state, Frames("odom", "base_footprint"))
+    assert (message["header"]["frame_id"], message["child_frame_id"]) == ("odom", "base_footprint")
+    assert state.pose is not None
+    q, covariance = message["pose"]["pose"]["orientation"], np.reshape(message["pose"]["covariance"], (6, 6))
+    assert 2 * math.atan2(q["z"], q["w"]) == pytest.approx(state.pose.yaw_rad)
+    np.testing.assert_allclose(covariance[np.ix_((0, 1, 5), (0, 1, 5))], state.pose.pose_cov)
+    assert np.linalg.eigvalsh(covariance).min() >= -1e-9
+
+
+def test_diagnostics_name_what_is_wrong():
+    status = {one["name"]: one for one in messages.diagnostics(driven(), "robot 1")["status"]}
+    assert set(status) == {"ohmward: charge", "ohmward: drive", "ohmward: source can0"}
+    assert status["ohmward: source can0"]["level"] == 1
+    assert status["ohmward: charge"]["hardware_id"] == "robot 1"
+    assert {"key": "soc_std", "value": "0.02"} in status["ohmward: charge"]["values"]
