@@ -1,0 +1,83 @@
+"""The loop of the controller: a thread of its own, so that nothing that holds up the process holds up a safe stop."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from ohmward.errors import OhmwardError
+from ohmward.onboard.control.drive_control import DriveControl, DriveOutput
+from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.robot_state import RobotState
+
+#: At its end the loop says so many times that the robot is stopped.
+_LAST_WORDS = 3
+
+#: Drives that take no command for so long are gone [s].
+_GONE_S = 1.0
+
+#: Sends numbers to the drives; raises where it cannot.
+Send = Callable[[Mapping[str, float]], None]
+
+
+class ControlLoop(threading.Thread):
+    """Steps of a controller at a fixed rate.
+
+    Args:
+        control: the controller.
+        send: to the drives.
+        step_s: time between two steps, > 0.
+
+    Attributes:
+        state, operator: the newest ones, to be set from outside.
+        output: of the last step.
+        error: that has ended the loop, None while it runs.
+    """
+
+    def __init__(self, control: DriveControl, send: Send, step_s: float):
+        super().__init__(name="slip control", daemon=True)
+        self.control, self.send, self.step_s = control, send, step_s
+        self.state: RobotState | None = None
+        self.operator: OperatorCommand | None = None
+        self.output: DriveOutput | None = None
+        self.error: Exception | None = None
+        self._end = threading.Event()
+
+    def run(self) -> None:
+        """Step until the end; the last commands are those of a stop."""
+        next_s = sent_s = time.monotonic()
+        while not self._end.is_set():
+            self.output = self.control.step(time.monotonic(), self.state, self.operator)
+            try:
+                self.send(self.control.numbers(self.output))
+                sent_s = time.monotonic()
+            except Exception as error:  # a bus that is gone raises of every kind
+                self.control.stop(f"the drives take no command ({error})")
+                if time.monotonic() - sent_s > _GONE_S:
+                    self.error = error
+                    return
+            next_s = max(next_s + self.step_s, time.monotonic())
+            self._end.wait(next_s - time.monotonic())
+        self._say_stop()
+
+    def end(self) -> None:
+        """Stop the robot and end the loop."""
+        self._end.set()
+        if self.is_alive():
+            self.join(_GONE_S)
+
+    def check(self) -> None:
+        """Raise OhmwardError where the loop has ended by itself."""
+        if self.error is not None or not self.is_alive():
+            raise OhmwardError(f"the drives take no command ({self.error}); is the bus up?") from self.error
+
+    def _say_stop(self) -> None:
+        self.control.stop("the process ends")
+        for _ in range(_LAST_WORDS):
+            self.output = self.control.step(time.monotonic(), None, None)
+            try:
+                self.send(self.control.numbers(self.output))
+            except Exception as error:  # nobody is left to be told
+                self.error = error
+                return

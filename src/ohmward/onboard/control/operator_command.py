@@ -1,0 +1,60 @@
+"""Set-points of an operator, as they come over the network: checked, and limited by the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ohmward.onboard.control.limits import DriveLimits
+from ohmward.onboard.message import as_number
+
+#: Smaller set-points are none: a stick has play, and a robot is armed at rest only.
+NOTHING = 1e-3
+
+
+class OperatorCommand(NamedTuple):
+    """An operator's set-points.
+
+    armed: the robot may drive.
+    speed_m_s: forward; yaw_rate_rad_s: > 0 to the left.
+    slip_bound: largest slip ratio while the speed is held.
+    slip_ratio: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
+    said_s: time on the robot's clock after which the operator has said this.
+    """
+
+    armed: bool = False
+    speed_m_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    slip_bound: float = 0.12
+    slip_ratio: float = 0.0
+    said_s: float = -math.inf
+
+    @property
+    def at_rest(self) -> bool:
+        """True where it asks for nothing."""
+        return max(abs(self.speed_m_s), abs(self.yaw_rate_rad_s), abs(self.slip_ratio)) < NOTHING
+
+    def limited(self, limits: DriveLimits) -> OperatorCommand:
+        """The nearest set-points within the limits."""
+        return self._replace(
+            speed_m_s=_within(self.speed_m_s, limits.speed_m_s),
+            yaw_rate_rad_s=_within(self.yaw_rate_rad_s, limits.yaw_rate_rad_s),
+            slip_bound=min(max(self.slip_bound, 0.001), limits.slip),
+            slip_ratio=_within(self.slip_ratio, limits.slip),
+        )
+
+
+def _within(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
+def command_of(found: Mapping[str, object], said_s: float) -> OperatorCommand | None:
+    """The set-points of a JSON object; None where one is no finite number."""
+    numbers = {name: as_number(found.get(name, default)) for name, default in _NUMBERS.items()}
+    if not all(map(math.isfinite, numbers.values())):
+        return None
+    return OperatorCommand(armed=found.get("armed") is True, said_s=said_s, **numbers)
+
+
+_NUMBERS = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "slip_bound": 0.12, "slip_ratio": 0.0}

@@ -1,0 +1,117 @@
+"""Torques and speeds of the driven wheels from estimates and an operator's set-points."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.onboard.control.limits import DriveLimits
+from ohmward.onboard.control.operator_command import NOTHING, OperatorCommand
+from ohmward.traction.control import (
+    ForceFilter,
+    Limits,
+    Measurement,
+    Report,
+    SlidingMode,
+    SlipCommand,
+    SlipController,
+    SpeedCommand,
+    SpeedController,
+    Uncertainty,
+    driven_wheel,
+)
+from ohmward.traction.control.wheel_speed_cascade import rim_speed_m_s
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+
+#: Slip speed [m/s] that is always allowed, so that a robot can start and climb; as in `SpeedController`.
+_CREEP_M_S = 0.06
+
+
+class WheelCommands(NamedTuple):
+    """Commands for the driven wheels; a drive takes one of them.
+
+    torque_Nm, wheel_speed_rad_s: (driven,).
+    report: of the controller of the torque.
+    """
+
+    torque_Nm: np.ndarray
+    wheel_speed_rad_s: np.ndarray
+    report: Report
+
+
+class WheelControl:
+    """Slip control of all driven wheels: a speed within slip bounds, or a slip.
+
+    Args:
+        robot: that drives.
+        limits: of torque, acceleration and slip.
+    """
+
+    def __init__(self, robot: Robot, limits: DriveLimits):
+        self.robot, self.limits = robot, limits
+        wheel = driven_wheel(robot)
+        law = SlidingMode(Uncertainty(force_N=limits.friction * wheel.load_N))
+        torque = Limits(limits.torque_Nm, limits.torque_rate_Nm_per_s)
+        lag = ForceFilter(oldest_s=limits.estimate_timeout_s)
+        self._speed = SpeedController(wheel, law, torque, lag, limits.acceleration_m_s2)
+        self._slip = SlipController(wheel, law, torque, lag)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, without torque and from the speeds of the next step."""
+        self._state: Any = None
+        self._holds_slip = False
+        self._rim_m_s: np.ndarray | None = None
+
+    def step(self, command: OperatorCommand, estimate: SlipEstimate, age_s: float, dt_s: float) -> WheelCommands:
+        """The commands to hold for the next `dt_s`; age_s: of the estimate."""
+        n = self.robot.driven
+        travel = self._travel_m_s(estimate.speed_m_s, estimate.yaw_rate_rad_s)
+        std = np.full(n, float(estimate.speed_std_m_s))
+        nothing = np.full(n, np.nan)
+        m = Measurement(np.array(estimate.wheel_speed_rad_s, float), travel, np.full(n, age_s), std, nothing, nothing)
+        holds_slip = abs(command.slip_ratio) >= NOTHING
+        loop: Any = self._slip if holds_slip else self._speed
+        if self._state is None or holds_slip != self._holds_slip:
+            torque = np.zeros(n) if self._state is None else self._state.torque_Nm
+            self._state, self._holds_slip = loop.init(m)._replace(torque_Nm=torque), holds_slip
+        wanted = self._travel_m_s(command.speed_m_s, command.yaw_rate_rad_s)
+        direction = np.where(wanted < 0.0, -1.0, 1.0)
+        slip = np.full(n, command.slip_ratio if holds_slip else command.slip_bound)
+        asked = SlipCommand(slip, direction) if holds_slip else SpeedCommand(wanted, slip)
+        self._state, torque_Nm, report = loop.step(self._state, asked, m, dt_s)
+        rim = self._rim_speed(wanted, direction, slip, holds_slip, travel, dt_s)
+        return WheelCommands(np.asarray(torque_Nm), rim / self.robot.wheel.radius_m, report)
+
+    def _rim_speed(
+        self,
+        wanted: np.ndarray,
+        direction: np.ndarray,
+        slip: np.ndarray,
+        holds_slip: bool,
+        travel: np.ndarray,
+        dt_s: float,
+    ) -> np.ndarray:
+        """Speed [m/s] of the rims: a ramp to the speed wanted within the slip bounds, or the one of the slip."""
+        before = travel if self._rim_m_s is None else self._rim_m_s
+        ahead = direction * travel
+        floor = self._slip.floor_m_s
+        driving = np.maximum(rim_speed_m_s(ahead, abs(slip), floor), ahead + _CREEP_M_S)
+        braking = np.minimum(rim_speed_m_s(ahead, -abs(slip), floor), ahead - _CREEP_M_S)
+        if holds_slip:
+            aim = direction * np.where(slip > 0.0, driving, np.maximum(braking, 0.0))
+        else:
+            aim = direction * np.clip(direction * wanted, braking, driving)
+        change = self.limits.acceleration_m_s2 * dt_s
+        ramp = np.clip(aim, before - change, before + change)
+        # Where the ground gives way the bound counts at once; the ramp is for the speed wanted.
+        self._rim_m_s = ramp if holds_slip else direction * np.clip(direction * ramp, braking, driving)
+        return self._rim_m_s
+
+    def _travel_m_s(self, speed_m_s: float, yaw_rate_rad_s: float) -> np.ndarray:
+        """Speeds [m/s] of the driven wheels' centres along the wheels."""
+        motion = np.zeros(self.robot.freedoms)
+        motion[0], motion[-1] = speed_m_s, yaw_rate_rad_s
+        return np.asarray(self.robot.rolling[: self.robot.driven] @ motion)

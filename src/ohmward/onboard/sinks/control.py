@@ -1,0 +1,89 @@
+"""Slip control: a sink of states whose output goes to the drives, armed by an operator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError
+from ohmward.onboard.control.drive_control import DriveControl
+from ohmward.onboard.control.limits import DriveLimits
+from ohmward.onboard.control.loop import ControlLoop
+from ohmward.onboard.control.operator_server import OperatorServer
+from ohmward.onboard.control.outputs import CanOutput, MqttOutput
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.traction.robot.file import load_robot
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class ControlSink:
+    """The controller and its operator.
+
+    Attributes:
+        robot: path of the robot file or name of a packaged robot.
+        can, mqtt: the way to the drives, one of them.
+        operator: HOST:PORT at which the operator connects; any host but this machine needs a token.
+        token: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600.
+        limits: of speed, torque and slip, and timeouts.
+        step_s: time between two commands, 0.002 to 0.02.
+        name: in diagnostics.
+    """
+
+    robot: str
+    can: CanOutput | None = None
+    mqtt: MqttOutput | None = None
+    operator: str = "127.0.0.1:4720"
+    token: str | None = None
+    limits: DriveLimits = field(default_factory=DriveLimits)
+    step_s: float = 0.01
+    name: str = "control"
+
+    def __post_init__(self) -> None:
+        require_between("step_s", self.step_s, 0.002, 0.02)
+        if (self.can is None) == (self.mqtt is None):
+            raise InputError("give the way to the drives, [sink.can] or [sink.mqtt]")
+        host, _ = host_and_port("operator", self.operator)
+        if self.token is not None:
+            check_secret_name("token", self.token)
+        elif host not in _LOOPBACK:
+            raise InputError(
+                f'operator = "{self.operator}" can be reached from other machines; give a token: token = "DRIVE_TOKEN"'
+            )
+
+    @property
+    def interval_s(self) -> float:
+        """It takes every state."""
+        return 0.0
+
+    async def run(self, feed: Feed) -> None:
+        """Control until the feed ends; the last commands stop the robot."""
+        control = DriveControl(load_robot(self.robot), self.limits)
+        token = secret("token", self.token) if self.token else ""
+        names = list(control.numbers(control.step(0.0, None, None)))
+        output = self.can or self.mqtt
+        assert output is not None
+        async with output.opened(names) as send:
+            loop = ControlLoop(control, send, self.step_s)
+            loop.start()
+            try:
+                async with OperatorServer(loop, self.robot, token).listening(*host_and_port("operator", self.operator)):
+                    while states := await feed.batch():
+                        loop.state = states[-1]
+                        loop.check()
+            finally:
+                loop.end()
+
+
+def host_and_port(key: str, address: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT.
+
+    Raises:
+        InputError: it is none.
+    """
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(f"{key} must be HOST:PORT, got {address!r}")
+    return host.strip("[]"), int(port)

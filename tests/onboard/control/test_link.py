@@ -1,0 +1,323 @@
+"""Robot and operator over a real connection, the loop in its thread, drives on python-can's virtual bus."""
+
+import asyncio
+import gc
+import threading
+import time
+from contextlib import suppress
+from itertools import count, pairwise
+from pathlib import Path
+from typing import Any
+
+import can
+import cantools
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.control.drive_control import DriveControl
+from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
+from ohmward.onboard.control.loop import ControlLoop
+from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_link import OperatorLink
+from ohmward.onboard.control.outputs import CanOutput
+from ohmward.onboard.control.signing import Signing
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.message import Signals
+from ohmward.onboard.sinks.control import ControlSink
+from ohmward.traction.robot.robot import RLMA
+from onboard.control.test_drive_control import state
+from onboard.servers import free_port
+
+DBC = str(Path(__file__).parents[1] / "robot.dbc")
+TORQUE: Signals = {"torque_Nm.front_left": "Torque.Left", "torque_Nm.front_right": "Torque.Right"}
+SIGNALS: Signals = TORQUE | {"enable": "Torque.Enable", "counter": "Torque.Counter"}
+CHANNELS = count()
+#: The machine of the tests may be busy with others: its scheduler may take so long besides.
+BUSY_S = 0.05
+
+
+class Drives:
+    """Motor drives on the bus: every frame with the time at which it came."""
+
+    def __init__(self, channel: str):
+        self.bus = can.Bus(interface="virtual", channel=channel)
+        self.frames: list[tuple[float, dict[str, Any]]] = []
+        self._database: Any = cantools.database.load_file(DBC)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        while not self._end.is_set():
+            if message := self.bus.recv(0.1):
+                found: Any = self._database.decode_message(message.arbitration_id, bytes(message.data))
+                self.frames.append((time.monotonic(), found))
+
+    def driving(self) -> bool:
+        return bool(self.frames and self.frames[-1][1]["Enable"] == 1 and self.frames[-1][1]["Left"] > 0.0)
+
+    def stopped_s(self, after_s: float) -> float:
+        """Time after `after_s` of the first frame without enable and torque."""
+        for at_s, frame in self.frames:
+            if at_s >= after_s and (frame["Enable"], frame["Left"], frame["Right"]) == (0, 0, 0):
+                return at_s - after_s
+        return 1e9
+
+    def close(self) -> None:
+        self._end.set()
+        self._thread.join()
+        self.bus.shutdown()
+
+
+@pytest.fixture
+def rig():
+    channel = f"drives{next(CHANNELS)}"
+    drives = Drives(channel)
+    output = CanOutput(
+        "virtual", channel, dbc=DBC, signals=TORQUE | {"enable": "Torque.Enable", "counter": "Torque.Counter"}
+    )
+    yield ControlSink("rlma", can=output, operator=f"127.0.0.1:{free_port()}"), drives
+    drives.close()
+
+
+async def feed_states(feed, ended):
+    while not ended.is_set():
+        feed.put(state(time.monotonic()))
+        await asyncio.sleep(0.01)
+
+
+async def until(condition, within_s=10.0):
+    end_s = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < end_s, "in vain"
+        await asyncio.sleep(0.005)
+
+
+async def cancelled(*tasks):
+    for task in tasks:
+        task.cancel()
+        with suppress(asyncio.CancelledError, OhmwardError):
+            await task
+
+
+class Bench:
+    """A robot under control and its operator, who drives."""
+
+    def __init__(self, sink, token=""):
+        self.feed, self.ended = Feed(), asyncio.Event()
+        self.link = OperatorLink("127.0.0.1", int(sink.operator.rpartition(":")[2]), token)
+        self.beats: list[dict[str, Any]] = []
+        self.feeding = asyncio.create_task(feed_states(self.feed, self.ended))
+        self.running = asyncio.create_task(sink.run(self.feed))
+        self.operating: asyncio.Task[None] | None = None
+        self.answers, self.hangs = asyncio.Event(), False
+        self.answers.set()
+
+    async def _operate(self) -> None:
+        async for beat in self.link.beats():
+            self.beats.append(beat)
+            self.hangs = not self.answers.is_set()
+            await self.answers.wait()
+
+    async def drive(self, drives) -> None:
+        await asyncio.sleep(0.3)
+        self.operating = asyncio.create_task(self._operate())
+        await until(lambda: self.beats)
+        await asyncio.sleep(0.1)
+        self.link.command = OperatorCommand(armed=True)
+        await until(lambda: self.beats[-1]["phase"] == "armed")
+        self.link.command = OperatorCommand(armed=True, speed_m_s=0.3)
+        await until(drives.driving)
+
+    async def close(self) -> None:
+        self.ended.set()
+        self.feed.end()
+        if self.operating:
+            await cancelled(self.operating)
+        await self.feeding
+        with suppress(OhmwardError):
+            await self.running
+
+
+def run_bench(rig, act):
+    """Drive, do `act(bench)`, which returns the time of the fault, and wait for the stop; its delay."""
+    sink, drives = rig
+
+    async def run():
+        bench = Bench(sink)
+        try:
+            await bench.drive(drives)
+            fault_s = await act(bench)
+            await until(lambda: drives.stopped_s(fault_s) < 1e9)
+            return drives.stopped_s(fault_s), bench
+        finally:
+            await bench.close()
+
+    gc.disable()
+    try:
+        return asyncio.run(run())
+    finally:
+        gc.enable()
+
+
+async def estimates_end(bench):
+    bench.ended.set()
+    await asyncio.sleep(0)
+    return time.monotonic()
+
+
+async def operator_hangs(bench):
+    """The connection stays, nothing comes: the operator's computer has frozen, or the radio is gone."""
+    bench.answers.clear()
+    await until(lambda: bench.hangs)
+    return time.monotonic()
+
+
+async def operator_leaves(bench):
+    fault_s = time.monotonic()
+    await cancelled(bench.operating)
+    return fault_s
+
+
+async def operator_stops(bench):
+    bench.link.command = OperatorCommand()
+    return time.monotonic()
+
+
+async def loop_of_process_hangs(bench):
+    """The whole process but the controller's thread is held up."""
+    fault_s = time.monotonic()
+    time.sleep(0.3)
+    return fault_s
+
+
+@pytest.mark.parametrize(
+    "act",
+    [estimates_end, operator_hangs, operator_leaves, operator_stops, loop_of_process_hangs],
+    ids=lambda a: a.__name__,
+)
+def test_the_drives_are_told_to_stop_within_100_ms(rig, act):
+    delay_s, _ = run_bench(rig, act)
+    assert delay_s <= SAFE_STOP_S + BUSY_S
+
+
+def test_an_exception_of_the_controller_stops_the_drives(rig, monkeypatch):
+    async def act(bench):
+        monkeypatch.setattr("ohmward.onboard.control.wheel_control.WheelControl.step", lambda *_: 1 / 0)
+        return time.monotonic()
+
+    delay_s, _ = run_bench(rig, act)
+    assert delay_s <= SAFE_STOP_S + BUSY_S
+
+
+def test_the_end_of_the_process_is_a_stop(rig):
+    async def act(bench):
+        bench.ended.set()
+        fault_s = time.monotonic()
+        bench.feed.end()
+        return fault_s
+
+    delay_s, _ = run_bench(rig, act)
+    assert delay_s <= SAFE_STOP_S + BUSY_S
+
+
+def test_heartbeats_count_up_at_the_rate_of_the_loop(rig):
+    async def act(bench):
+        await asyncio.sleep(0.5)
+        bench.link.command = OperatorCommand()
+        return time.monotonic()
+
+    run_bench(rig, act)
+    frames = rig[1].frames
+    counters = [frame["Counter"] for _, frame in frames]
+    assert all((after - before) % 256 == 1 for before, after in pairwise(counters))
+    assert len(frames) > 50
+
+
+def test_answers_that_were_held_up_are_no_heartbeat():
+    """A burst of old answers is as old as the beats that they answer."""
+    control = DriveControl(RLMA, DriveLimits())
+    old = OperatorCommand(armed=True, said_s=1.0)
+    assert control.step(1.2, state(1.2), old).reason == "nothing from the operator for 200 ms"
+
+
+def test_a_second_operator_does_not_drive_but_may_stop(rig):
+    async def act(bench):
+        other = OperatorLink("127.0.0.1", bench.link.port)
+        other.command = OperatorCommand(armed=True, speed_m_s=-0.3)
+        beats = other.beats()
+        for _ in range(20):
+            beat = await anext(beats)
+        assert beat["driver"] is False and beat["phase"] == "armed"
+        other.stop = True
+        fault_s = time.monotonic()
+        async for beat in beats:
+            if beat["reason"] == "stopped by an operator":
+                break
+        await beats.aclose()
+        return fault_s
+
+    delay_s, _ = run_bench(rig, act)
+    assert delay_s <= SAFE_STOP_S + BUSY_S
+
+
+def test_another_token_is_refused_on_both_sides(rig, monkeypatch):
+    sink, drives = rig
+    monkeypatch.setenv("DRIVE_TOKEN", "right-one")
+    sink = ControlSink("rlma", can=sink.can, operator=sink.operator, token="DRIVE_TOKEN")
+
+    async def run():
+        wrong = Bench(sink, "wrong-one")
+        with pytest.raises(OhmwardError, match="another token") as found:
+            await asyncio.sleep(0.3)
+            async for _ in wrong.link.beats():
+                pass
+        assert "wrong-one" not in str(found.value) and "right-one" not in str(found.value)
+        await wrong.close()
+        right = Bench(sink, "right-one")
+        await right.drive(drives)
+        await right.close()
+
+    asyncio.run(run())
+
+
+def test_a_line_of_another_sender_connection_or_time_is_refused():
+    robot, operator = (Signing("token", "nonce", "operator") for _ in range(2))
+    line = operator.line({"armed": True})
+    assert robot.read(line) == {"armed": True, "n": 1}
+    assert robot.read(line) is None  # again
+    assert robot.read(operator.line({"x": 1}).replace(b"1", b"2")) is None  # changed
+    for other in (("other", "nonce", "operator"), ("token", "later", "operator"), ("token", "nonce", "robot")):
+        assert Signing(*other).read(operator.line({})) is None
+    for junk in (b"", b"\n", b"x" * 5000, b"\xff\xfe \x00\n"):
+        assert robot.read(junk) is None
+
+
+def test_a_bus_that_takes_no_frame_is_a_stop_and_then_an_error():
+    def send(numbers):
+        raise OSError("no buffer space")
+
+    loop = ControlLoop(DriveControl(RLMA, DriveLimits()), send, 0.01)
+    loop.start()
+    loop.join(5.0)
+    with pytest.raises(OhmwardError, match=r"the drives take no command \(no buffer space\)"):
+        loop.check()
+    assert loop.control.reason.startswith("the drives take no command")
+
+
+def test_settings_are_checked(rig):
+    output = rig[0].can
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({}, r"give the way to the drives, \[sink.can\] or \[sink.mqtt\]"),
+        ({"can": output, "operator": "0.0.0.0:4720"}, "can be reached from other machines; give a token"),
+        ({"can": output, "operator": "nowhere"}, "operator must be HOST:PORT"),
+        ({"can": output, "step_s": 0.5}, "step_s must be between"),
+    ]
+    for settings, message in refused:
+        with pytest.raises(InputError, match=message):
+            ControlSink("rlma", **settings)
+    with pytest.raises(InputError, match='no "enable"'):
+        CanOutput(dbc=DBC, signals=dict(TORQUE))
+    wrong = CanOutput("virtual", "x", dbc=DBC, signals={"torque_Nm.nose": "Torque.Left", "enable": "Torque.Enable"})
+    with pytest.raises(InputError, match=r"'torque_Nm.nose' is no number for the drives; there are: .*front_left"):
+        asyncio.run(ControlSink("rlma", can=wrong).run(Feed()))
