@@ -3,10 +3,8 @@
 import asyncio
 import json
 import math
-import threading
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -19,41 +17,7 @@ from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.page import PageSink, is_loopback
-from onboard.page_states import drive
-
-TOKEN = "a token of the robot"
-
-
-def filled_dashboard() -> Dashboard:
-    dashboard = Dashboard("rover <1>")
-    dashboard.take(drive())
-    return dashboard
-
-
-@contextmanager
-def served(token="", dashboard=None):
-    """Address of a server of the page in a thread of its own."""
-    sink = PageSink(port=0, token="OHMWARD_TEST_TOKEN" if token else None)
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-    dashboard = dashboard or asyncio.run_coroutine_threadsafe(_dashboard(), loop).result()
-    with sink._listening() as listener:
-        server = sink._server(dashboard)
-        done = asyncio.run_coroutine_threadsafe(server.serve(sockets=[listener]), loop)
-        try:
-            yield sink._address(listener)
-        finally:
-            loop.call_soon_threadsafe(dashboard.end)
-            server.should_exit = True
-            done.result(10)
-            loop.call_soon_threadsafe(loop.stop)
-            thread.join(10)
-            loop.close()
-
-
-async def _dashboard():
-    return filled_dashboard()
+from onboard.page_server import TOKEN, drive, filled_dashboard, served
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ const isKnown = (value) => value !== null && value !== undefined;
 const fixed = (value, digits, unit = "") => (isKnown(value) ? value.toFixed(digits) + unit : "–");
 const STALE_MS = 5000, HISTORY_S = 3600, PATH_EVERY = 5, MOST_ALARMS = 3;
 
-let history = null, plots = [], path = { x_m: [], y_m: [] }, heard = 0, events = 0;
+let history = null, plots = [], path = { x_m: [], y_m: [] }, known = [], heard = 0, events = 0;
 
 function say(id, text) {
   if (at(id).textContent !== text) at(id).textContent = text;
@@ -99,8 +99,12 @@ function showSensors(sensors) {
   const alarm = lines.join("\n");
   say("alarm", alarm);
   at("alarm").hidden = !alarm;
-  if (!at("sensors-details").open) return;
-  at("sensors").replaceChildren(...sensors.map((sensor) => {
+  known = sensors;
+  if (at("sensors-details").open) listSensors();
+}
+
+function listSensors() {
+  at("sensors").replaceChildren(...known.map((sensor) => {
     const item = document.createElement("li"), level = document.createElement("span"), name = document.createElement("b");
     level.className = `level ${sensor.level}`;
     level.textContent = { OK: "well", WARN: "warning", ERROR: "error", STALE: "silent" }[sensor.level];
@@ -166,4 +170,5 @@ setInterval(() => {
   say("link", heard === 0 ? "connecting" : silent < STALE_MS ? "live" : `no news for ${duration(silent / 1000)}; what you see is old`);
 }, 1000);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach((plot) => plot.plot.redraw(false)));
+at("sensors-details").addEventListener("toggle", listSensors);
 listen();

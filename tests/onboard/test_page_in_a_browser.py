@@ -1,0 +1,113 @@
+"""The live page in headless Chromium: moving numbers, a phone, the keyboard, and what axe and schemathesis find."""
+
+import shutil
+
+import pytest
+
+from onboard.page_server import drive, filled_dashboard, served
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
+playwright = pytest.importorskip("playwright.sync_api")
+
+SIZES = {"desk": (1280, 900), "phone": (390, 844)}
+
+
+@pytest.fixture(scope="module")
+def page_address():
+    with served() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser():
+    arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(params=SIZES)
+def opened(request, browser, page_address):
+    """The page, and what went wrong in it."""
+    width, height = SIZES[request.param]
+    page = browser.new_page(viewport={"width": width, "height": height})
+    faults: list[str] = []
+    page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("requestfailed", lambda failed: faults.append(failed.url))
+    page.goto(page_address)
+    page.wait_for_function("() => document.getElementById('soc').textContent !== '–'", timeout=10_000)
+    yield page, faults
+    page.close()
+
+
+def test_the_numbers_come_without_an_error_and_fit(opened):
+    page, faults = opened
+    page.wait_for_function("() => document.querySelectorAll('.plot canvas').length === 3")
+    page.wait_for_selector("#map svg .ellipse", state="attached")
+    assert page.inner_text("#robot") == "rover <1>"
+    assert page.title() == "rover <1>"
+    assert "%" in page.inner_text("#soc-sentence")
+    assert page.inner_text("#wheels tr:first-child td:first-child") == "front left"
+    assert "battery_voltage_V: reads 99" in page.inner_text("#alarm") and "<b>more</b>" in page.inner_text("#alarm")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert faults == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(opened, scheme):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    page, _ = opened
+    page.emulate_media(color_scheme=scheme)
+    page.click("summary")
+    page.wait_for_selector("#sensors li")
+    found = axe.run(page)["violations"]
+    assert [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in found] == []
+
+
+def test_the_keyboard_reaches_everything(opened):
+    page, _ = opened
+    reached = []
+    for _ in range(6):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate("document.activeElement.textContent.trim()"))
+    assert reached == ["To the estimates", "All of them", "JSON", "OpenAPI", "metrics", ""] or set(reached) >= {
+        "To the estimates",
+        "All of them",
+        "JSON",
+        "OpenAPI",
+        "metrics",
+    }
+
+
+def test_numbers_move_and_silence_is_said(browser):
+    dashboard = filled_dashboard()
+    with served(dashboard=dashboard) as address:
+        page = browser.new_page()
+        page.goto(address)
+        page.wait_for_function("() => document.getElementById('soc').textContent !== '–'")
+        before = page.inner_text("#soc")
+        state = drive()[-1]
+        assert state.battery is not None
+        dashboard.take([state._replace(time_s=state.time_s + 60.0, battery=state.battery._replace(soc=0.123))])
+        page.wait_for_function("() => document.getElementById('soc').textContent === '12'")
+        assert before != "12"
+        assert "low" in page.evaluate("document.getElementById('soc').closest('.card').className")
+        page.wait_for_function("() => document.getElementById('link').textContent === 'live'")
+    page.wait_for_function("() => document.getElementById('link').textContent.startsWith('no news')", timeout=15_000)
+    page.close()
+
+
+def test_schemathesis_finds_nothing(page_address):
+    schemathesis = pytest.importorskip("schemathesis")
+    schema = schemathesis.openapi.from_url(f"{page_address}/openapi.json")
+    tried = 0
+    for operation in schema.get_all_operations():
+        if operation.ok().path == "/events":
+            continue  # it does not end; its own test reads it
+        case = operation.ok().Case()
+        case.call_and_validate()
+        tried += 1
+    assert tried == 5
