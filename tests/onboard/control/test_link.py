@@ -2,6 +2,9 @@
 
 import asyncio
 import gc
+import json
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -19,18 +22,23 @@ from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
-from ohmward.onboard.control.outputs import CanOutput
+from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput
 from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Signals
+from ohmward.onboard.ros import types
+from ohmward.onboard.ros.cdr import serialize
+from ohmward.onboard.ros.transport import RosNetwork
 from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sources.mqtt import MqttSource
 from ohmward.traction.robot.robot import RLMA
 from onboard.control.test_drive_control import state
-from onboard.servers import free_port
+from onboard.servers import free_port, mosquitto, wait_for_port
 
 DBC = str(Path(__file__).parents[1] / "robot.dbc")
 TORQUE: Signals = {"torque_Nm.front_left": "Torque.Left", "torque_Nm.front_right": "Torque.Right"}
 SIGNALS: Signals = TORQUE | {"enable": "Torque.Enable", "counter": "Torque.Counter"}
+OTHER_NODE = Path(__file__).parents[1] / "ros" / "other_node.py"
 CHANNELS = count()
 #: The machine of the tests may be busy with others: its scheduler may take so long besides.
 BUSY_S = 0.05
@@ -308,7 +316,7 @@ def test_a_bus_that_takes_no_frame_is_a_stop_and_then_an_error():
 def test_settings_are_checked(rig):
     output = rig[0].can
     refused: list[tuple[dict[str, Any], str]] = [
-        ({}, r"give the way to the drives, \[sink.can\] or \[sink.mqtt\]"),
+        ({}, r"give one way to the drives: \[sink.can\], \[sink.ros\] or \[sink.mqtt\]"),
         ({"can": output, "operator": "0.0.0.0:4720"}, "can be reached from other machines; give a token"),
         ({"can": output, "operator": "nowhere"}, "operator must be HOST:PORT"),
         ({"can": output, "step_s": 0.5}, "step_s must be between"),
@@ -321,3 +329,55 @@ def test_settings_are_checked(rig):
     wrong = CanOutput("virtual", "x", dbc=DBC, signals={"torque_Nm.nose": "Torque.Left", "enable": "Torque.Enable"})
     with pytest.raises(InputError, match=r"'torque_Nm.nose' is no number for the drives; there are: .*front_left"):
         asyncio.run(ControlSink("rlma", can=wrong).run(Feed()))
+
+
+def test_torques_go_to_ros_as_arrays_and_to_mqtt_as_objects(tmp_path):
+    """The same numbers by zenoh as rmw_zenoh carries them and by a real broker; zeros while nothing is armed."""
+    port, numbers = free_port(), {"enable": 1.0, "counter": 3.0, "torque_Nm.left": 1.5, "torque_Nm.right": -2.0}
+    router = subprocess.Popen([sys.executable, str(OTHER_NODE), "router", str(port)], stdout=subprocess.PIPE)
+    wait_for_port(port)
+
+    async def by_ros():
+        got: list[bytes] = []
+        network = RosNetwork(transport="zenoh", router=f"tcp/127.0.0.1:{port}", node="drives")
+        listener = await asyncio.to_thread(network.open)
+        listener.subscribe("/wheels/commands", types.FLOATS, got.append)
+        output = RosOutput("zenoh", router=network.router, topic="/wheels/commands", joints=("right", "left"))
+        async with output.opened(list(numbers)) as send:
+            end_s = time.monotonic() + 10.0
+            while not got and time.monotonic() < end_s:
+                send(numbers)
+                await asyncio.sleep(0.02)
+        await asyncio.to_thread(listener.close)
+        return got[0]
+
+    async def by_mqtt(broker):
+        got: list[Any] = []
+        drives = MqttSource(host="127.0.0.1", port=broker.port, topics=("drives",))
+        async with drives.connected() as listener:
+            listener.client.subscribe("drives")
+            async with MqttOutput("127.0.0.1", broker.port, topic="drives").opened(list(numbers)) as send:
+                await asyncio.sleep(0.3)
+                send(numbers)
+                got += await listener.received.take()
+        return json.loads(got[0].payload)
+
+    try:
+        payload = asyncio.run(by_ros())
+    finally:
+        router.kill()
+        router.wait()
+    assert payload == serialize(types.FLOATS, {"layout": {"dim": [], "data_offset": 0}, "data": [-2.0, 1.5]})
+    with mosquitto(tmp_path) as broker:
+        assert asyncio.run(by_mqtt(broker)) == numbers
+
+
+def test_a_joint_that_the_robot_does_not_have_is_named():
+    output = RosOutput("zenoh", joints=("nose",))
+
+    async def opened():
+        async with output.opened(["torque_Nm.left"]):
+            pass
+
+    with pytest.raises(InputError, match=r"ros.joints: 'torque_Nm.nose' is no wheel; there are: torque_Nm.left"):
+        asyncio.run(opened())

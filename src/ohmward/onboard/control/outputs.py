@@ -1,18 +1,26 @@
-"""Commands to the drives: frames of the user's database on CAN, or a JSON object by MQTT."""
+"""Commands to the drives: frames of the user's database on CAN, arrays for ros2_control, or JSON objects by MQTT."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.can_bus import NO_FRAMES, CanPort
 from ohmward.onboard.can_database import CanDatabase, CanEncoder
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.mqtt_broker import MqttBroker
+from ohmward.onboard.ros import types
+from ohmward.onboard.ros.cdr import serialize
+from ohmward.onboard.ros.transport import RosNetwork
+
+#: Quantity of each kind of command.
+_OF_COMMAND = {"torque": "torque_Nm", "wheel-speed": "wheel_speed_rad_s"}
 
 
 @dataclass(frozen=True)
@@ -71,3 +79,45 @@ class MqttOutput(MqttBroker):
                     raise OhmwardError(f"{self.host}:{self.port} takes no commands")
 
             yield send
+
+
+@dataclass(frozen=True)
+class RosOutput(RosNetwork):
+    """`std_msgs/Float64MultiArray` for a forward_command_controller of ros2_control: zeros unless armed.
+
+    Attributes:
+        transport, node, namespace, domain, router: of the network.
+        topic: of the controller's commands.
+        command: "torque" for its interface "effort", "wheel-speed" for "velocity".
+        joints: names of the wheels in the order of the controller's joints; by default that of the robot file.
+    """
+
+    node: str = "ohmward_control"
+    topic: str = "/wheel_controller/commands"
+    command: str = "torque"
+    joints: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of("command", self.command, _OF_COMMAND)
+
+    @asynccontextmanager
+    async def opened(self, names: list[str]) -> AsyncIterator[Send]:
+        """The function that sends; names: of the numbers that there are."""
+        quantity = _OF_COMMAND[self.command]
+        wheels = [name for name in names if name.partition(".")[0] == quantity]
+        wanted = [f"{quantity}.{joint}" for joint in self.joints] or wheels
+        if unknown := set(wanted) - set(wheels):
+            raise InputError(f"ros.joints: {min(unknown)!r} is no wheel; there are: {', '.join(wheels)}")
+        transport = await asyncio.to_thread(self.open)
+
+        def send(numbers: Mapping[str, float]) -> None:
+            transport.check()
+            layout = {"dim": [], "data_offset": 0}
+            message = {"layout": layout, "data": [numbers[name] for name in wanted]}
+            transport.publish(self.topic, types.FLOATS, serialize(types.FLOATS, message))
+
+        try:
+            yield send
+        finally:
+            await asyncio.to_thread(transport.close)
