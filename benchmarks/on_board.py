@@ -38,7 +38,7 @@ END_S = 4.0
 
 
 class Load(NamedTuple):
-    """What the process did under load.
+    """Measurements of the process under load.
 
     sent, estimated: samples of wheels and motors, and estimates of the drive.
     latency_s: (K,) from a sample's own time stamp to its estimate at a sink.

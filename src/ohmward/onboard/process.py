@@ -157,7 +157,9 @@ class Process:
         self._told = ()
         if before and (before.level, before.message) == (diagnostic.level, diagnostic.message):
             return
-        LOG.log(_LOG_LEVELS.get(diagnostic.level, logging.ERROR), "%s: %s", diagnostic.name, diagnostic.message)
+        usual = before is None and diagnostic.level == Level.OK
+        level = logging.DEBUG if usual else _LOG_LEVELS.get(diagnostic.level, logging.ERROR)
+        LOG.log(level, "%s: %s", diagnostic.name, diagnostic.message)
         if self.strict and diagnostic.level == Level.ERROR:
             self._refuse(diagnostic)
 

@@ -25,6 +25,9 @@ class WheelCheck:
 
     Args:
         robot: that the wheels are on.
+
+    Attributes:
+        scale: a yaw rate times it is of the size of wheel speeds, so that one tolerance serves all.
     """
 
     def __init__(self, robot: Robot):
@@ -33,9 +36,12 @@ class WheelCheck:
         self._signals = {f"{_SPEED}.{place.name}": k for k, place in enumerate(robot.places)}
         self._signals |= {f"{_SPEED}.{k}": k for k in range(len(robot.places))}
         turn = [1.0 if name == PLANAR[2] else 0.0 for name in robot.chassis.freedoms]
-        # the gyro's row is scaled as the wheels' rows are, so that one tolerance serves all
-        self._scale = float(np.abs(robot.rolling[:, -1]).max()) / self._radius_m or 1.0
-        self._rows = np.vstack([robot.rolling / self._radius_m, self._scale * np.array(turn)])
+        self.scale = float(np.abs(robot.rolling[:, -1]).max()) / self._radius_m or 1.0
+        self._rows = np.vstack([robot.rolling / self._radius_m, self.scale * np.array(turn)])
+
+    def row(self, wheel: int | None) -> np.ndarray:
+        """Row of G of a wheel; of the gyro for None."""
+        return self._rows[-1 if wheel is None else wheel]
 
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
         """Signals of wheels that are stuck.
@@ -59,7 +65,7 @@ class WheelCheck:
                 values.append(value)
             elif signal == _YAW_RATE and not same:
                 rows.append(len(self._rows) - 1)
-                values.append(self._scale * value)
+                values.append(self.scale * value)
         return rows, values
 
     def _expected(self, k: int, rows: list[int], values: list[float]) -> float | None:

@@ -18,5 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "setup", nargs="?", metavar="SETUP.toml", help="battery, robot, sources and sinks; --example prints one"
     )
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--demo", action="store_true", help="run a simulated robot in real time")
+    what.add_argument("--demo", action="store_true", help="run a simulated robot in real time, and show it")
+    what.add_argument("--example", action="store_true", help="print a setup with comments, to edit")
+    what.add_argument(
+        "--check",
+        action="store_true",
+        help="listen for 10 s (or --seconds) and check every signal, its unit and its sign; drive a little meanwhile",
+    )
     parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
+    parser.add_argument("--json", action="store_true", help="with --check: print the findings as JSON")

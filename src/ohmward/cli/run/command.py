@@ -6,29 +6,49 @@ import argparse
 import asyncio
 import logging
 import sys
+from importlib.resources import files
 
 from ohmward.checks import require_positive
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.run.demonstration import demo_process
+from ohmward.cli.run.result import describe, summary
 from ohmward.errors import InputError
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.process import Process
 from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.trial import try_setup
+
+#: Time for which `--check` listens [s], unless told otherwise.
+CHECK_S = 10.0
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Run until the sources end or the user stops it."""
-    if args.seconds is not None:
-        require_positive("--seconds", args.seconds)
-    if args.demo and args.setup:
-        raise InputError(f"--demo needs no setup; leave {args.setup!r} out, or run it without --demo")
-    if not args.demo and not args.setup:
-        raise InputError("give a SETUP.toml (`ohmward run --example > robot.toml` writes one), or --demo")
+    """Run until the sources end or the user stops it; or try, or print an example."""
+    _check_arguments(args)
+    if args.example:
+        return Outcome({}, files("ohmward.cli.run").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
+    if args.check:
+        logging.disable(logging.ERROR)  # the findings say it
+        trial = try_setup(SETUP_FILE.load(args.setup), args.seconds or CHECK_S)
+        return Outcome(summary(trial), describe(trial, args.setup), status=0 if trial.passed else 1)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="ohmward: %(message)s")
     process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
     process.estimation.compile()
     asyncio.run(_run(process, args.seconds))
     return Outcome({}, "")
+
+
+def _check_arguments(args: argparse.Namespace) -> None:
+    """Raise InputError for arguments that do not go together."""
+    if args.seconds is not None:
+        require_positive("--seconds", args.seconds)
+    alone = "--demo" if args.demo else "--example" if args.example else ""
+    if alone and args.setup:
+        raise InputError(f"{alone} needs no setup; leave {args.setup!r} out, or run it without {alone}")
+    if not alone and not args.setup:
+        raise InputError("give a SETUP.toml (`ohmward run --example > robot.toml` writes one), or --demo")
+    if args.json and not args.check:
+        raise InputError('--json goes with --check; estimates as JSON come from a [[sink]] of kind = "json-lines"')
 
 
 async def _run(process: Process, seconds: float | None) -> None:

@@ -70,13 +70,17 @@ class SimulationSource:
         """
         scenario = find_scenario(self.scenario) if self.scenario else demonstration(self.seed)
         drive = await asyncio.to_thread(ClosedLoopDrive, replace(scenario, seed=self.seed))
+        rows = await asyncio.to_thread(_advance, drive)  # compiles the rest, before the clock begins
         began_s = time.monotonic()
         if scenario.battery.start_soc == 1.0:
             put(Message(0.0, began_s, self.name, {"battery_full": 1.0}))
-        while drive.truth.time_s < scenario.duration_s and not drive.empty:
-            for at_s, values in await asyncio.to_thread(_advance, drive):
+        while True:
+            for at_s, values in rows:
                 await asyncio.sleep(max(at_s / self.rate - (time.monotonic() - began_s), 0.0))
                 put(Message(at_s, began_s + at_s, self.name, values))
+            if drive.truth.time_s >= scenario.duration_s or drive.empty:
+                break
+            rows = await asyncio.to_thread(_advance, drive)
         raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
 
 

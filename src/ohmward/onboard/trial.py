@@ -1,0 +1,77 @@
+"""Trial of a setup: its sources are listened to and its sinks begun, and nothing is estimated or sent."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from ohmward.battery.file import load_battery
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.part import keep_running
+from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.setup import Setup
+from ohmward.onboard.wiring_check import Recorder, SignalRecord, WiringFinding, check_wiring
+from ohmward.traction.robot.file import load_robot
+
+
+@dataclass
+class Trial:
+    """Result of a trial.
+
+    Attributes:
+        signals: as they came.
+        findings: of parts and signals, what is wrong first.
+    """
+
+    signals: dict[str, SignalRecord] = field(default_factory=dict)
+    findings: list[WiringFinding] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """True where nothing is wrong; what could not be told is not."""
+        return all(finding.level < Level.ERROR for finding in self.findings)
+
+
+def try_setup(setup: Setup, seconds: float) -> Trial:
+    """Listen for so long, and check what came.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    battery = load_battery(Path(setup.battery)) if setup.battery else None
+    robot = load_robot(setup.robot) if setup.robot else None
+    recorder = Recorder()
+    told = asyncio.run(_listen(setup, recorder, seconds))
+    promised = {source.name: tuple(getattr(source, "signals", ())) for source in setup.source}
+    parts = [WiringFinding(d.name, d.level, d.message) for d in told.values()]
+    found = recorder.signals()
+    checked = check_wiring(found, promised, battery, robot, setup.counts_per_turn is not None)
+    return Trial(found, sorted([*parts, *checked], key=lambda finding: -finding.level))
+
+
+async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str, Diagnostic]:
+    """Run sources and sinks for so long, or until every source has ended; the worst condition of each."""
+    told: dict[str, Diagnostic] = {}
+
+    def tell(diagnostic: Diagnostic) -> None:
+        worst = told.get(diagnostic.name)
+        if worst is None or diagnostic.level >= worst.level:
+            told[diagnostic.name] = diagnostic
+
+    sinks = [
+        asyncio.create_task(keep_running(f"sink {sink.name}", partial(sink.run, Feed(math.inf)), tell))
+        for sink in setup.sink
+    ]
+    sources = [
+        asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, recorder.put), tell))
+        for source in setup.source
+    ]
+    if sources:
+        await asyncio.wait(sources, timeout=seconds)
+    for task in (*sources, *sinks):
+        task.cancel()
+    await asyncio.gather(*sources, *sinks, return_exceptions=True)
+    return told

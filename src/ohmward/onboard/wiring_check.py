@@ -1,0 +1,339 @@
+"""Check of the wiring of a robot before its estimates are trusted: every signal seen, units plausible, signs agree."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.logs.sign import sign_evidence
+from ohmward.onboard.message import Message
+from ohmward.onboard.quantities import QUANTITIES, quantity_of
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.traction.robot.robot import Robot
+
+#: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
+#: which a wheel begins to slip.
+LEAST_HZ = {"battery_current_A": 0.5, "battery_voltage_V": 0.5, "wheel_speed_rad_s": 5.0, "wheel_counts": 5.0}
+
+#: A wheel that turns slower than this tells nothing about its sign [rad/s].
+TURNING_RAD_S = 0.5
+
+#: So many samples in motion decide about a sign.
+DECIDING = 20
+
+#: A sign is wrong where the other one leaves less than this share of the contradiction between wheels and gyro.
+CLEARLY_LESS = 0.3
+
+#: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
+LEAST_RAD_S = 0.1
+
+#: Wheels and gyro differ by no more than this factor by radius and track.
+MOST_FASTER = 1.5
+
+#: Scales that are forgotten most often, and their names; the first that fits is proposed.
+_SCALES = {
+    "V": ((0.001, "millivolts"), (0.01, "hundredths of a volt"), (0.1, "tenths of a volt")),
+    "A": ((0.001, "milliamperes"), (0.01, "hundredths of an ampere"), (0.1, "tenths of an ampere")),
+    "degC": ((0.1, "tenths of a degree"), (0.01, "hundredths of a degree"), (0.001, "millidegrees")),
+    "rad_s": ((2 * math.pi / 60.0, "rpm"), (math.pi / 180.0, "degrees per second"), (0.001, "milliradians per second")),
+}
+
+#: Fastest rim of a robot with a known wheel [m/s]: a fast runner.
+_FASTEST_M_S = 10.0
+
+
+class WiringFinding(NamedTuple):
+    """Result of a check: OK, WARN for what could not be told, ERROR for what is wrong, with the fix."""
+
+    subject: str
+    level: Level
+    text: str
+
+
+class SignalRecord(NamedTuple):
+    """A signal as it came: its sources, times and values (K,)."""
+
+    sources: tuple[str, ...]
+    time_s: np.ndarray
+    values: np.ndarray
+
+    @property
+    def rate_hz(self) -> float:
+        """Values per second; nan where there are fewer than two."""
+        span_s = float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) > 1 else math.nan
+        return (len(self.time_s) - 1) / span_s if span_s > 0.0 else math.nan
+
+    @property
+    def median(self) -> float:
+        """Median of the numbers; nan without any."""
+        finite = self.values[np.isfinite(self.values)]
+        return float(np.median(finite)) if len(finite) else math.nan
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude; nan without any."""
+        finite = self.values[np.isfinite(self.values)]
+        return float(np.abs(finite).max()) if len(finite) else math.nan
+
+
+class Recorder:
+    """Everything that the sources send, by signal."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, list[tuple[str, float, float]]] = defaultdict(list)
+
+    def put(self, message: Message) -> None:
+        """Take a message in."""
+        for signal, value in message.values.items():
+            self._rows[signal].append((message.source, message.received_s, value))
+
+    def signals(self) -> dict[str, SignalRecord]:
+        """Records of all signals that have come."""
+        return {signal: _record(rows) for signal, rows in sorted(self._rows.items())}
+
+
+def _record(rows: list[tuple[str, float, float]]) -> SignalRecord:
+    sources, times, values = zip(*rows, strict=True)
+    return SignalRecord(tuple(sorted(set(sources))), np.array(times), np.array(values, dtype=float))
+
+
+def check_wiring(
+    found: Mapping[str, SignalRecord],
+    promised: Mapping[str, tuple[str, ...]],
+    battery: Battery | None,
+    robot: Robot | None,
+    counted: bool = False,
+) -> list[WiringFinding]:
+    """Findings about every signal, what is wrong first.
+
+    promised: signals that each source says it sends.  counted: True where counts per turn of the encoders are given.
+    """
+    wheels = list(_wheel_signs(found, robot)) if robot else []
+    wrong = {finding.subject for finding in wheels if finding.level == Level.ERROR}
+    findings = [
+        *_missing(found, promised),
+        *_needed(found, battery, robot),
+        *(finding for signal, record in found.items() for finding in _signal(signal, record, battery, robot)),
+        *_current_sign(found, battery),
+        *wheels,
+        *(_motor_signs(found, robot, wrong) if robot else ()),
+    ]
+    if any(signal.startswith("wheel_counts") for signal in found) and not counted:
+        findings.append(WiringFinding("wheel_counts", Level.ERROR, "counts need counts_per_turn = ... in the setup"))
+    return sorted(findings, key=lambda finding: -finding.level)
+
+
+def _missing(found: Mapping[str, SignalRecord], promised: Mapping[str, tuple[str, ...]]) -> Iterator[WiringFinding]:
+    for source, signals in promised.items():
+        for signal in signals:
+            if signal not in found:
+                text = f"never came from {source}; check its wiring and its name there, or leave it out of signals"
+                yield WiringFinding(signal, Level.ERROR, text)
+        if not any(source in record.sources for record in found.values()):
+            yield WiringFinding(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
+
+
+def _needed(found: Mapping[str, SignalRecord], battery: Battery | None, robot: Robot | None) -> Iterator[WiringFinding]:
+    """Signals that the estimators cannot do without."""
+    cells = any(signal.startswith("cell_voltage_V.") for signal in found)
+    if battery and "battery_current_A" not in found:
+        yield WiringFinding(
+            "battery_current_A", Level.ERROR, "no source sends it; the charge cannot be counted without"
+        )
+    if battery and "battery_voltage_V" not in found and not cells:
+        yield WiringFinding("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
+    if robot:
+        places = [place.name for place in robot.places]
+        told = {_wheel_number(signal, places) for signal in found if signal.startswith(("wheel_speed", "wheel_counts"))}
+        for place in places[: robot.driven]:
+            if places.index(place) not in told:
+                signal = f"wheel_speed_rad_s.{place}"
+                yield WiringFinding(
+                    signal, Level.ERROR, "no source sends it; the wheel is driven and its slip unknown without"
+                )
+
+
+def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[WiringFinding]:
+    """Findings about one signal alone."""
+    quantity = quantity_of(signal)
+    if robot and quantity.each in ("wheel", "motor"):
+        places = [place.name for place in robot.places]
+        if _wheel_number(signal, places) is None:
+            yield WiringFinding(
+                signal, Level.ERROR, f"the robot has no such {quantity.each}; it has {', '.join(places)}"
+            )
+            return
+    if len(record.sources) > 1:
+        both = " and ".join(record.sources)
+        yield WiringFinding(signal, Level.ERROR, f"{both} both send it; leave it out of one of them")
+    finite = float(np.isfinite(record.values).mean())
+    if finite < 1.0:
+        yield WiringFinding(
+            signal, Level.ERROR, f"no number in {1 - finite:.0%} of its values; look at the sensor and its wire"
+        )
+        if finite == 0.0:
+            return
+    least_hz = LEAST_HZ.get(quantity.name, 0.0)
+    if record.rate_hz < least_hz:
+        yield WiringFinding(
+            signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
+        )
+    low, high = _plausible(quantity.name, battery, robot)
+    lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
+    if low <= lowest and highest <= high:
+        often = "once" if math.isnan(record.rate_hz) else f"{record.rate_hz:.3g} Hz"
+        yield WiringFinding(signal, Level.OK, f"{often} from {record.sources[0]}, {lowest:.4g} to {highest:.4g}")
+    else:
+        text = f"reads {lowest:.4g} to {highest:.4g}, plausible are {low:.3g} to {high:.3g}"
+        yield WiringFinding(signal, Level.ERROR, f"{text}; {_unit_advice(quantity.name, lowest, highest, low, high)}")
+
+
+def _plausible(name: str, battery: Battery | None, robot: Robot | None) -> tuple[float, float]:
+    """Values that this battery or robot can have."""
+    if battery and name in ("battery_voltage_V", "cell_voltage_V"):
+        share = 1.0 if name == "battery_voltage_V" else 1.0 / battery.n_series
+        return 0.7 * share * battery.voltage_min_V, 1.1 * share * battery.voltage_max_V
+    if battery and name == "battery_current_A":
+        return -20.0 * battery.capacity_Ah, 20.0 * battery.capacity_Ah
+    if robot and name == "wheel_speed_rad_s":
+        return -_FASTEST_M_S / robot.wheel.radius_m, _FASTEST_M_S / robot.wheel.radius_m
+    return QUANTITIES[name].lowest, QUANTITIES[name].highest
+
+
+def _unit_advice(name: str, lowest: float, highest: float, low: float, high: float) -> str:
+    unit = next((unit for unit in _SCALES if name.endswith(f"_{unit}")), "")
+    if unit == "degC" and low <= lowest - 273.15 and highest - 273.15 <= high:
+        return "kelvins? then offset = -273.15"
+    for scale, named in _SCALES.get(unit, ()):
+        if low <= scale * lowest and scale * highest <= high:
+            return f"{named}? then scale = {scale:.4g}"
+    return "check its unit, scale and offset"
+
+
+def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[WiringFinding]:
+    """The sign of the current, by the voltage that answers it."""
+    current, voltage = found.get("battery_current_A"), found.get("battery_voltage_V")
+    if battery is None or current is None or voltage is None or len(voltage.values) < 2:
+        return
+    answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
+    evidence = sign_evidence(current.time_s, current.values, answered_V)
+    if evidence.verdict == "discharge":
+        text = f"has the wrong sign: the voltage falls where it grows ({evidence}); current > 0 charges: scale = -1"
+        yield WiringFinding("battery_current_A", Level.ERROR, text)
+    elif evidence.verdict == "undecidable":
+        yield WiringFinding(
+            "battery_current_A", Level.WARN, f"its sign cannot be told yet ({evidence}); drive a little"
+        )
+    else:
+        yield WiringFinding("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
+
+
+def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[WiringFinding]:
+    """The signs of wheels and gyro: which one, turned round, takes most of their contradiction away?"""
+    rows, values, names = _motion(found, robot)
+    if len(names) < 2:
+        return
+    moving = np.abs(values).max(axis=0) > TURNING_RAD_S
+    if moving.sum() < DECIDING:
+        yield WiringFinding(
+            "signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn"
+        )
+        return
+    values = values[:, moving]
+    contradiction = _contradiction(rows, values)
+    turned = {name: _contradiction(rows, _turned(values, k)) for k, name in enumerate(names)}
+    best = min(turned, key=lambda name: turned[name])
+    if contradiction > LEAST_RAD_S and turned[best] < CLEARLY_LESS * contradiction:
+        yield WiringFinding(best, Level.ERROR, "has the wrong sign beside the other wheels and the gyro: scale = -1")
+        return
+    faster = _faster_than_gyro(rows, values, names)
+    if math.isfinite(faster) and not 1.0 / MOST_FASTER < faster < MOST_FASTER:
+        text = f"the wheels turn the robot {faster:.3g} times as fast as the gyro; {_named_scale('rad_s', faster)}"
+        yield WiringFinding("signs of wheels and gyro", Level.ERROR, text)
+    elif contradiction > TURNING_RAD_S:
+        text = f"differ by {contradiction:.2g} rad/s; do the wheels slip, are two of them exchanged?"
+        yield WiringFinding("signs of wheels and gyro", Level.WARN, text)
+    else:
+        yield WiringFinding("signs of wheels and gyro", Level.OK, "agree")
+
+
+def _turned(values: np.ndarray, k: int) -> np.ndarray:
+    """The values (rows, T) with the sign of one row turned round."""
+    turned = values.copy()
+    turned[k] = -turned[k]
+    return turned
+
+
+def _faster_than_gyro(rows: np.ndarray, values: np.ndarray, names: list[str]) -> float:
+    """Yaw rate by the wheels over that of the gyro, nan where they do not tell it or the robot has hardly turned."""
+    if "yaw_rate_rad_s" not in names:
+        return math.nan
+    gyro = names.index("yaw_rate_rad_s")
+    wheels = [k for k in range(len(names)) if k != gyro]
+    if np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
+        return math.nan
+    motion = np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
+    power = float(np.sum(values[gyro] ** 2))
+    enough = power > len(values[gyro]) * LEAST_RAD_S**2
+    return float(np.sum(rows[gyro] @ motion * values[gyro]) / power) if enough else math.nan
+
+
+def _named_scale(unit: str, factor: float) -> str:
+    """Unit whose scale undoes a factor."""
+    near = [(scale, name) for scale, name in _SCALES[unit] if 1.0 / MOST_FASTER < scale * factor < MOST_FASTER]
+    return f"{near[0][1]}? then scale = {near[0][0]:.4g}" if near else "check their units, the radius and the track"
+
+
+def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Rows of G of the wheels and the gyro that report, their values (rows, T) at common times, and their names."""
+    check, places = WheelCheck(robot), [place.name for place in robot.places]
+    chosen = {
+        signal: check.row(_wheel_number(signal, places) if "." in signal else None)
+        for signal in found
+        if signal == "yaw_rate_rad_s"
+        or (signal.startswith("wheel_speed") and _wheel_number(signal, places) is not None)
+    }
+    if not chosen:
+        return np.empty((0, 0)), np.empty((0, 0)), []
+    time_s = max((found[signal].time_s for signal in chosen), key=len)
+    scales = {signal: check.scale if signal == "yaw_rate_rad_s" else 1.0 for signal in chosen}
+    values = [scales[s] * np.interp(time_s, found[s].time_s, found[s].values) for s in chosen]
+    return np.array(list(chosen.values())), np.nan_to_num(np.array(values)), list(chosen)
+
+
+def _contradiction(rows: np.ndarray, values: np.ndarray) -> float:
+    """RMS [rad/s] that no motion of the body explains."""
+    motion = np.linalg.lstsq(rows, values, rcond=None)[0]
+    return float(np.sqrt(np.mean((rows @ motion - values) ** 2)))
+
+
+def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[WiringFinding]:
+    """The sign of each motor's current: over a while a motor drives its wheel, and does not brake it.
+
+    wrong: signals whose own sign is wrong.
+    """
+    places = [place.name for place in robot.places]
+    speeds = {_wheel_number(s, places): r for s, r in found.items() if s.startswith("wheel_speed") and s not in wrong}
+    for signal, current in found.items():
+        if not signal.startswith("motor_current_A") or (k := _wheel_number(signal, places)) is None or k not in speeds:
+            continue
+        speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
+        turning = (np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)
+        if turning.sum() < DECIDING:
+            yield WiringFinding(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
+        elif np.sum(current.values[turning] * speed[turning]) < 0.0:
+            text = "has the wrong sign: it brakes the wheel that it drives; current > 0 drives forward: scale = -1"
+            yield WiringFinding(signal, Level.ERROR, text)
+
+
+def _wheel_number(signal: str, places: list[str]) -> int | None:
+    part = signal.partition(".")[2]
+    if part in places:
+        return places.index(part)
+    return int(part) if part.isdecimal() and int(part) < len(places) else None

@@ -1,0 +1,135 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ohmward import generic_battery, save_battery
+from ohmward.cli.main import main
+from ohmward.onboard.setup import SETUP_FILE
+
+
+def ohmward(*words, cwd, **options):
+    command = [sys.executable, "-m", "ohmward.cli", "run", *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=100, **options)
+
+
+@pytest.fixture
+def example(tmp_path, capsys):
+    assert main(["run", "--example"]) == 0
+    (tmp_path / "robot.toml").write_text(capsys.readouterr().out, encoding="utf-8")
+    save_battery(generic_battery("lfp", 12.0, 4), tmp_path / "battery.toml")
+    return tmp_path
+
+
+def setup(folder, body):
+    text = f'format = "ohmward-setup/1"\nbattery = "{folder}/battery.toml"\nstate = "{folder}/state"\n{body}'
+    (folder / "other.toml").write_text(text, encoding="utf-8")
+    return "other.toml"
+
+
+def test_the_example_is_a_setup(example):
+    found = SETUP_FILE.load(example / "robot.toml")
+    assert [source.name for source in found.source] == ["simulation"]
+
+
+def test_every_part_of_the_example_that_is_commented_out_is_one_too(example):
+    """The comments become settings; parts that exclude each other are checked one by one by their classes."""
+    text = (example / "robot.toml").read_text(encoding="utf-8")
+    lines = [
+        line.removeprefix("# ")
+        if line.startswith(("# [[", "# kind", "# path", "# rate", "# interval_s", "# address", "# name"))
+        else line
+        for line in text.splitlines()
+    ]
+    found = SETUP_FILE.parse("\n".join(lines))
+    assert len(found.source) >= 3
+    assert len(found.sink) >= 3
+
+
+def test_lines_go_in_and_states_come_out(example):
+    body = '[[source]]\nkind = "json-lines"\n[[sink]]\nkind = "json-lines"\n'
+    rows = [{"time_s": 0.1 * k, "battery_current_A": -2.0, "battery_voltage_V": 13.1} for k in range(50)]
+    done = ohmward(setup(example, body), cwd=example, input="\n".join(map(json.dumps, rows)) + "\n")
+    assert done.returncode == 0, done.stderr
+    states = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert len([state for state in states if state["sample"]]) == 50
+    assert 0.0 <= states[-1]["battery"]["soc"] <= 1.0
+    again = ohmward(setup(example, body), cwd=example, input=json.dumps(rows[0]) + "\n")
+    first = json.loads(again.stdout.splitlines()[0])
+    assert first["battery"]["soc"] == pytest.approx(states[-1]["battery"]["soc"], abs=0.02)
+
+
+def test_the_check_names_what_is_wrong(example):
+    body = '[[source]]\nkind = "json-lines"\nsignals = { battery_current_A = "I", battery_voltage_V = "U" }\n'
+    rows = [{"time_s": 0.1 * k, "I": -2.0 - (k // 10 % 2), "V": 13.1} for k in range(200)]
+    done = ohmward("--check", setup(example, body), cwd=example, input="\n".join(map(json.dumps, rows)) + "\n")
+    assert done.returncode == 1
+    assert "battery_voltage_V: never came from json-lines" in done.stdout
+    assert done.stderr == ""
+
+
+def test_the_check_of_a_robot_that_is_in_order_says_so(example):
+    text = (
+        (example / "robot.toml").read_text(encoding="utf-8").replace('kind = "page"', 'kind = "json-lines"\npath = "x"')
+    )
+    (example / "robot.toml").write_text(text, encoding="utf-8")
+    done = ohmward("--check", "robot.toml", "--seconds", "3", "--json", cwd=example)
+    assert done.returncode == 0, done.stdout
+    assert json.loads(done.stdout)["passed"] is True
+
+
+def test_strict_refuses_what_cannot_begin(example):
+    body = 'strict = true\n[[source]]\nkind = "json-lines"\naddress = "nobody.socket"\n'
+    body = f"{body.replace('strict = true', '')}"
+    name = setup(example, "strict = true\n" + body)
+    done = ohmward(name, cwd=example)
+    assert done.returncode == 2
+    assert "ohmward: error: source json-lines: no connection to nobody.socket" in done.stderr
+
+
+def test_a_signal_ends_it_cleanly(example):
+    text = (
+        (example / "robot.toml").read_text(encoding="utf-8").replace('kind = "page"', 'kind = "json-lines"\npath = "x"')
+    )
+    (example / "robot.toml").write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "ohmward.cli", "run", "robot.toml"]
+    with subprocess.Popen(command, cwd=example, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while not (example / "x").exists() or "soc_std" not in (example / "x").read_text():
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0, errors
+    assert (example / "ohmward-state" / "snapshot.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "give a SETUP.toml"),
+        (["--demo", "robot.toml"], "--demo needs no setup"),
+        (["--demo", "--seconds", "-1"], "--seconds must be > 0"),
+        (["--demo", "--json"], "--json goes with --check"),
+        (["nothing.toml"], "nothing.toml: cannot be read"),
+    ],
+)
+def test_bad_input_is_refused_with_the_fix(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX")
+def test_the_demonstration_moves_within_ten_seconds(tmp_path):
+    """The newcomer's first minute; the page itself is tested in tests/onboard/test_page.py."""
+    began_s = time.monotonic()
+    done = ohmward("--demo", "--seconds", "4", cwd=tmp_path)
+    lines = [line for line in done.stdout.splitlines() if "speed" in line]
+    assert done.returncode == 0, done.stderr
+    assert len(set(lines)) >= 2
+    assert time.monotonic() - began_s < 30.0  # beside other tests; alone it takes 6 s
+    assert not list(tmp_path.iterdir())

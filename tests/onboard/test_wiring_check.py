@@ -1,0 +1,116 @@
+import math
+import re
+
+import numpy as np
+import pytest
+
+from ohmward import generic_battery
+from ohmward.onboard.message import Message
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.wiring_check import Recorder, check_wiring
+from ohmward.traction.robot.robot import RLMA
+
+PLACES = [place.name for place in RLMA.places]
+WHEELS = [f"wheel_speed_rad_s.{name}" for name in PLACES]
+MOTORS = [f"motor_current_A.{name}" for name in PLACES[: RLMA.driven]]
+
+
+@pytest.fixture(scope="module")
+def battery():
+    return generic_battery("lfp", 10.0, 4)
+
+
+def drive(change=lambda values: values, seconds=20):
+    """A robot that drives and turns, sets out and stops, its sensors at 50 Hz."""
+    recorder, draw = Recorder(), np.random.default_rng(1)
+    for k in range(50 * seconds):
+        t = 0.02 * k
+        speed_m_s, yaw_rate = 0.8 * (k % 200 > 100), 0.5 * math.sin(0.7 * t)
+        turning = RLMA.rolling @ np.array([speed_m_s, yaw_rate]) / RLMA.wheel.radius_m
+        current_A = -0.5 - 4.0 * (speed_m_s > 0) + draw.normal(0, 0.02)
+        values = dict(zip(WHEELS, turning + draw.normal(0, 0.02, 4), strict=True))
+        values |= dict.fromkeys(MOTORS, 0.6 * (speed_m_s > 0))
+        values |= {
+            "yaw_rate_rad_s": yaw_rate,
+            "battery_current_A": current_A,
+            "battery_voltage_V": 13.2 + 0.03 * current_A + draw.normal(0, 0.002),
+            "battery_temperature_degC": 21.0,
+        }
+        recorder.put(Message(t, t, "robot", change({s: float(v) for s, v in values.items()})))
+    return recorder.signals()
+
+
+def findings(change=lambda values: values, battery=None, robot=RLMA, promised=None):
+    found = check_wiring(drive(change), promised or {"robot": ()}, battery, robot)
+    return {f.subject: f.text for f in found if f.level == Level.ERROR}
+
+
+def test_a_robot_that_is_wired_as_it_should_be_passes(battery):
+    found = check_wiring(drive(), {"robot": (*WHEELS, "battery_current_A")}, battery, RLMA)
+    assert [f for f in found if f.level != Level.OK] == []
+    told = {f.subject: f.text for f in found}
+    assert "agree" in told["signs of wheels and gyro"]
+
+
+def scaled(factor, *signals, offset=0.0):
+    return lambda values: values | {s: factor * values[s] + offset for s in signals}
+
+
+WRONG = {
+    "current": (scaled(-1.0, "battery_current_A"), "battery_current_A", "wrong sign.*scale = -1"),
+    "wheel": (scaled(-1.0, WHEELS[1]), WHEELS[1], "wrong sign.*scale = -1"),
+    "gyro": (scaled(-1.0, "yaw_rate_rad_s"), "yaw_rate_rad_s", "wrong sign.*scale = -1"),
+    "motor": (scaled(-1.0, MOTORS[0]), MOTORS[0], "wrong sign.*scale = -1"),
+    "millivolts": (scaled(1000.0, "battery_voltage_V"), "battery_voltage_V", "millivolts. then scale = 0.001"),
+    "milliamperes": (scaled(1000.0, "battery_current_A"), "battery_current_A", "milliamperes. then scale = 0.001"),
+    "kelvins": (
+        scaled(1.0, "battery_temperature_degC", offset=273.15),
+        "battery_temperature_degC",
+        "kelvins. then offset = -273.15",
+    ),
+    "no number": (scaled(math.nan, "battery_voltage_V"), "battery_voltage_V", "no number in 100%"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named_with_its_fix(battery, name):
+    change, signal, text = WRONG[name]
+    found = findings(change, battery)
+    assert set(found) == {signal}
+    assert re.search(text, found[signal])
+
+
+def test_rpm_are_told(battery):
+    found = findings(scaled(60 / (2 * math.pi), *WHEELS), battery)
+    assert any("rpm? then scale = 0.1047" in text for text in found.values())
+
+
+def test_what_never_came_is_named(battery):
+    def cut(values):
+        return {s: v for s, v in values.items() if s not in (WHEELS[0], "battery_current_A")}
+
+    found = findings(cut, battery, promised={"robot": (WHEELS[0],), "other": ()})
+    assert "never came from robot" in found[WHEELS[0]] or "wheel is driven" in found[WHEELS[0]]
+    assert "cannot be counted" in found["battery_current_A"]
+    assert "sent nothing" in found["other"]
+
+
+def test_a_wheel_that_the_robot_does_not_have_is_named(battery):
+    found = findings(lambda values: values | {"wheel_speed_rad_s.middle": 1.0}, battery)
+    assert found == {"wheel_speed_rad_s.middle": f"the robot has no such wheel; it has {', '.join(PLACES)}"}
+
+
+def test_two_sources_of_a_quantity_are_named(battery):
+    recorder = Recorder()
+    for k in range(100):
+        for source in ("can0", "mqtt"):
+            recorder.put(Message(0.1 * k, 0.1 * k, source, {"battery_voltage_V": 13.0}))
+    found = check_wiring(recorder.signals(), {}, battery, None)
+    assert any("can0 and mqtt both send it" in f.text for f in found)
+
+
+def test_at_rest_signs_are_open_and_nothing_is_wrong(battery):
+    still = dict.fromkeys((*WHEELS, *MOTORS, "yaw_rate_rad_s"), 0.0) | {"battery_current_A": -0.5}
+    found = check_wiring(drive(lambda values: values | still), {"robot": ()}, battery, RLMA)
+    assert {f.level for f in found} == {Level.OK, Level.WARN}
+    assert any(f.subject == "battery_current_A" and "drive a little" in f.text for f in found)
