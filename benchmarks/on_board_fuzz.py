@@ -1,0 +1,201 @@
+"""Inputs of any kind for what listens on board: no crash, no hang, no memory.
+
+Each input is a good one with bits flipped, pieces cut out, doubled or exchanged with another's, or nothing but random
+bytes. `python benchmarks/on_board_fuzz.py --inputs 1000000` is a part of `make soak`; the tests take ten thousand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import resource
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from ohmward.errors import InputError
+from ohmward.onboard.can_database import CanDatabase, CanDecoder
+from ohmward.onboard.control.operator_command import command_of
+from ohmward.onboard.control.signing import Signing
+from ohmward.onboard.message import Signals, Wiring
+from ohmward.onboard.mqtt_broker import Payload
+from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame, encode
+from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.sources.json_lines import JsonLinesSource
+from ohmward.onboard.sources.mqtt import MqttSource
+from ohmward.onboard.sources.serial import SerialSource
+
+DBC = str(Path(__file__).parents[1] / "tests" / "onboard" / "robot.dbc")
+
+#: Inputs before the memory is looked at first: caches are filled by then.
+_WARM = 2_000
+
+Take = Callable[[bytes], object]
+
+
+class Fuzzed(NamedTuple):
+    """What inputs of any kind did to a listener.
+
+    inputs: number of them.  slowest_s: the longest that one took.  grown_MB: of the process after the first ones.
+    seconds: all of them together.
+    """
+
+    inputs: int
+    slowest_s: float
+    grown_MB: float
+    seconds: float
+
+
+def serial() -> tuple[Take, list[bytes]]:
+    """Bytes of a serial line, in pieces."""
+    names = {1: ("battery_current_A", "battery_voltage_V"), 2: ("estimate.soc",)}
+    source = SerialSource("line", {str(number): found for number, found in names.items()})
+    reader, clock, wiring = (
+        FrameReader(),
+        FrameClock(),
+        Wiring({name: name for found in names.values() for name in found}),
+    )
+
+    def take(data: bytes) -> None:
+        for frame in reader.feed(data):
+            source.message(frame, names, wiring, clock, 1.0)
+
+    good = [SerialFrame(1, k, 1000 * k, (1.5 * k, 0.0)) for k in range(8)] + [SerialFrame(2, 9, 2**32 - 1, (0.5,))]
+    return take, [encode(frame) for frame in good]
+
+
+def can() -> tuple[Take, list[bytes]]:
+    """Identifier and data of frames."""
+    signals: Signals = {"battery_current_A": "BMS.Current", "cell_voltage_V.0": "Multi.CellA"}
+    decoder = CanDecoder(CanDatabase(DBC), Wiring(signals))
+
+    def take(data: bytes) -> None:
+        decoder.values(int.from_bytes(data[:2], "big"), bool(data[2:3] > b"\x80"), data[3:11])
+
+    return take, [b"\x01\x00\x00" + bytes(8), b"\x01\x2c\x00" + bytes(4), b"\x01\x01\x00" + b"\xff" * 8]
+
+
+_OBJECTS = [
+    b'{"time_s": 1.5, "battery_current_A": -3.2, "battery_voltage_V": 25.6}',
+    b'{"wheel_speed_rad_s": [1.0, 2.0, null], "cell_voltage_V.3": 3.3, "x": {"y": []}}',
+    b"1e999",
+    b'{"time_s": 1, "battery_full": true, "speed_m_s": 1' + b"0" * 400 + b"}",
+    b"[" * 3000,
+]
+
+
+def mqtt() -> tuple[Take, list[bytes]]:
+    """Payloads of a topic."""
+    signals: Signals = {"battery_current_A": "bms#battery_current_A", "battery_voltage_V": "bms"}
+    source, wiring = MqttSource(signals=signals, topics=("bms",)), Wiring(signals)
+    return lambda data: source.message(Payload("bms", data, 1.0), wiring), _OBJECTS
+
+
+def json_lines() -> tuple[Take, list[bytes]]:
+    """Lines."""
+    source, wiring = JsonLinesSource(), Wiring({})
+    return lambda data: source.message(data, wiring, 1.0), _OBJECTS
+
+
+def operator() -> tuple[Take, list[bytes]]:
+    """Lines of an operator, signed by somebody who has the token."""
+    robot, answers = Signing("token", "nonce", "operator"), Signing("token", "nonce", "operator")
+
+    def take(data: bytes) -> None:
+        found = robot.read(answers.line({}) if data[:1] == b"\0" else data)
+        command_of(found or {"armed": data[:1], "speed_m_s": data[1:2].hex()}, 1.0)
+
+    return take, [Signing("token", "nonce", "operator").line({"armed": True, "speed_m_s": 0.3, "t": 1.0})]
+
+
+def setup() -> tuple[Take, list[bytes]]:
+    """Setups in TOML; whatever is wrong with one is an `InputError`."""
+
+    def take(data: bytes) -> None:
+        with suppress(InputError):
+            SETUP_FILE.parse(data.decode(errors="replace"))
+
+    good = b'format = "ohmward-setup/1"\nrobot = "rlma"\ndelay_s = 0.1\n'
+    parts = [
+        b'[[source]]\nkind = "can"\ndbc = "a.dbc"\n[source.signals]\nbattery_current_A = {name = "B.C", scale = 2.0}',
+        b'[[source]]\nkind = "serial"\nport = "/dev/x"\nmessages = {1 = ["battery_voltage_V"]}\n',
+        b'[[source]]\nkind = "mqtt"\ntopics = ["a/+"]\npassword = "X"\nusername = "u"\n',
+        b'[[sink]]\nkind = "mqtt"\nport = 1\n',
+        b'[[sink]]\nkind = "control"\nrobot = "rlma"\n[sink.mqtt]\ntopic = "d"\n[sink.limits]\nslip = 0.2\n',
+        b'[[sink]]\nkind = "json-lines"\ninterval_s = 1.0\n',
+    ]
+    return take, [good + part for part in parts]
+
+
+LISTENERS: dict[str, Callable[[], tuple[Take, list[bytes]]]] = {
+    "serial": serial,
+    "can": can,
+    "mqtt": mqtt,
+    "json-lines": json_lines,
+    "operator": operator,
+    "setup": setup,
+}
+
+
+def damaged(good: list[bytes], rng: random.Random) -> bytes:
+    """One of the good inputs, changed in up to four places, or random bytes."""
+    found = bytearray(rng.choice(good) if rng.random() < 0.95 else rng.randbytes(rng.randrange(200)))
+    for _ in range(rng.randrange(5)):
+        at = rng.randrange(len(found) + 1)
+        match rng.randrange(4):
+            case 0 if at < len(found):
+                found[at] ^= 1 << rng.randrange(8)
+            case 1:
+                del found[at : at + rng.randrange(1, 16)]
+            case 2:
+                found[at:at] = rng.randbytes(rng.randrange(1, 8))
+            case 3:
+                other = rng.choice(good)
+                cut = rng.randrange(len(other) + 1)
+                found[at : at + 8] = other[cut : cut + rng.randrange(1, 32)]
+    return bytes(found)
+
+
+def fuzz(name: str, inputs: int, seed: int = 1) -> Fuzzed:
+    """Feed a listener; an exception that it lets out ends it, with the input that did it on standard error."""
+    take, good = LISTENERS[name]()
+    rng, slowest_s, first_MB, began_s = random.Random(seed), 0.0, 0.0, time.perf_counter()
+    for k in range(inputs):
+        if k == min(_WARM, inputs // 2):
+            first_MB = resident_MB()
+        data = damaged(good, rng)
+        from_s = time.perf_counter()
+        try:
+            take(data)
+        except Exception:
+            print(f"{name}, input {k}: {data!r}", file=sys.stderr)
+            raise
+        slowest_s = max(slowest_s, time.perf_counter() - from_s)
+    return Fuzzed(inputs, slowest_s, resident_MB() - first_MB, time.perf_counter() - began_s)
+
+
+def resident_MB() -> float:
+    """Memory of this process that is resident."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=1_000_000)
+    parser.add_argument("--listener", choices=LISTENERS, action="append")
+    args = parser.parse_args()
+    for name in args.listener or LISTENERS:
+        found = fuzz(name, args.inputs)
+        print(
+            f"{name:10}  {found.inputs:,} inputs in {found.seconds:.0f} s, slowest {1e3 * found.slowest_s:.1f} ms, "
+            f"memory {found.grown_MB:+.1f} MB",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

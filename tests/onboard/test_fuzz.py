@@ -1,0 +1,23 @@
+"""Ten thousand inputs of any kind for everything that listens; `make soak` takes a million of each."""
+
+import random
+
+import pytest
+
+from benchmarks.scripts import script
+
+FUZZ = script("on_board_fuzz")
+
+
+@pytest.mark.parametrize("listener", FUZZ.LISTENERS)
+def test_no_crash_no_hang_no_memory(listener):
+    found = FUZZ.fuzz(listener, 10_000)
+    assert found.inputs == 10_000
+    assert found.slowest_s < 1.0
+    assert found.grown_MB < 10.0
+
+
+def test_damage_leaves_some_inputs_good_and_changes_most():
+    rng, good = random.Random(1), [b'{"battery_current_A": 1}']
+    found = [FUZZ.damaged(good, rng) for _ in range(1000)]
+    assert 100 < found.count(good[0]) < 500
