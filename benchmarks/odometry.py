@@ -2,12 +2,14 @@
 
 The robot is [T]'s on the plant of our own, which creeps as the wheels drive, and on MuJoCo's, whose four fixed wheels
 scrub in turns. Every run rests for 1 to 5 s, then drives straight and curved, and has its own radius (0.5 %), unequal
-wheels (0.06 %), scale of the gyro (1 %) and sign of its offset of 0.01 rad/s; the filter is told none of them.
+wheels (0.06 %), scale of the gyro (1 %) and sign of its offset of 0.01 rad/s; the filter is told none of them. The
+wheels that are not driven have encoders in some rows only. A robot whose wheels are exactly alike is beside them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,12 +26,17 @@ from ohmward.traction import RLMA, Odometry
 from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
-RUNS, MUJOCO_RUNS, DISTANCE_M, DT_S = 50, 20, 50.0, 0.02
+RUNS, DISTANCE_M, DT_S = 50, 50.0, 0.02
 OFFSET_RAD_S, RADIUS, UNEQUAL, SCALE = 0.01, 0.005, 0.0006, 0.01
 COUNTS = 4096
+ALONE = "that over the driven wheels' alone"
 
-#: Ways to the pose, and whether a speed observer is one of them.
-METHODS = (("encoders, gyro", False), ("encoders, gyro, currents by the observer", True))
+#: Ways to the pose: which wheels have encoders, and whether a speed observer is one of them.
+METHODS = (
+    ("encoders, gyro", 2, False),
+    ("encoders of all four wheels, gyro", 4, False),
+    ("encoders, gyro, currents by the observer", 2, True),
+)
 
 #: Gains of the driver: N m for each m/s and rad/s, and the most that it gives of each.
 OWN, MUJOCO = (40.0, 8.0, 2.5, 1.5), (25.0, 20.0, 3.0, 6.0)
@@ -52,26 +59,23 @@ class Score(NamedTuple):
 
 def rows() -> Iterator[Figure]:
     """Every figure of this page."""
+    for plant, maker, gains in (("own plant", own_plant, OWN), ("MuJoCo", mujoco_plant, MUJOCO)):
+        runs = [recording(maker, gains, seed) for seed in range(RUNS)]
+        for method, encoders, observed in METHODS:
+            yield from scores(f"{plant}, 50 m", method, scored(runs, encoders, observed))
+    alike = [recording(own_plant, OWN, seed, unequal=0.0) for seed in range(RUNS)]
+    for method, encoders, observed in METHODS[:2]:
+        found = scored(alike, encoders, observed)
+        yield at_most("own plant, 50 m, wheels exactly alike", method, ALONE, beside(found), 1.0, ".2f")
+
+
+def scores(data: str, method: str, found: Score) -> Iterator[Figure]:
+    """Error of the position and NEES of the pose at the end of the runs."""
     lower, upper = mean_bounds(3, RUNS)
-    own = [recording(own_plant, OWN, seed) for seed in range(RUNS)]
-    for method, observed in METHODS:
-        found, data = scored(own, observed), "own plant, 50 m"
-        yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
-        yield at_most(data, method, "that over the wheels' alone", beside(found), 1.0, ".2f")
-        yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
-        yield at_least(data, method, "NEES of the pose, mean of the runs", mean(found.nees), lower, ".2f")
-    yield from scrubbing()
-
-
-def scrubbing() -> Iterator[Figure]:
-    """The same on MuJoCo's robot, whose wheels show turns that it does not make; there its radius does not creep."""
-    runs = [recording(mujoco_plant, MUJOCO, seed) for seed in range(MUJOCO_RUNS)]
-    upper = mean_bounds(3, MUJOCO_RUNS)[1]
-    for method, observed in METHODS:
-        found, data = scored(runs, observed), "MuJoCo, 50 m"
-        yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
-        yield at_most(data, method, "that over the wheels' alone", beside(found), 1.0, ".2f")
-        yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
+    yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
+    yield at_most(data, method, ALONE, beside(found), 1.0, ".2f")
+    yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
+    yield at_least(data, method, "NEES of the pose, mean of the runs", mean(found.nees), lower, ".2f")
 
 
 def mean(values: np.ndarray) -> float:
@@ -91,17 +95,20 @@ def mujoco_plant(rng: np.random.Generator) -> RlmaPlant:
     return RlmaPlant(RlmaParameters(), uniform(float(rng.uniform(0.5, 0.9)), 0.0))
 
 
-def recording(plant: Callable[[np.random.Generator], Any], gains: tuple[float, ...], seed: int) -> Recording:
-    """A drive of 50 m as its sensors saw it."""
+def recording(
+    plant: Callable[[np.random.Generator], Any], gains: tuple[float, ...], seed: int, unequal: float = UNEQUAL
+) -> Recording:
+    """A drive of 50 m as its sensors saw it; unequal: standard deviation of a wheel's radius about their mean."""
     rng = np.random.default_rng(1000 + seed)
     truth = driven(plant(rng), gains, rng)
-    wheels = 1.0 + RADIUS * rng.standard_normal() + UNEQUAL * rng.standard_normal(2)
-    counts = np.floor(COUNTS * truth.wheel_angle_rad[:, :2] / (2 * np.pi) / wheels)
-    speeds = np.full((len(counts) - 1, 4), np.nan)
-    speeds[:, :2] = np.diff(counts, axis=0) * 2 * np.pi / COUNTS / DT_S
+    radius = 1.0 + RADIUS * rng.standard_normal()
+    driven_wheels = unequal * rng.standard_normal(2)
     rate = (truth.yaw_rate_rad_s[1:] + truth.yaw_rate_rad_s[:-1]) / 2
     offset = OFFSET_RAD_S * rng.choice([-1.0, 1.0])
     gyro = rate * (1 + SCALE * rng.standard_normal()) + offset + GYRO.noise_std * rng.standard_normal(len(rate))
+    wheels = radius + np.concatenate([driven_wheels, unequal * rng.standard_normal(2)])
+    counts = np.floor(COUNTS * truth.wheel_angle_rad / (2 * np.pi) / wheels)
+    speeds = np.diff(counts, axis=0) * 2 * np.pi / COUNTS / DT_S
     current_A = truth.torque_N_m[1:, :2] / RLMA.motor.torque_constant_Nm_per_A
     log = DriveLog(f"run {seed}", truth.time_s[1:], speeds, current_A, yaw_rate_rad_s=gyro)
     return Recording(log, np.column_stack([truth.position_m[1:, :2], np.unwrap(truth.heading_rad)[1:]]))
@@ -126,16 +133,23 @@ def driven(plant: Any, gains: tuple[float, ...], rng: np.random.Generator) -> Ro
     return stack(truths)
 
 
-def scored(recordings: list[Recording], observed: bool) -> Score:
-    """Errors at the end of every run, and the NEES of the pose there; observed: with the slip of a speed observer."""
-    found = [score(run, observed) for run in recordings]
+def scored(recordings: list[Recording], encoders: int, observed: bool) -> Score:
+    """Errors at the end of every run, and the NEES of the pose there.
+
+    encoders: number of wheels that have one, driven ones first.
+    observed: with the slip of a speed observer.
+    """
+    found = [score(run, encoders, observed) for run in recordings]
     return Score(*(np.array(values) for values in zip(*found, strict=True)))
 
 
-def score(run: Recording, observed: bool) -> tuple[float, float, float]:
+def score(run: Recording, encoders: int, observed: bool) -> tuple[float, float, float]:
     """Error over the way of odometry and of the wheels alone, and the NEES of the pose."""
-    slip = SlipEstimator(RLMA, filter="ekf").run(run.log).estimates if observed else None
-    e = Odometry(RLMA).run(run.log, slip).estimates
+    speeds = run.log.wheel_speed_rad_s.copy()
+    speeds[:, encoders:] = np.nan
+    log = replace(run.log, wheel_speed_rad_s=speeds)
+    slip = SlipEstimator(RLMA, filter="ekf").run(log).estimates if observed else None
+    e = Odometry(RLMA).run(log, slip).estimates
     error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - run.pose[-1]
     alone = wheels_alone(run.log) - run.pose[-1, :2]
     nees = error @ np.linalg.solve(e.pose_cov[-1], error)

@@ -35,7 +35,7 @@ def test_live_samples_give_what_a_log_gives_and_go_on_after_a_restart():
 
 
 def test_an_observer_takes_the_slip_out():
-    """Driven wheels spin for a second; the passive ones tell the observer."""
+    """Driven wheels spin for a second; the passive ones tell the observer, and the odometry alone too."""
     drive = log()
     wheels = np.array(drive.wheel_speed_rad_s)
     wheels[:] = 3.0
@@ -46,8 +46,12 @@ def test_an_observer_takes_the_slip_out():
     way_m = 3.0 * RLMA.wheel.radius_m * spin.time_s[-1]
     with_observer = Odometry(RLMA).run(spin, observed=slip.estimates)
     alone = Odometry(RLMA).run(spin)
+    without = wheels.copy()
+    without[:, 2:] = np.nan
+    blind = Odometry(RLMA).run(DriveLog("blind", spin.time_s, without, spin.motor_current_A))
     assert with_observer.x_m[-1] == pytest.approx(way_m, abs=0.1)
-    assert alone.x_m[-1] > way_m + 0.3
+    assert alone.x_m[-1] == pytest.approx(way_m, rel=1e-9)
+    assert blind.x_m[-1] > way_m + 0.3
     live, slips = Odometry(RLMA), SlipEstimator(observer)
     for k in range(300):
         observed = slips.update(spin.time_s[k], wheels[k], spin.motor_current_A[k], 0.0)

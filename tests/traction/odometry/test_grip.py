@@ -10,11 +10,11 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.odometry.grip import GRIP_M_S2, LOOSE_M_S, LOOSE_SHARE, lever_m, speed_by_grip
 from ohmward.traction.odometry.noise import OdometryNoise
-from ohmward.traction.odometry.pose_filter import pose_filter
+from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from traction.odometry.examples import DT_S, samples
 
-FILTER = pose_filter(RLMA)
+FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 NOISE = OdometryNoise(turn_scale_std=0.0)
 HALF_TRACK_M = float(RLMA.rolling[1, 1])
 

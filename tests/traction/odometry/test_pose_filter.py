@@ -12,13 +12,14 @@ from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
-from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
+from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 from traction.odometry.examples import DT_S, drive, samples
 
 FREE = ("encoder_std_rad", "correlation_s", "speed_std_m_s", "increment_walk")
 EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
-FILTER = pose_filter(RLMA)
+FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 KERNELS: dict[PoseFilter, Kernel] = {}
 
 
@@ -62,6 +63,47 @@ def test_omnidirectional_wheels_show_the_sideways_speed():
     e = run(settings, samples(settings, wheel_speed_rad_s=speeds))
     assert_allclose([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]], [0.0, 0.2 * 100 * DT_S, 0.0], atol=1e-12)
     assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.0, 0.2], atol=1e-12)
+
+
+def test_wheels_that_roll_freely_tell_the_motion_and_those_that_drive_creep():
+    """Driven wheels show 1 / (1 - creep) of the way; without the others, the creep of the noise is taken off."""
+    creep, steps = 0.0075, 200
+    settings = PoseFilter(RLMA, replace(EXACT, creep=creep))
+    speeds = rolling(0.5, 0.0, steps)
+    given = {"wheel_speed_rad_s": speeds / (1.0 - creep), "yaw_rate_rad_s": np.zeros(steps)}
+    for passive in (np.full((steps, 2), np.nan), speeds):
+        e = run(settings, samples(settings, passive_rad_s=passive, **given))
+        assert e.x_m[-1] == pytest.approx(0.5 * steps * DT_S, rel=1e-12)
+    spin = given | {"wheel_speed_rad_s": 3.0 * speeds, "passive_rad_s": speeds}
+    assert run(settings, samples(settings, **spin)).x_m[-1] == pytest.approx(0.5 * steps * DT_S, rel=1e-12)
+
+
+def test_creep_is_rolling_resistance_over_stiffness_where_all_wheels_drive_and_more_where_some_do():
+    share = ROLLING / STIFFNESS
+    assert noise_of(ROBOTINO).creep == pytest.approx(share)
+    assert noise_of(RLMA).creep == pytest.approx(2 * share, rel=0.02)  # half of the weight is on driven wheels
+
+
+def test_wheels_that_scrub_are_learnt_from_the_gyro_and_turn_the_robot_when_it_fails():
+    """The robot turns by a fifth of what its wheels show, and its gyro fails after a minute."""
+    steps, turn = 4000, 0.5
+    wheels = np.array([rolling(0.5, turn, 1)[0]] * steps)
+    gyro = np.where(np.arange(steps) < 3000, 0.2 * turn, np.nan)
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro))
+    rejected = (e.flags.astype(int) & OdometryFlag.TURN_REJECTED) != 0
+    assert rejected[:100].any() and not rejected[100:].any()
+    assert e.yaw_rad[-1] == pytest.approx(0.2 * turn * steps * DT_S, rel=0.02)
+
+
+def test_a_wheel_that_jumps_leaves_the_speed_to_the_other_where_a_gyro_tells_the_turn():
+    """The left wheel spins up at once for three seconds, while the robot speeds up from rest."""
+    time_s = DT_S * np.arange(300)
+    speed = np.clip(0.25 * (time_s - 1.0), 0.0, 1.0)
+    wheels = rolling(1.0, 0.0, 300) * speed[:, None]
+    wheels[100:250, 0] += 250.0
+    e = run(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=np.zeros(300)))
+    assert (e.flags.astype(int) & OdometryFlag.WHEEL_JUMP).any()
+    assert abs(e.x_m[-1] - np.sum(speed) * DT_S) < 0.25
 
 
 def test_the_way_is_as_uncertain_as_correlated_slip_makes_it():

@@ -36,6 +36,10 @@ from ohmward.traction.speed_observer.late import History, change_since
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
 
+#: A turn of the wheels [rad] beyond what they count wrong, and limits of the share by which scrubbing changes it: at -1
+#: the robot does not turn at all and its wheels spin, above 0 is the error of a track.
+LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
+
 #: A robot whose wheels moved less than this [m] stood: its encoders have no error of counting.
 STOOD_M = 1e-6
 
@@ -143,9 +147,24 @@ def use_turn(
     prior = choose(diverged, inflate(body.belief, OFFSET, rate * rate), body.belief)
     belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate)
     rejected = due & logical_not(accepted)
+    belief = choose(rejected, scrubbing(belief, sums), belief)
     rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
     body = body._replace(belief=belief, turn_apart_rad_s=abs(rate), turn_rejected=rejected)
     return body, choose(due, TurnSums(rejected_s=rejected_s), sums)
+
+
+def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
+    """The belief of a robot that may drag its wheels sideways, where wheels have turned farther than the gyro.
+
+    Fixed wheels that scrub turn the robot by less than they show, theta_g = theta_w (1 + k_w) with k_w in (-1, 0): a
+    long robot whose front wheels alone are driven in simulation by a tenth of it.
+    """
+    gyro_rad = sums.gyro_rad - belief.mean[OFFSET] * sums.time_s
+    share = gyro_rad / where(abs(sums.wheels_rad) > LEAST_TURN_RAD, sums.wheels_rad, np.inf) - 1.0
+    k, variance = belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]
+    apart = share - k
+    scrubs = between(share, *SCRUBBING_SHARE)
+    return choose(scrubs, inflate(belief, TURN_SCALE, maximum(apart * apart - variance, 0.0)), belief)
 
 
 def turned_apart(x: np.ndarray, sums: TurnSums) -> np.ndarray:

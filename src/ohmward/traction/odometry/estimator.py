@@ -14,6 +14,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.odometry.shown_motion import passive_wheels
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
@@ -62,6 +63,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         super().__init__(settings, lowering)
         self._driven = settings.robot.driven
         self._wheels = len(settings.robot.places)
+        self._passive = passive_wheels(settings.robot)
 
     def update(
         self,
@@ -84,7 +86,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
             where it is earlier by more than a minute, the clock was set, and time goes on from there.
-        wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first; those that are not driven are not used.
+        wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Wheels that are not driven
+            tell the motion, as they neither creep nor spin.
         observed: estimate of a speed observer after the same sample. A speed that it was given is in it, and must not
             be given here again.
         All others: see `OdometrySample`.
@@ -97,6 +100,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         sample = OdometrySample(
             self._since_last(time_s),
             speeds[: self._driven],
+            speeds[self._passive],
             number("yaw_rate_rad_s", yaw_rate_rad_s),
             number("speed_m_s", speed_m_s),
             number("speed_std_m_s", speed_std_m_s),
@@ -154,6 +158,7 @@ def samples_of(
     }
     given["dt_s"] = np.diff(log.time_s, prepend=start_s)
     given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
+    given["passive_rad_s"] = log.wheel_speed_rad_s[:, passive_wheels(robot)]
     names = ("yaw_rate_rad_s", *(SPEED if observed is None else ()))
     given |= {name: values for name in names if (values := getattr(log, name)) is not None}
     if observed is not None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from ohmward.checks import require_between, require_length, require_positive
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import RADIUS_STD
+from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 
 
 @dataclass(frozen=True)
@@ -19,14 +20,16 @@ class OdometryNoise:
     Attributes:
         gyro_offset_std_rad_s: of a gyro at rest; 1 degree a second is a usual data sheet.
         gyro_scale_std: of its sensitivity; 1 % is a usual data sheet.
-        radius_std: of the effective radius of all wheels, measured with a ruler, or by the creep of wheels that drive;
-            0.005 and less where it was calibrated on the ground that the robot drives on.
+        radius_std: of the effective radius of all wheels: half a millimetre of a radius of 120, and half of the creep
+            of wheels that drive; 0.003 and less where it was calibrated on the ground that the robot drives on.
         turn_scale_std: of the yaw rate that the wheels show: of the effective track.
         wheel_difference_std: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm of a diameter of 160.
+        creep: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because
+            it was calibrated by driving.
         gyro_offset_walk: of the offset [rad/s over the root of a second]; a tenth of a degree a second in an hour.
         slip_share: slip of the wheels over their speed, where no observer tells it.
         slip_difference_share: slip of one wheel beyond that of the others, over their speed.
-        turn_share: error of the yaw rate that the wheels show, over it.
+        turn_share: error of the yaw rate that the wheels show, over it, by their slip in turns.
         turn_lag_s: angle by which the wheels turn more than the robot while its yaw rate changes, by the slip that
             turns it, over that change: I B^2 v / (k N), 0.04 s for [T]'s robot at 0.6 m/s on a hard floor.
         side_slip_share: sideways speed over the speed.
@@ -41,13 +44,14 @@ class OdometryNoise:
 
     gyro_offset_std_rad_s: float = 0.02
     gyro_scale_std: float = 0.01
-    radius_std: float = RADIUS_STD
+    radius_std: float = 0.006
     turn_scale_std: float = 0.01
     wheel_difference_std: float = 0.0006
+    creep: float = 0.0
     gyro_offset_walk: float = 3e-5
-    slip_share: float = 0.01
+    slip_share: float = 0.005
     slip_difference_share: float = 3e-4
-    turn_share: float = 0.02
+    turn_share: float = 0.06
     turn_lag_s: float = 0.05
     side_slip_share: float = 0.003
     side_arm_std_m: float = 0.005
@@ -66,9 +70,21 @@ class OdometryNoise:
 
 #: A skid-steered robot drags its wheels sideways: its effective track is 1.3 to 2 times the real one, by ground and
 #: load, and its centre of rotation wanders between the axles.
-SCRUBBING = OdometryNoise(turn_scale_std=0.3, turn_share=0.1, side_arm_std_m=0.1, side_slip_share=0.02)
+SCRUBBING = OdometryNoise(
+    radius_std=RADIUS_STD, turn_scale_std=0.3, slip_share=0.01, turn_share=0.1, side_arm_std_m=0.1, side_slip_share=0.02
+)
 
 
 def noise_of(robot: Robot) -> OdometryNoise:
     """Noise of a robot of which only the file is known."""
-    return SCRUBBING if isinstance(robot.chassis, SkidSteer) else OdometryNoise()
+    noise = SCRUBBING if isinstance(robot.chassis, SkidSteer) else OdometryNoise()
+    return replace(noise, creep=rolling_creep(robot))
+
+
+def rolling_creep(robot: Robot) -> float:
+    """Slip ratio at which the driven wheels of a robot overcome the rolling resistance of all its wheels.
+
+    lambda = rho sum_all(N) / (C sum_driven(N)), with the medians of floors for the resistance rho over load and for the
+    stiffness C of the tyre: 0.0075 where half of the weight is on driven wheels.
+    """
+    return ROLLING / STIFFNESS / float(robot.loads[: robot.driven, 0].sum())

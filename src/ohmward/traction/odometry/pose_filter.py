@@ -50,6 +50,7 @@ from ohmward.traction.odometry.shown_motion import (
     MotionState,
     ShownMotion,
     no_motion,
+    passive_wheels,
     rim_matrix,
     sense,
     show,
@@ -118,7 +119,7 @@ class PoseFilter:
 
     def no_sample(self) -> OdometrySample:
         """A sample without any measurement, to be filled with `_replace`."""
-        return OdometrySample(0.0, np.full(self.robot.driven, np.nan))
+        return OdometrySample(0.0, np.full(self.robot.driven, np.nan), np.full(len(passive_wheels(self.robot)), np.nan))
 
     def init(self, first: OdometrySample) -> PoseState:
         """State before the first sample: the origin of the frame `odom`."""
@@ -215,7 +216,7 @@ def opened(belief: Belief, motion: ShownMotion, slip_m_s: Scalar) -> Belief:
     """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
     slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_STD), MOST_OPENED)
     wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])
-    return choose(motion.by_wheels, wide, belief)
+    return choose(motion.by_driven, wide, belief)
 
 
 def travelled(belief: Belief, u: MotionInput) -> Scalar:

@@ -15,6 +15,7 @@ class OdometrySample(NamedTuple):
 
     dt_s: time since the sample before [s]; 0 for the first.
     wheel_speed_rad_s: (driven,) from encoders, the mean over the step.
+    passive_rad_s: (passive,) the same of the wheels that are not driven; empty where the robot has none that count.
     yaw_rate_rad_s: from a gyro, the mean over the step, > 0 to the left.
     speed_m_s, speed_std_m_s: forward, from outside, and its standard deviation where the source gives one.
     speed_left_m_s, speed_left_std_m_s: to the left, the same.
@@ -33,6 +34,7 @@ class OdometrySample(NamedTuple):
 
     dt_s: Any
     wheel_speed_rad_s: np.ndarray
+    passive_rad_s: np.ndarray = np.zeros(0)
     yaw_rate_rad_s: Any = math.nan
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan

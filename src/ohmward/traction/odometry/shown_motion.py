@@ -13,7 +13,7 @@ from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
 from ohmward.traction.odometry.model import MotionInput
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.robot.chassis import PLANAR
+from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, MOST_YAW_RAD_S
 from ohmward.traction.speed_observer.intervals import NEVER_S, Intervals, advance, holds, never, was_seen
@@ -30,8 +30,11 @@ LEAST_STEP_S = 1e-3
 #: Wheels with less grip than this show no turn.
 LEAST_GRIP = 0.5
 
+#: Share of the standard deviation of the radius that wheels have which do not drive: that of a ruler, without creep.
+FREE_SHARE = 0.7
+
 #: Channels whose usual interval is learnt.
-WHEELS, GYRO, OBSERVER = range(3)
+WHEELS, GYRO, OBSERVER, PASSIVE = range(4)
 
 
 class Observed(NamedTuple):
@@ -53,14 +56,17 @@ CREDIBLE = Observed(FASTEST_M_S, FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S, MOST_
 class MotionState(NamedTuple):
     """The last values of the sensors and their clocks.
 
-    wheel_speed_rad_s: (driven,).
+    wheel_speed_rad_s, wheel_age_s: (driven,), and how old each is.
+    passive_rad_s: (passive,).
     gyro_rad_s: yaw rate of the gyro.
     followed_m_s: forward speed of the rims, changed no faster than friction can.
     observed: of the speed observer.
-    intervals: of `WHEELS`, `GYRO` and `OBSERVER`.
+    intervals: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`.
     """
 
     wheel_speed_rad_s: np.ndarray
+    wheel_age_s: np.ndarray
+    passive_rad_s: np.ndarray
     gyro_rad_s: Any
     followed_m_s: Any
     observed: Observed
@@ -74,7 +80,7 @@ class ShownMotion(NamedTuple):
     white_variance: (3,) of the twist, by counting and by the gyro's noise over one step.
     rim_m_s: speed of the rims whatever its direction.
     grip: forward speed of the rims.
-    by_wheels: the condition that they tell it, and no observer.
+    by_driven: the condition that the driven ones tell it, no observer and no wheel that rolls freely.
     comparable: gyro and wheels both show the turn.
     no_wheels, no_gyro, jump: see `OdometryFlag`.
     """
@@ -83,7 +89,7 @@ class ShownMotion(NamedTuple):
     white_variance: np.ndarray
     rim_m_s: Scalar
     grip: GripSpeed
-    by_wheels: Scalar
+    by_driven: Scalar
     comparable: Scalar
     no_wheels: Scalar
     no_gyro: Scalar
@@ -92,23 +98,36 @@ class ShownMotion(NamedTuple):
 
 def no_motion(robot: Robot) -> MotionState:
     """State before the first sample."""
-    return MotionState(np.zeros(robot.driven), 0.0, 0.0, Observed(), never(3))
+    driven, passive = np.zeros(robot.driven), np.zeros(len(passive_wheels(robot)))
+    return MotionState(driven, driven + NEVER_S, passive, 0.0, 0.0, Observed(), never(4))
 
 
 def rim_matrix(robot: Robot) -> np.ndarray:
     """B (3, driven): forward, left and turning motion of a robot from the speeds of its rims, none of which slips."""
-    B = np.zeros((3, robot.driven))
-    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = np.linalg.pinv(robot.rolling[: robot.driven])
+    return motion_of_rims(robot, np.arange(robot.driven))
+
+
+def motion_of_rims(robot: Robot, wheels: np.ndarray) -> np.ndarray:
+    """Motion (3, n) of a robot from the rims of some of its wheels (n,)."""
+    B = np.zeros((3, len(wheels)))
+    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = np.linalg.pinv(robot.rolling[wheels])
     return B
+
+
+def passive_wheels(robot: Robot) -> np.ndarray:
+    """Indices (passive,) of the wheels that roll freely in a direction of their own; casters swivel and have none."""
+    return np.arange(robot.driven, len(robot.places) if isinstance(robot.chassis, Differential) else robot.driven)
 
 
 def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> tuple[MotionState, Scalar]:
     """The state with the sample's values where they are credible, and the condition that wheels have jumped."""
     measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
-    most_m_s = JUMP_M_S + JUMP_M_S2 * (before.intervals.age_s[WHEELS] + time.dt_s)
-    changes = zip(sample.wheel_speed_rad_s, before.wheel_speed_rad_s, strict=True)
-    jump = measured & some([abs(now - last) * robot.wheel.radius_m > most_m_s for now, last in changes])
-    rolled = measured & logical_not(jump)
+    jumps = jumped(sample.wheel_speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, time, robot)
+    jump = measured & some(jumps)
+    # Where a gyro tells the turn, the wheels that have not jumped still tell the speed.
+    rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
+    taken = np.array([rolled & logical_not(bad) for bad in jumps])
+    free = passive_rolled(before, sample, time, robot)
     turned = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
     new = Observed(*sample[-len(Observed._fields) :])
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
@@ -117,13 +136,32 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
         where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
     ]
     after = MotionState(
-        wheel_speed_rad_s=where(rolled, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
+        wheel_speed_rad_s=where(taken, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
+        wheel_age_s=where(taken, 0.0, before.wheel_age_s + time.dt_s),
+        passive_rad_s=where(free, sample.passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
         followed_m_s=before.followed_m_s,
         observed=Observed(*latest),
-        intervals=advance(before.intervals, np.array([rolled, turned, observed]), time.dt_s),
+        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), time.dt_s),
     )
     return after, jump
+
+
+def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, time: CleanStep, robot: Robot) -> list[Scalar]:
+    """Conditions (wheels,) that a rim has changed its speed as no robot can since its last value, so long ago."""
+    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + time.dt_s)
+    changes = zip(now, last, most_m_s, strict=True)
+    return [abs(new - old) * robot.wheel.radius_m > most for new, old, most in changes]
+
+
+def passive_rolled(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> Scalar:
+    """The condition that there are credible speeds of the wheels that are not driven."""
+    if len(sample.passive_rad_s) == 0:
+        return False
+    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.passive_rad_s])
+    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(sample.passive_rad_s))
+    jumps = jumped(sample.passive_rad_s, before.passive_rad_s, age_s, time, robot)
+    return measured & logical_not(some(jumps))
 
 
 def show(
@@ -133,43 +171,49 @@ def show(
 
     since_s: time since the wheels were last measured, at its end.
     """
-    rolls, by_gyro, observed = holds(now.intervals)
-    B = rim_matrix(robot)
+    rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
-    rim = B @ rims_m_s
+    driven = rim_matrix(robot) @ rims_m_s
     count_m_s = counting_m_s(dt_s, robot, noise)
     grip = speed_by_grip(
-        rims_m_s, rim[0], now.gyro_rad_s, by_gyro, now.followed_m_s, since_s, count_m_s, robot, noise
+        rims_m_s, driven[0], now.gyro_rad_s, by_gyro, now.followed_m_s, since_s, count_m_s, robot, noise
     )  # fmt: skip
+    rim = where(free, free_motion(now, robot), driven)
+    forward_m_s = where(free, rim[0], (1.0 - noise.creep) * grip.forward_m_s)
     rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
     o = now.observed
     speed_std_m_s = where(observed, o.speed_std_m_s, noise.slip_share * rim_m_s)
     turn_observed = observed & logical_not(by_gyro)
-    turn_std = hypot(noise.slip_difference_share * np.linalg.norm(B[2]) * rim_m_s, noise.turn_share * rim[2])
     u = MotionInput(
         dt_s=dt_s,
         motion=np.array([
-            where(observed, o.speed_m_s, grip.forward_m_s),
+            where(observed, o.speed_m_s, forward_m_s),
             where(observed, o.left_m_s, rim[1]),
             where(turn_observed, o.yaw_rate_rad_s, rim[2]),
         ]),
         motion_std=np.array([
             speed_std_m_s,
             side_std(speed_std_m_s, rim_m_s, rim[2], robot, noise),
-            where(turn_observed, o.yaw_rate_std_rad_s, turn_std),
+            where(turn_observed, o.yaw_rate_std_rad_s, turn_std(rim_m_s, rim[2], robot, noise)),
         ]),
-        scale=where(observed, o.scale, 1.0),
+        scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         by_gyro=by_gyro,
-        unseen_s=unseen(now.intervals, rolls | observed, by_gyro),
+        unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
     )  # fmt: skip
-    comparable = by_gyro & rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP))
+    grips = rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP))
+    comparable = by_gyro & (free | grips)
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(dt_s, observed, by_gyro, robot, noise)
-    by_wheels = rolls & logical_not(observed)
-    return ShownMotion(
-        u, white, rim_m_s, grip, by_wheels, comparable, logical_not(rolls | observed), no_gyro, jump
-    )  # fmt: skip
+    by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
+    return ShownMotion(u, white, rim_m_s, grip, by_driven, comparable, no_wheels, no_gyro, jump)
+
+
+def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
+    """Motion (3,) as the wheels that are not driven show it; zeros where there are none."""
+    if len(now.passive_rad_s) == 0:
+        return np.zeros(3)
+    return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
 def white_variance(dt_s: Scalar, observed: Scalar, by_gyro: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
@@ -182,6 +226,12 @@ def white_variance(dt_s: Scalar, observed: Scalar, by_gyro: Scalar, robot: Robot
 def counting_m_s(dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
     """Standard deviation [m/s] of the speed of a rim by counts over the step."""
     return robot.wheel.radius_m * noise.encoder_std_rad / maximum(dt_s, LEAST_STEP_S)
+
+
+def turn_std(rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
+    """Standard deviation [rad/s] of the yaw rate of the wheels: of slip that differs, and of that in turns."""
+    apart = noise.slip_difference_share * float(np.linalg.norm(rim_matrix(robot)[2]))
+    return hypot(apart * rim_m_s, noise.turn_share * turn_rad_s)
 
 
 def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
