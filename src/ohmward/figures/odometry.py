@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.report import Figure, Series
+from ohmward.report import Line, Map
 from ohmward.traction.odometry.estimator import OdometryRun
 
 #: Ellipses along the path, and points on each.
@@ -14,17 +14,14 @@ ELLIPSES, POINTS = 8, 120
 ELLIPSE_95 = np.sqrt(-2.0 * np.log(0.05))
 
 
-def path_figure(run: OdometryRun) -> Figure:
+def path_map(run: OdometryRun) -> Map:
     """The path from above, with ellipses of 95 % at even times."""
     e = run.estimates
     rows = np.unique(np.linspace(0, len(run.time_s) - 1, ELLIPSES + 1).astype(int))[1:]
     outlines = [ellipse(e.pose_cov[k], e.x_m[k], e.y_m[k]) for k in rows]
-    x, y = np.concatenate(outlines, axis=1) if outlines else np.zeros((2, 0))
-    series = [
-        Series(x, y, "95 % of the position", "points", "background"),
-        Series(e.x_m, e.y_m, "path", "points", "estimate"),
-    ]
-    return Figure("Path", "Forward of the start [m]", "To its left [m]", series, height_px=420)
+    lines = [Line(x, y, "95 % of the position", "background") for x, y in outlines]
+    path = Line(np.asarray(e.x_m), np.asarray(e.y_m), "path", "estimate")
+    return Map("Path", "Forward of the start [m]", "To its left [m]", [*lines, path])
 
 
 def ellipse(cov: np.ndarray, x_m: float, y_m: float) -> np.ndarray:

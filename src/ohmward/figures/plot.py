@@ -12,14 +12,14 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, cells, odometry, slip, terrain
-from ohmward.report import TIME, Band, Figure, Plot, Series
+from ohmward.report import TIME, Band, Figure, Map, Plot, Series
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 
 @singledispatch
-def plot(result: Any) -> Plot:
+def plot(result: Any) -> Plot | Map:
     """Figures of a result: what the `run` of an estimator returned.
 
     A notebook shows it, `plot(result).save("figure.html")` writes it as a page that needs no network.
@@ -51,8 +51,8 @@ def _(result: FloorRun) -> Plot:
 
 
 @plot.register
-def _(result: OdometryRun) -> Plot:
-    return Plot("Path", [odometry.path_figure(result)])
+def _(result: OdometryRun) -> Map:
+    return odometry.path_map(result)
 
 
 @plot.register

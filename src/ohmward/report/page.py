@@ -22,11 +22,20 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
+from typing import Protocol
 
 from ohmward.atomic import write_text
 from ohmward.report import blocks
 from ohmward.report.figure import Figure
 from ohmward.report.palette import css_variables
+
+
+class Block(Protocol):
+    """Drawing that is a block of a page."""
+
+    def block(self) -> str:
+        """HTML, its texts escaped."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,10 @@ class Page:
     def plot(self, *figures: Figure) -> Page:
         """Figures above each other on one x axis: they zoom and scroll together."""
         return self._with(blocks.plot(figures))
+
+    def map(self, plane: Block) -> Page:
+        """Lines from above, such as a `Map`."""
+        return self._with(plane.block())
 
     def html(self) -> str:
         """The whole page."""

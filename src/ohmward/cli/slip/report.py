@@ -11,7 +11,7 @@ from ohmward.cli.drive_inputs import driven_wheels
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.slip.result import SlipTask, errors, result
 from ohmward.cli.wording import duration, percent, quantity
-from ohmward.figures.odometry import path_figure
+from ohmward.figures.odometry import path_map
 from ohmward.figures.slip import ground_figures, speed_figure
 from ohmward.figures.terrain import run_figures as floor_figures
 from ohmward.report import Figure, Page
@@ -26,7 +26,7 @@ def make_page(task: SlipTask, observed: ObservedDrive, figures: Mapping[str, Any
     """
     what = f"Speed and slip by {figures['filter']}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
     page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures)).plot(*_plots(task, observed))
-    page = page.plot(path_figure(observed.path))
+    page = page.map(path_map(observed.path))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
     if task.reference:
         page = page.heading("Against the truth").table(["Quantity", "Value"], list(errors(figures).items()))
