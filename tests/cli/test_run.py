@@ -1,15 +1,23 @@
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
+from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
+from ohmward.cli.run.result import summary
+from ohmward.onboard.robot_state import Level
 from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.trial import Trial
+from ohmward.onboard.wiring_check import Recorder, WiringFinding
 
 
 def ohmward(*words, cwd, **options):
@@ -23,6 +31,28 @@ def example(tmp_path, capsys):
     (tmp_path / "robot.toml").write_text(capsys.readouterr().out, encoding="utf-8")
     save_battery(generic_battery("lfp", 12.0, 4), tmp_path / "battery.toml")
     return tmp_path
+
+
+def test_the_commands_of_the_page_can_be_pasted(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "on-board.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```bash\n(.*?)```", page, flags=re.DOTALL)
+    for line in block.splitlines():
+        (program, *words), file = redirected(shlex.split(line))
+        assert program == "ohmward"
+        command = [sys.executable, "-m", "ohmward.cli", *words]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100)
+        assert done.returncode == 0, (line, done.stdout, done.stderr)
+        if file:
+            (tmp_path / file).write_text(done.stdout, encoding="utf-8")
+
+
+def test_keys_of_the_check_are_all_listed(example):
+    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+    section = page.split("## JSON of `run`")[1].split("## ")[0]
+    trial = Trial({"yaw_rate_rad_s": Recorder.record([("imu", 0.0, 1.0)])}, [WiringFinding("imu", Level.OK, "running")])
+    found = summary(trial)
+    keys = {*found, *found["findings"][0], *found["signals"]["yaw_rate_rad_s"]}
+    assert set(re.findall(r"`(\w+)`", section)) >= keys
 
 
 def setup(folder, body):

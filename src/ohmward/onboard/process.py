@@ -127,7 +127,7 @@ class Process:
         """End cleanly on SIGTERM and SIGINT, to be called in the loop that runs."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
-            with suppress(NotImplementedError):  # not on Windows
+            with suppress(NotImplementedError, RuntimeError):  # on Windows; in another thread than the first
                 loop.add_signal_handler(number, self.stop)
 
     def put(self, message: Message) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -95,12 +95,13 @@ class Recorder:
 
     def signals(self) -> dict[str, SignalRecord]:
         """Records of all signals that have come."""
-        return {signal: _record(rows) for signal, rows in sorted(self._rows.items())}
+        return {signal: self.record(rows) for signal, rows in sorted(self._rows.items())}
 
-
-def _record(rows: list[tuple[str, float, float]]) -> SignalRecord:
-    sources, times, values = zip(*rows, strict=True)
-    return SignalRecord(tuple(sorted(set(sources))), np.array(times), np.array(values, dtype=float))
+    @staticmethod
+    def record(rows: Sequence[tuple[str, float, float]]) -> SignalRecord:
+        """The record of a signal from its sources, times and values."""
+        sources, times, values = zip(*rows, strict=True)
+        return SignalRecord(tuple(sorted(set(sources))), np.array(times), np.array(values, dtype=float))
 
 
 def check_wiring(

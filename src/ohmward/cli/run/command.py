@@ -28,14 +28,22 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.example:
         return Outcome({}, files("ohmward.cli.run").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
     if args.check:
-        logging.disable(logging.ERROR)  # the findings say it
-        trial = try_setup(SETUP_FILE.load(args.setup), args.seconds or CHECK_S)
-        return Outcome(summary(trial), describe(trial, args.setup), status=0 if trial.passed else 1)
+        return _check(args.setup, args.seconds or CHECK_S)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="ohmward: %(message)s")
     process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
     process.estimation.compile()
     asyncio.run(_run(process, args.seconds))
     return Outcome({}, "")
+
+
+def _check(setup: str, seconds: float) -> Outcome:
+    """Findings about a setup, which take the place of the log."""
+    logging.disable(logging.ERROR)
+    try:
+        trial = try_setup(SETUP_FILE.load(setup), seconds)
+    finally:
+        logging.disable(logging.NOTSET)
+    return Outcome(summary(trial), describe(trial, setup), status=0 if trial.passed else 1)
 
 
 def _check_arguments(args: argparse.Namespace) -> None:
