@@ -17,7 +17,7 @@ extern "C" {
 /* Write a frame and return its length in bytes.
 
    number:   of the message; the setup of `ohmward run` names its values.
-   sequence: one more with each frame of this line, from 255 back to 0; a gap tells of frames that were lost.
+   sequence: one more with each frame of this number, from 255 back to 0; a gap tells of frames that were lost.
    time_us:  of the measurement, from a timer of 1 MHz that may overflow.
    values:   NAN where there is none. */
 size_t slip_frame(uint8_t *frame, uint8_t number, uint8_t sequence, uint32_t time_us, const float *values, size_t count);

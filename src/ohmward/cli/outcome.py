@@ -53,7 +53,8 @@ def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.
 def show(outcome: Outcome, *, as_json: bool) -> None:
     """Print the outcome; as JSON, standard output carries one object and nothing else."""
     if not as_json:
-        print(outcome.text, flush=True)
+        if outcome.text:  # `run` has written its own lines
+            print(outcome.text, flush=True)
         return
     for note in outcome.notes:
         print(note, file=sys.stderr)

@@ -23,8 +23,8 @@ _LONGEST = _HEAD.size + 4 * MOST_VALUES + _CRC.size + 8
 class SerialFrame(NamedTuple):
     """A frame that is whole.
 
-    number: of the message.  sequence: counted by the sender, modulo 256.  time_us: its timer, modulo 2^32.
-    values: in the order that the setup names.
+    number: of the message.  sequence: counted by the sender for each number, modulo 256.
+    time_us: its timer, modulo 2^32.  values: in the order that the setup names.
     """
 
     number: int
@@ -63,7 +63,7 @@ class FrameReader:
         self.faulty = self.lost = 0
         self._rest = b""
         self._first = True
-        self._sequence: int | None = None
+        self._sequences: dict[int, int] = {}
 
     def feed(self, data: bytes) -> list[SerialFrame]:
         """Frames that are whole with these bytes."""
@@ -81,9 +81,9 @@ class FrameReader:
         return frames
 
     def _count(self, frame: SerialFrame) -> None:
-        if self._sequence is not None:
-            self.lost += (frame.sequence - self._sequence - 1) % 256
-        self._sequence = frame.sequence
+        if (before := self._sequences.get(frame.number)) is not None:
+            self.lost += (frame.sequence - before - 1) % 256
+        self._sequences[frame.number] = frame.sequence
 
 
 class FrameClock:
