@@ -1,12 +1,17 @@
 """Real servers for tests, on free ports of this machine."""
 
 import contextlib
+import os
+import pwd
 import shutil
 import socket
 import subprocess
 import time
+import urllib.parse
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -62,3 +67,85 @@ def mosquitto(folder: Path, *settings: str) -> Iterator[Mosquitto]:
         yield broker
     finally:
         broker.stop()
+
+
+@contextlib.contextmanager
+def started(command: list[str], port: int, log: Path, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """A server that listens on a port; it is killed at the end."""
+    with log.open("ab") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, **options)
+        try:
+            wait_for_port(port, 30.0)
+            yield process
+        finally:
+            process.kill()
+            process.wait(10)
+
+
+def program(name: str, *folders: str) -> str:
+    """Path of a server's program; the test is skipped where it is not installed."""
+    found = shutil.which(name) or next((p for folder in folders if (p := shutil.which(name, path=folder))), None)
+    if found is None:
+        pytest.skip(f"{name} is not installed")
+    return found
+
+
+@contextlib.contextmanager
+def victoria_metrics(folder: Path, port: int) -> Iterator[str]:
+    """Address of a VictoriaMetrics with its data in a folder."""
+    command = [program("victoria-metrics"), f"-storageDataPath={folder / 'vm'}", f"-httpListenAddr=127.0.0.1:{port}"]
+    with started([*command, "-retentionPeriod=100y"], port, folder / "vm.log"):
+        yield f"http://127.0.0.1:{port}"
+
+
+@contextlib.contextmanager
+def influxdb(folder: Path, port: int) -> Iterator[str]:
+    """Address of an InfluxDB with the database `robots` in a folder."""
+    settings = folder / "influx.conf"
+    settings.write_text(
+        f'reporting-disabled = true\nbind-address = "127.0.0.1:{free_port()}"\n'
+        f'[meta]\n dir = "{folder}/meta"\n[data]\n dir = "{folder}/data"\n wal-dir = "{folder}/wal"\n'
+        f'[http]\n bind-address = "127.0.0.1:{port}"\n'
+    )
+    with started([program("influxd"), "-config", str(settings)], port, folder / "influx.log"):
+        query = urllib.parse.urlencode({"q": "CREATE DATABASE robots"}).encode()
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/query", query, timeout=10).read()
+        yield f"http://127.0.0.1:{port}"
+
+
+@contextlib.contextmanager
+def postgresql(folder: Path, port: int) -> Iterator[str]:
+    """Connection string of a PostgreSQL with its data in a folder, which goes on where it stopped."""
+    places = [str(path) for path in sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)]
+    initdb, server = program("initdb", *places), program("postgres", *places)
+    options: dict[str, Any] = {}
+    data = folder / "pg"
+    if os.geteuid() == 0:  # it refuses to run as root
+        user = pwd.getpwnam("postgres")
+        options = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
+        for parent in (folder, *folder.parents):
+            if parent.stat().st_uid == 0 and not parent.stat().st_mode & 0o001:
+                parent.chmod(parent.stat().st_mode | 0o011)
+        if not data.exists():
+            data.mkdir()
+            os.chown(data, user.pw_uid, user.pw_gid)
+    if not (data / "PG_VERSION").exists():
+        subprocess.run(
+            [initdb, "-D", str(data), "-A", "trust", "-U", "rover", "-N"], check=True, capture_output=True, **options
+        )
+    command = [
+        server,
+        "-D",
+        str(data),
+        "-p",
+        str(port),
+        "-c",
+        "listen_addresses=127.0.0.1",
+        "-c",
+        "unix_socket_directories=",
+    ]
+    with started(command, port, folder / "pg.log", **options):
+        ready = [program("pg_isready", *places), "-h", "127.0.0.1", "-p", str(port), "-t", "1"]
+        while subprocess.run(ready, capture_output=True, check=False).returncode != 0:
+            time.sleep(0.1)
+        yield f"host=127.0.0.1 port={port} dbname=postgres user=rover"

@@ -22,6 +22,7 @@ class Feed:
     Attributes:
         lost: number of states that were left out because too many waited.
         ended: no more states come.
+        trouble: what keeps the sink from delivering while it goes on, "" where nothing does.
     """
 
     def __init__(self, interval_s: float = 0.0, longest: int = LONGEST):
@@ -30,7 +31,7 @@ class Feed:
         self._something = asyncio.Event()
         self._last_s = -math.inf
         self._measured: dict[str, float] = {}
-        self.ended = False
+        self.ended, self.trouble = False, ""
 
     def put(self, state: RobotState) -> None:
         """Add a state, unless the last one is too recent; what was measured then goes with the next one."""

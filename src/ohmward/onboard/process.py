@@ -180,6 +180,8 @@ class Process:
             await asyncio.sleep(LOOK_S)
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
+            for sink, feed in self.sinks:
+                self.tell(_delivery(sink.name, feed))
             if self.clock.now_s() - self._passed_s > QUIET_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
@@ -202,6 +204,16 @@ class Process:
         whole = state._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:
             feed.put(whole)
+
+
+def _delivery(name: str, feed: Feed) -> Diagnostic:
+    """Condition of the delivery to a sink that goes on."""
+    if feed.trouble:
+        return Diagnostic(f"delivery to {name}", Level.ERROR, feed.trouble)
+    if feed.lost:
+        message = "too slow: states were left out; raise its interval_s, or look at what it writes to"
+        return Diagnostic(f"delivery to {name}", Level.WARN, message, {"lost": float(feed.lost)})
+    return Diagnostic(f"delivery to {name}", Level.OK, "in time")
 
 
 async def _deliver(sink: Sink, feed: Feed) -> None:

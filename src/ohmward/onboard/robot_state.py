@@ -60,3 +60,12 @@ class RobotState(NamedTuple):
     diagnostics: tuple[Diagnostic, ...] = ()
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
+
+
+def wheel_names(state: RobotState) -> list[str]:
+    """Names of the driven wheels, numbers where the sample does not name them."""
+    assert state.slip is not None
+    prefix = "wheel_speed_rad_s."
+    named = [signal.removeprefix(prefix) for signal in state.sample if signal.startswith(prefix)]
+    driven = len(state.slip.slip_ratio)
+    return (named if len(named) >= driven else [f"wheel_{k}" for k in range(driven)])[:driven]

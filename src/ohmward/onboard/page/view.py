@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.plain import plain
-from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.robot_state import Level, RobotState, wheel_names
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
@@ -134,15 +134,6 @@ def _wheel(k: int, name: str, slip: SlipEstimate) -> dict[str, Any]:
         "traction_N": slip.traction_N[k],
         "slipping": bool(slip.slipping[k]),
     }
-
-
-def wheel_names(state: RobotState) -> list[str]:
-    """Names of the driven wheels, numbers where the sample does not name them."""
-    assert state.slip is not None
-    prefix = "wheel_speed_rad_s."
-    named = [signal.removeprefix(prefix) for signal in state.sample if signal.startswith(prefix)]
-    driven = len(state.slip.slip_ratio)
-    return (named if len(named) >= driven else [f"wheel_{k}" for k in range(driven)])[:driven]
 
 
 def _pose(state: RobotState) -> dict[str, Any] | None:

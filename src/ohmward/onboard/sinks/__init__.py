@@ -2,21 +2,38 @@
 
 from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sinks.influxdb import InfluxSink
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.page import PageSink
+from ohmward.onboard.sinks.postgresql import PostgresqlSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 
 #: Any of them.
-AnySink = CanSink | ControlSink | JsonLinesSink | MqttSink | PageSink | Ros2Sink | TerminalSink
+AnySink = (
+    CanSink
+    | ControlSink
+    | InfluxSink
+    | JsonLinesSink
+    | MqttSink
+    | PageSink
+    | PostgresqlSink
+    | Ros2Sink
+    | StoreSink
+    | TerminalSink
+)
 
 SINKS: dict[type, str] = {
     CanSink: "can",
     ControlSink: "control",
+    InfluxSink: "influxdb",
     JsonLinesSink: "json-lines",
     MqttSink: "mqtt",
     PageSink: "page",
+    PostgresqlSink: "postgresql",
     Ros2Sink: "ros2",
+    StoreSink: "store",
     TerminalSink: "terminal",
 }

@@ -1,0 +1,201 @@
+"""The store: every row once, whatever happens to power, disk and server."""
+
+import asyncio
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.sinks.store import StoreSink
+from ohmward.onboard.store.rows import Row, RowMaker
+from ohmward.onboard.store.store import Store
+from onboard.page_server import drive
+
+DAY_NS = 86_400 * 10**9
+START_NS = 20_000 * DAY_NS
+
+
+def rows(count, kind="battery", start_ns=START_NS, step_ns=10**9, **more):
+    return [Row(kind, start_ns + k * step_ns, {"soc": k / count, **more}) for k in range(count)]
+
+
+def filled_feed() -> Feed:
+    feed = Feed()
+    for state in drive():
+        feed.put(state)
+    feed.end()
+    return feed
+
+
+def test_each_estimate_becomes_one_row():
+    maker = RowMaker()
+    found = [row for state in drive() for row in maker.rows(state)]
+    battery = [row for row in found if row.kind == "battery"]
+    assert len(battery) == len({state.battery_time_s for state in drive()}) == 40
+    assert battery[0].values["battery_voltage_V"] == 13.2
+    last = found[-1]
+    assert last.kind == "drive" and "slip_ratio.front_left" in last.values and "x_m" in last.values
+    assert [c.name for c in maker.conditions(drive()[0])] == ["source can0", "battery_voltage_V"]
+    assert list(maker.conditions(drive()[1])) == []
+
+
+def test_times_go_on_while_the_wall_clock_is_steered():
+    maker, state = RowMaker(), drive()[-1]
+    first, second = (next(iter(maker.rows(state._replace(drive_time_s=t)))) for t in (state.time_s, state.time_s + 0.1))
+    assert second.unix_ns != first.unix_ns
+
+
+def test_what_is_stored_is_read(tmp_path):
+    store = Store(tmp_path)
+    store.add(rows(10) + rows(5, "drive"))
+    store.add(rows(3, start_ns=START_NS + 10**11, resistance_ratio=1.5))
+    read = Store(tmp_path, read_only=True).read("battery")
+    assert len(read["unix_ns"]) == 13
+    assert read["soc"][:10].tolist() == [k / 10 for k in range(10)]
+    assert np.isnan(read["resistance_ratio"][:10]).all() and (read["resistance_ratio"][10:] == 1.5).all()
+    assert store.read("battery", ["soc"], since_s=START_NS / 1e9 + 100)["unix_ns"].size == 3
+    assert store.history("battery", ["soc"], 0, 1e10, most_points=5)["soc"].size <= 5
+    with pytest.raises(InputError, match="there are rows of battery and drive"):
+        store.read("weather")
+
+
+def test_a_column_may_have_any_name(tmp_path):
+    store = Store(tmp_path)
+    store.add([Row("battery", START_NS, {'a"; DROP TABLE battery; --': 1.0})])
+    assert store.read("battery")['a"; DROP TABLE battery; --'].tolist() == [1.0]
+
+
+def test_days_that_are_over_go_to_parquet_and_are_read_as_before(tmp_path):
+    store = Store(tmp_path)
+    for day in range(4):
+        store.add(rows(100, start_ns=START_NS + day * DAY_NS) + rows(50, "drive", START_NS + day * DAY_NS))
+    before = {kind: store.read(kind) for kind in ("battery", "drive")}
+    done = store.archive_days((START_NS + 3 * DAY_NS) / 1e9)
+    assert [entry.rows for entry in done] == [100, 100, 100, 50, 50, 50]
+    assert store.archive_days((START_NS + 3 * DAY_NS) / 1e9) == []
+    for kind, columns in before.items():
+        after = store.read(kind)
+        assert after.keys() == columns.keys()
+        assert all(np.array_equal(after[name], columns[name]) for name in columns)
+    assert store.span_ns("battery") == (400, START_NS, START_NS + 3 * DAY_NS + 99 * 10**9)
+    part = store.read("battery", ["soc"], (START_NS + DAY_NS) / 1e9, (START_NS + DAY_NS) / 1e9 + 9)
+    assert part["soc"].size == 10
+
+
+def test_an_archive_that_was_begun_before_a_loss_of_power_is_removed(tmp_path):
+    store = Store(tmp_path)
+    store.add(rows(10))
+    store.close()
+    (tmp_path / "archive" / "battery-2024-10-04-00000001-00000010.parquet").write_bytes(b"half")
+    assert len(Store(tmp_path).read("battery")["soc"]) == 10
+    assert list((tmp_path / "archive").iterdir()) == []
+
+
+def test_the_oldest_files_go_when_the_store_grows_too_large(tmp_path):
+    store = Store(tmp_path)
+    for day in range(3):
+        store.add(rows(1000, start_ns=START_NS + day * DAY_NS))
+    names = [entry.name for entry in store.archive_days((START_NS + 3 * DAY_NS) / 1e9)]
+    assert store.prune(10**9) == []
+    assert store.prune(store.size_bytes() - 1) == names[:1]
+    assert len(store.read("battery")["soc"]) == 2000
+
+
+def test_a_full_disk_loses_nothing_and_is_named(tmp_path):
+    store = Store(tmp_path)
+    store.add(rows(10))
+    (pages,) = store._database.execute("PRAGMA page_count").fetchone()
+    store._database.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(OhmwardError, match="is the disk full"):
+        store.add(rows(20_000, start_ns=START_NS + 10**12, **{f"x{k}": 1.0 for k in range(10)}))
+    assert len(store.read("battery")["soc"]) == 10
+    store._database.execute("PRAGMA max_page_count = 100000")
+    store.add(rows(20_000, start_ns=START_NS + 10**12, **{f"x{k}": 1.0 for k in range(10)}))
+    assert len(store.read("battery")["soc"]) == 20_010
+
+
+def test_states_that_a_full_disk_refuses_go_back_to_the_feed(tmp_path, monkeypatch):
+    def full(*_):
+        raise OhmwardError("is the disk full?")
+
+    monkeypatch.setattr(Store, "add", full)
+    feed = filled_feed()
+    with pytest.raises(OhmwardError):
+        asyncio.run(StoreSink(str(tmp_path)).run(feed))
+    monkeypatch.undo()
+    asyncio.run(StoreSink(str(tmp_path)).run(feed))
+    assert len(Store(tmp_path).read("battery")["soc"]) == 40
+    assert feed.lost == 0
+
+
+def test_the_sink_stores_all_and_says_what_changed(tmp_path):
+    asyncio.run(StoreSink(str(tmp_path)).run(filled_feed()))
+    store = Store(tmp_path, read_only=True)
+    assert len(store.read("battery")["soc"]) == 40
+    assert [condition.level for condition in store.conditions()] == ["OK", "WARN"]
+
+
+@pytest.mark.parametrize("what", ["nothing", "text", "newer"])
+def test_a_folder_that_holds_no_store_is_named(tmp_path, what):
+    if what == "nothing":
+        with pytest.raises(InputError, match="there is no store; give the folder"):
+            Store(tmp_path, read_only=True)
+        return
+    if what == "text":
+        (tmp_path / "store.sqlite").write_text("no database, but long enough to be taken for one" * 100)
+    else:
+        Store(tmp_path)._database.execute("PRAGMA user_version = 99")
+    with pytest.raises(OhmwardError, match=r"cannot be opened|version 99"):
+        Store(tmp_path)
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.store import Store
+store = Store(Path(sys.argv[1]))
+first, day = int(sys.argv[2]), 86_400 * 10**9
+for k in range(first, first + 10**6, 20):
+    store.add([Row("battery", 20_000 * day + n * 10**12, {"n": float(n)}) for n in range(k, k + 20)])
+    print(k + 20, flush=True)
+    if k % 200 == 0:
+        store.archive_days((20_000 * day + k * 10**12) / 1e9)
+"""
+
+
+def killed_writers(folder, kills: int, seed: int) -> int:
+    """Kill a process that writes and archives, again and again; number of rows that it had acknowledged."""
+    rng, acknowledged = random.Random(seed), 0
+    for _ in range(kills):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(folder), str(acknowledged)], stdout=subprocess.PIPE, text=True
+        )
+        assert writer.stdout is not None
+        writer.stdout.readline()
+        time.sleep(rng.uniform(0.0, 0.15))
+        os.kill(writer.pid, signal.SIGKILL)
+        said = writer.stdout.read().split()
+        writer.wait()
+        stored = Store(folder).read("battery", ["n"])["n"]
+        least = int(said[-1]) if said else acknowledged + 20
+        assert np.array_equal(stored, np.arange(len(stored))), "a row is missing or stands twice"
+        assert len(stored) >= least, "an acknowledged row was lost"
+        acknowledged = len(stored)
+    return acknowledged
+
+
+def test_no_row_is_lost_or_stored_twice_when_the_process_is_killed(tmp_path):
+    assert killed_writers(tmp_path, 8, seed=1) > 8 * 20
+
+
+@pytest.mark.slow
+def test_two_hundred_kills(tmp_path):
+    assert killed_writers(tmp_path, 200, seed=2) > 200 * 20

@@ -1,0 +1,187 @@
+"""Rows in real servers: every one once, though the server goes away and the process is killed in between."""
+
+import asyncio
+import json
+import time
+import urllib.parse
+import urllib.request
+from functools import partial
+
+import pytest
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.sinks.influxdb import InfluxSink
+from ohmward.onboard.sinks.postgresql import PostgresqlSink
+from ohmward.onboard.store.delivery import deliver, send_batch
+from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.postgresql import write
+from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.spool import Spool
+from onboard.page_server import drive
+from onboard.servers import free_port, influxdb, postgresql, victoria_metrics
+
+NOW_NS = time.time_ns() // 10**9 * 10**9
+
+
+def rows(count, first=0):
+    return [
+        Row("battery", NOW_NS + k * 10**9, {"soc": k / 1000, "x.front_left": 1.5}) for k in range(first, first + count)
+    ]
+
+
+def fed(states=None) -> Feed:
+    feed = Feed()
+    for state in states or drive():
+        feed.put(state._replace(unix_s=NOW_NS / 1e9 + state.time_s))
+    return feed
+
+
+def test_lines_hold_whatever_a_name_holds():
+    row = Row("drive", 17, {"slip ratio,front=left": 0.25})
+    assert lines([row], "my rover=1") == "drive,robot=my\\ rover\\=1 slip\\ ratio\\,front\\=left=0.25 17\n"
+    assert lines([Row("drive", 17, {})], "rover") == ""
+
+
+def test_a_spool_keeps_its_rows_over_a_restart_and_gives_them_in_order(tmp_path):
+    spool = Spool(tmp_path / "spool", 1000)
+    spool.put(rows(5))
+    number, first = spool.oldest(3)
+    spool.confirm(number)
+    spool.close()
+    again = Spool(tmp_path / "spool", 1000)
+    assert first == rows(3) and again.waiting == 2
+    assert again.oldest(10)[1] == rows(2, 3)
+
+
+def test_a_spool_ends_and_counts_what_it_leaves_out(tmp_path):
+    spool = Spool(tmp_path / "spool", 100)
+    for k in range(5):
+        spool.put(rows(30, 30 * k))
+    assert (spool.waiting, spool.lost) == (100, 50)
+    assert spool.oldest(1)[1] == rows(1, 50)
+
+
+def test_a_row_that_was_sent_and_not_confirmed_is_sent_again(tmp_path):
+    spool, sent = Spool(tmp_path / "spool", 100), []
+    spool.put(rows(3))
+
+    def answer_lost(batch):
+        sent.append(batch)
+        if len(sent) == 1:
+            raise OhmwardError("no answer")
+
+    with pytest.raises(OhmwardError):
+        send_batch(spool, answer_lost)
+    send_batch(spool, answer_lost)
+    assert sent == [rows(3), rows(3)] and spool.waiting == 0
+
+
+def test_while_the_server_is_away_rows_wait_and_the_trouble_is_named(tmp_path):
+    away, taken = [True], []
+
+    def send(batch):
+        if away[0]:
+            raise OhmwardError("db cannot be reached; is the server running?")
+        taken.extend(batch)
+
+    async def run():
+        feed = fed()
+        running = asyncio.create_task(deliver(feed, send, tmp_path / "spool"))
+        while not feed.trouble:
+            await asyncio.sleep(0.01)
+        said, away[0] = feed.trouble, False
+        while not taken:
+            await asyncio.sleep(0.01)
+        feed.end()
+        await running
+        return said, feed.trouble
+
+    said, after = asyncio.run(run())
+    assert "is the server running" in said and after == ""
+    assert len({(row.kind, row.unix_ns) for row in taken}) == len(taken) == 80
+
+
+@pytest.mark.parametrize("server", [influxdb, victoria_metrics])
+def test_every_row_is_once_in_a_server_of_line_protocol(tmp_path, server):
+    port = free_port()
+    sink = InfluxSink(
+        f"http://127.0.0.1:{port}/write?db=robots", "rover", spool=str(tmp_path / "spool"), interval_s=0.0
+    )
+
+    async def run():
+        feed = fed()
+        feed.end()
+        await sink.run(feed)
+
+    asyncio.run(run())  # the server is away: the rows wait
+    assert Spool(tmp_path / "spool", 10**6).waiting == 80
+    with server(tmp_path, port) as address:
+        asyncio.run(run())  # the same states once more, as after a restart
+        counted = in_influx(address) if server is influxdb else in_victoria(address)
+    assert Spool(tmp_path / "spool", 10**6).waiting == 0
+    assert counted == 40
+
+
+def in_influx(address):
+    query = urllib.parse.urlencode({"db": "robots", "q": "SELECT count(soc) FROM battery WHERE robot = 'rover'"})
+    with urllib.request.urlopen(f"{address}/query?{query}", timeout=10) as answer:
+        return json.load(answer)["results"][0]["series"][0]["values"][0][1]
+
+
+def in_victoria(address):
+    urllib.request.urlopen(f"{address}/internal/force_flush", timeout=10).read()
+    match = urllib.parse.urlencode({"match[]": 'battery_soc{robot="rover"}'})
+    with urllib.request.urlopen(f"{address}/api/v1/export?{match}", timeout=10) as answer:
+        series = [json.loads(line) for line in answer]
+    return sum(len(set(one["timestamps"])) for one in series)
+
+
+def test_every_row_is_once_in_postgresql(tmp_path):
+    port = free_port()
+    with postgresql(tmp_path, port) as address:
+        send = partial(write, robot="rover", address=address)
+        send(rows(100))
+        send(rows(100, 50))
+        sink = PostgresqlSink(address, "rover", spool=str(tmp_path / "spool"), interval_s=0.0)
+        feed = fed()
+        feed.end()
+        asyncio.run(sink.run(feed))
+        assert in_postgresql(address, "ohmward_drive") == 40
+        assert in_postgresql(address, "ohmward_battery") >= 150
+    with pytest.raises(OhmwardError, match="PostgreSQL takes no rows"):
+        send(rows(1))
+    with postgresql(tmp_path, port) as address:
+        send(rows(1, 10_000))
+        assert in_postgresql(address, "ohmward_battery") >= 151
+
+
+def in_postgresql(address, table):
+    import psycopg
+
+    with psycopg.connect(address) as connection:
+        found = connection.execute(f"SELECT count(*) FROM {table} WHERE robot = 'rover'").fetchone()
+        assert found is not None
+        return found[0]
+
+
+def test_a_server_that_refuses_is_quoted(tmp_path):
+    port = free_port()
+    with influxdb(tmp_path, port) as address, pytest.raises(OhmwardError, match=r"refuses the rows \(404 .*not found"):
+        post(f"{address}/write?db=nothing", lines(rows(1), "rover"))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: InfluxSink("db.local:8086"), "url must be http"),
+        (lambda: InfluxSink("http://me:secret@db.local/write?db=x"), "must not hold a password"),
+        (lambda: PostgresqlSink("postgresql://me:secret@db.local/robots"), "must not hold a password"),
+        (lambda: PostgresqlSink("host=db password=secret"), "must not hold a password"),
+        (lambda: InfluxSink("http://db/write", token="not a name"), "not the secret"),
+    ],
+)
+def test_secrets_never_stand_in_a_setup(make, message):
+    with pytest.raises(InputError, match=message) as refusal:
+        make()
+    assert "secret@" not in str(refusal.value)
