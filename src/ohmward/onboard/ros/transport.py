@@ -85,7 +85,7 @@ class RclpyTransport:
 
     def __init__(self, node: str, namespace: str, domain: int):
         self._rclpy = require("rclpy", 'transport = "rclpy"')
-        self._context = self._rclpy.context.Context()
+        self._context = require("rclpy.context", 'transport = "rclpy"').Context()
         self._rclpy.init(args=None, context=self._context, domain_id=domain)
         self._node = self._rclpy.create_node(node, namespace=namespace, context=self._context)
         self._publishers: dict[str, object] = {}

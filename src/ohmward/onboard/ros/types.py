@@ -55,6 +55,20 @@ HASHES = {
 }
 
 
+def definition_text(type_: str) -> str:
+    """The definition of a type and of those that it uses, as recordings and viewers take it."""
+    texts, waiting = dict[str, str](), [type_]
+    while waiting:
+        name = waiting.pop(0)
+        if name not in texts:
+            texts[name] = "".join(f"{field}\n" for field in _TEXT[name].split(", "))
+            inner = [content.item if isinstance(content, Several) else content for _, content in DEFINITIONS[name]]
+            waiting += [content.type for content in inner if content.type in _TEXT]
+    first, *others = texts.values()
+    headed = zip(list(texts)[1:], others, strict=True)
+    return "".join([first, *(f"{'=' * 80}\nMSG: {name.replace('/msg/', '/')}\n{text}" for name, text in headed)])
+
+
 def _fields(text: str) -> Fields:
     """The fields of a type."""
     return [(name, _content(type_)) for type_, name in (field.split() for field in text.split(", "))]

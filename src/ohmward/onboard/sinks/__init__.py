@@ -2,6 +2,7 @@
 
 from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sinks.foxglove import FoxgloveSink
 from ohmward.onboard.sinks.influxdb import InfluxSink
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sinks.mqtt import MqttSink
@@ -15,6 +16,7 @@ from ohmward.onboard.sinks.terminal import TerminalSink
 AnySink = (
     CanSink
     | ControlSink
+    | FoxgloveSink
     | InfluxSink
     | JsonLinesSink
     | MqttSink
@@ -29,6 +31,7 @@ SINKS: dict[type, str] = {
     CanSink: "can",
     ControlSink: "control",
     InfluxSink: "influxdb",
+    FoxgloveSink: "foxglove",
     JsonLinesSink: "json-lines",
     MqttSink: "mqtt",
     PageSink: "page",

@@ -29,6 +29,7 @@ class Ros2Source(RosNetwork):
     """Messages of sensors; an empty topic is not subscribed to.
 
     Attributes:
+        node: name of the node.
         battery_state: topic of `sensor_msgs/BatteryState`.
         joint_states: topic of `sensor_msgs/JointState`, whose velocities are those of wheels.
         joints: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`.
@@ -37,6 +38,7 @@ class Ros2Source(RosNetwork):
         name: in diagnostics.
     """
 
+    node: str = "ohmward_sensors"
     battery_state: str = ""
     joint_states: str = ""
     joints: dict[str, str] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""ohmward as a node of ROS 2."""

@@ -1,0 +1,69 @@
+"""Live view in Foxglove, Lichtblick and PlotJuggler: the messages of ROS 2 on a WebSocket, with their definitions."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import Any
+
+from ohmward.battery.file import load_battery
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.ros.types import definition_text
+from ohmward.onboard.sinks.page import is_loopback
+from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
+from ohmward.optional import require
+
+
+@dataclass(frozen=True)
+class FoxgloveSink:
+    """A server for viewers, who connect to ws://HOST:PORT and cannot send anything.
+
+    Attributes:
+        host: address that is listened on; loopback only, because the protocol knows no token: forward the port with
+            `ssh -L 8765:localhost:8765 robot`.
+        port: of TCP.
+        battery: path of the battery file, for capacity, technology, number of cells and serial number.
+        interval_s: least time between two messages of odometry and twist, >= 0.
+        name: in diagnostics.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+    battery: str | None = None
+    interval_s: float = 0.05
+    name: str = "foxglove"
+
+    def __post_init__(self) -> None:
+        require_between("port", self.port, 0, 65535)
+        require_between("interval_s", self.interval_s, 0.0, 3600.0)
+        if not is_loopback(self.host):
+            raise InputError(
+                f"host must be a loopback address, got {self.host!r}: the protocol of Foxglove knows no token; from "
+                f"elsewhere, forward the port: ssh -L {self.port}:localhost:{self.port} robot"
+            )
+
+    async def run(self, feed: Feed) -> None:
+        """Serve until the feed ends."""
+        foxglove = require("foxglove", "the Foxglove sink")
+        battery = load_battery(self.battery) if self.battery else None
+        translation = Translation(Ros2Sink(interval_s=self.interval_s), battery)
+        context = foxglove.Context()
+        try:
+            server = foxglove.start_server(name="ohmward", host=self.host, port=self.port, context=context)
+        except Exception as error:  # of the package, of no common kind
+            raise OhmwardError(f"port {self.port} cannot be used ({error}); choose another one: port = ...") from error
+        channels: dict[str, Any] = {}
+        try:
+            async for state in feed:
+                for topic, type_, payload in translation.messages(state):
+                    if topic not in channels:
+                        text = definition_text(type_).encode()
+                        schema = foxglove.Schema(name=type_, encoding="ros2msg", data=text)
+                        channels[topic] = foxglove.Channel(
+                            f"/{topic.strip('/')}", schema=schema, message_encoding="cdr", context=context
+                        )
+                    channels[topic].log(payload, log_time=round(state.unix_s * 1e9))
+        finally:
+            await asyncio.to_thread(server.stop)
