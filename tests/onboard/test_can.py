@@ -3,6 +3,7 @@
 import asyncio
 import math
 import random
+import subprocess
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -208,3 +209,35 @@ def test_numbers_saturate_and_unknown_ones_keep_the_message_back(database):
     ((identifier, extended, data),) = encoder.frames({"a": 1e9, "b": -7.5})
     assert (identifier, extended) == (512, False)
     assert database.decode_message(512, data) == {"Left": 50.0, "Right": -7.5, "Enable": 0, "Counter": 0}
+
+
+@pytest.fixture
+def vcan():
+    """A virtual interface of the kernel, where it has them and we may make one."""
+    name = f"vohm{next(NUMBERS)}"
+    try:
+        subprocess.run(["ip", "link", "add", "dev", name, "type", "vcan"], check=True, capture_output=True)
+        subprocess.run(["ip", "link", "set", name, "up"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"the kernel has no vcan, or we may not make one: {error}")
+    yield name
+    subprocess.run(["ip", "link", "del", name], check=False, capture_output=True)
+
+
+def test_socketcan_carries_measurements_in_and_states_out(database, vcan):
+    got: list[Message] = []
+    sink = CanSink(dbc=DBC, channel=vcan, signals={"battery.soc": ScaledSignal("State.SoC", 0.01)})
+    feed = Feed()
+
+    async def act():
+        with can.Bus(interface="socketcan", channel=vcan) as bus:
+            bus.send(frame(database, "BMS", Current=-3.21, Voltage=25.125, Temperature=-7, Cell=3300))
+            feed.put(some_state(0.42))
+            feed.end()
+            await sink.run(feed)
+            message = bus.recv(1.0)
+            assert message is not None
+            assert database.decode_message(message.arbitration_id, bytes(message.data))["SoC"] == 42.0
+
+    asyncio.run(while_running(CanSource(dbc=DBC, channel=vcan, signals=BMS), got.append, act))
+    assert got[0].values["battery_current_A"] == pytest.approx(-3.21)
