@@ -5,18 +5,20 @@ import pytest
 
 from energy.examples import PRIOR, certain, learned
 from ohmward.energy.consumption import (
+    CLIMB,
     HEAT,
     Consumption,
     Variance,
     begin_drive,
     design_row,
     energy_demand,
+    jacobian,
     learn,
     scatter_weight,
     start,
     with_terrain,
 )
-from ohmward.energy.consumption_prior import ConsumptionPrior
+from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass
 from ohmward.energy.leg import Leg, Stretch, stretch_of, way_back
 from ohmward.errors import InputError
 
@@ -64,7 +66,7 @@ def test_several_drives_against_regression_with_an_effect_of_each_drive():
         c = begin_drive(c)
         c = replace(c, reference_N=(20.0,))
         for s in some_stretches(drive, 4):
-            s = s._replace(terrain="grass")
+            s = s._replace(terrain="grass", descent_m=0.0)  # wheels that never brake: all is linear
             x, energy_J = design_row(c, s), rng.normal(2000.0, 200.0)
             rows.append(x[shared])
             effects.append(x[7] * np.eye(4)[drive])
@@ -79,6 +81,40 @@ def test_several_drives_against_regression_with_an_effect_of_each_drive():
     mean = P @ (np.linalg.inv(P0) @ first.mean[shared] + X.T @ np.linalg.inv(V) @ np.array(y))
     assert c.mean[shared] == pytest.approx(mean, rel=1e-6)
     assert c.cov[np.ix_(shared, shared)] == pytest.approx(P, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("grade_rad", [-0.2, -0.05, 0.0, 0.12])
+def test_the_jacobian_against_differences(grade_rad):
+    c = with_terrain(start(PRIOR), "grass")
+    mean = c.mean.copy()
+    mean[HEAT] = 0.01
+    c = replace(c, mean=mean)
+    s = stretch_of(Leg(40.0, "grass", 0.7, grade_rad, payload_kg=3.0))
+
+    def energy_J(moved):
+        k = replace(c, mean=moved)
+        return design_row(k, s) @ moved
+
+    found = jacobian(c, s)
+    for i, x in enumerate(c.mean):
+        if i in c.day_effects:
+            continue  # counted at the battery
+        h = 1e-6 * max(abs(x), 1.0)
+        step = h * np.eye(len(c.mean))[i]
+        assert found[i] == pytest.approx((energy_J(c.mean + step) - energy_J(c.mean - step)) / (2 * h), rel=1e-5), i
+
+
+def test_a_ground_ten_times_as_heavy_as_believed_is_found_from_few_stretches():
+    c = with_terrain(start(prior_from_mass(42.0, 12.0)), "grass")
+    mean = c.mean.copy()
+    mean[c.force_index("grass")] *= 10.0
+    truth = replace(c, mean=mean)
+    for s in some_stretches(1, 12):
+        s = s._replace(terrain="grass")
+        c = learn(c, s, float(design_row(truth, s) @ mean))
+    assert c.mean[CLIMB] > 0.5 and c.mean[HEAT] > 0.0
+    level = stretch_of(Leg(50.0, "grass", 0.5))
+    assert energy_demand(c, [level]).mean_J == pytest.approx(float(design_row(truth, level) @ mean), rel=0.05)
 
 
 def test_a_terrain_may_be_added_at_any_time():

@@ -38,8 +38,12 @@ def test_idle_power_dominates_a_slow_robot():
 def test_heat_of_the_windings_asks_for_haste_too():
     c = certain(idle_W=6.0, force_N=20.0, speed_N_s_per_m=10.0)
     mean = c.mean.copy()
-    mean[HEAT] = 0.01  # 4 W at 20 N
-    assert speed_advice(replace(c, mean=mean), "grass", 0.3, WIDE).speed_m_s == pytest.approx(1.0)
+    mean[HEAT] = 0.01  # 4 W at 20 N, and 1 N s/m of 10 N s/m
+    c = replace(c, mean=mean)
+    best = speed_advice(c, "grass", 0.3, WIDE).speed_m_s
+    assert best == pytest.approx(np.sqrt((6.0 + 4.0) / (10.0 + 1.0)))
+    speeds = np.linspace(0.5 * best, 2.0 * best, 1501)
+    assert speeds[np.argmin([per_metre(c, v) for v in speeds])] == pytest.approx(best, rel=1e-3)
 
 
 def test_the_deviation_of_the_saving_against_random_draws():

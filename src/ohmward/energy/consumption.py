@@ -1,23 +1,24 @@
-"""Energy that a robot takes, by terrain, speed, slope and load: a linear regression with its uncertainty.
+"""Energy that a robot takes, by terrain, speed, slope and load: a regression with its uncertainty.
 
 A stretch of time t, distance d, mean speed v, potential and kinetic energy gained L, and mass ratio q = m / m_0 takes
 
 E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 d / v + e
-W = q d f_k / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
+W = q d (f_k + c v) / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
 
 f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, and its force heats
-the windings by r. Height that is lost is saved as far as the resistance takes it; beyond that the robot brakes, and the
-share b of the braking energy B comes back (regeneration efficiency). delta and delta_k are the day effects, of all
-terrains and of one: payload, tyre pressure, wet grass; each drive draws them anew from N(0, tau^2 / 2). So drives that
-differ are told apart from a robot that is not yet known, a mission under way sees its own day, and the next day is as
-uncertain as days are. The scatter is that of uneven ground: sigma^2 [m] is the length over which it is correlated times
-the square of its relative deviation, and long stretches average it; standing teaches the idle power only.
+the windings by r; W depends on the coefficients, so the filter is an extended one. Height that is lost is saved as far
+as the resistance takes it; beyond that the robot brakes, and the share b of the braking energy B comes back
+(regeneration efficiency). delta and delta_k are the day effects, of all terrains and of one: payload, tyre pressure,
+wet grass; each drive draws them anew from N(0, tau^2 / 2). So drives that differ are told apart from a robot that is
+not yet known, a mission under way sees its own day, and the next day is as uncertain as days are. The scatter is that
+of uneven ground: sigma^2 [m] is the length over which it is correlated times the square of its relative deviation, and
+long stretches average it; standing teaches the idle power only.
 
 Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
-variances this is exact Bayesian regression. The variances are learned from the part of each innovation that the update
-leaves to them (MacKay's count of well-determined parameters): with known coefficients that is the conjugate
-normal-inverse-gamma rule. The fully conjugate prior is not used, because there a smooth floor would make the robot
-sure of terrains that it has never seen.
+variances this is Bayesian regression, exact where wheels never brake and no winding heats. The variances are learned
+from the part of each innovation that the update leaves to them (MacKay's count of well-determined parameters): with
+known coefficients that is the conjugate normal-inverse-gamma rule. The fully conjugate prior is not used, because there
+a smooth floor would make the robot sure of terrains that it has never seen.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.filters import kalman
-from ohmward.filters.belief import Belief
+from ohmward.filters.belief import Belief, Innovation, nis
 from ohmward.traction.robot.robot import GRAVITY
 
 #: Coefficients that all terrains share, in their order; `force_N` and `day_effect` of each terrain follow.
@@ -46,6 +47,9 @@ _IDLE_SPEED_M_S = 30.0
 _LEAST_FORCE = 0.1
 #: A shorter stretch is a start or a stop: it teaches nothing of the ground.
 _SHORTEST_M = 3.0
+#: Beyond this NIS the ground is another than believed: only then the filter iterates, up to so many times with half
+#: steps. On ground as believed that would take its scatter for heat.
+_UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: A drive teaches the variance of day effects only where it has narrowed its own by this share.
 _LEAST_INFORMATION = 0.02
 
@@ -203,13 +207,12 @@ def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
     """
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
-    x, weight = design_row(c, stretch), scatter_weight(c, stretch)
+    weight = scatter_weight(c, stretch)
     teaches = weight > 0.0 and (not stretch.terrain or stretch.distance_m >= _SHORTEST_M)
     if not teaches:
         return _visited(c, stretch, energy_J) if stretch.terrain else c
     R = c.scatter.value * weight
-    y, H = np.array([energy_J]), x[None, :]
-    belief, innovation = kalman.update(Belief(c.mean, c.cov), y, H, np.array([[R]]))
+    belief, innovation = _corrected(c, stretch, energy_J, R)
     c = replace(c, mean=belief.mean, cov=belief.cov)
     if not stretch.terrain:
         return c
@@ -225,11 +228,12 @@ def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     Raises:
         InputError: a terrain that is not known; `with_terrain` adds one with the prior's uncertainty.
     """
-    x = np.sum([design_row(c, s) for s in stretches], axis=0)
+    mean_J = np.sum([design_row(c, s) for s in stretches], axis=0) @ c.mean
+    H = np.sum([jacobian(c, s) for s in stretches], axis=0)
     effects = c.day_effects
-    mean_J, all_J2 = x @ c.mean, x @ c.cov @ x
+    all_J2 = H @ c.cov @ H
     slope_J = sum(energy_of_slope_J(c, s) for s in stretches)
-    day_J2 = x[effects] @ c.cov[np.ix_(effects, effects)] @ x[effects]
+    day_J2 = H[effects] @ c.cov[np.ix_(effects, effects)] @ H[effects]
     weight = sum(scatter_weight(c, s) for s in stretches)
     return EnergyDemand(
         float(mean_J),
@@ -280,6 +284,25 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
     return x
 
 
+def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
+    """Derivative (6 + 2 K,) of the energy with respect to the coefficients, by the work of the wheels too.
+
+    dE/dW = 2 r W t / d^2, and b - a more where the wheels brake.
+    """
+    x = design_row(c, stretch)
+    if not stretch.terrain or not stretch.distance_m:
+        return x
+    work_J = wheel_work_J(c, stretch)
+    heat = 2 * max(float(c.mean[HEAT]), 0.0) * work_J * moving_time_s(stretch) / stretch.distance_m**2
+    by_work = heat + (c.mean[REGENERATION] - c.mean[CLIMB] if work_J < 0.0 else 0.0)
+    climb = max(float(c.mean[CLIMB]), 1.0)
+    forces = [SPEED, c.force_index(stretch.terrain)]
+    H = x.copy()
+    H[forces] += by_work * x[forces] / climb
+    H[CLIMB] -= by_work * (work_J - energy_gained_J(c, stretch)) / climb
+    return H
+
+
 def scatter_weight(c: Consumption, stretch: Stretch) -> float:
     """Factor of sigma^2 [N^2 m]: resistance squared times distance, and idle power as if at 30 m/s."""
     idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
@@ -309,8 +332,10 @@ def wheel_work_J(c: Consumption, stretch: Stretch) -> float:
     """W: work of the wheels; < 0 where they brake."""
     if not stretch.terrain:
         return 0.0
-    resistance_N = mass_ratio(c, stretch) * force_N(c, stretch.terrain) / max(float(c.mean[CLIMB]), 1.0)
-    return resistance_N * stretch.distance_m + energy_gained_J(c, stretch)
+    steady_J = force_N(c, stretch.terrain) * stretch.distance_m
+    with_speed_J = max(float(c.mean[SPEED]), 0.0) * stretch.speed_distance_m2_s
+    at_wheels_J = mass_ratio(c, stretch) * (steady_J + with_speed_J) / max(float(c.mean[CLIMB]), 1.0)
+    return at_wheels_J + energy_gained_J(c, stretch)
 
 
 def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
@@ -330,6 +355,25 @@ def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
 def moving_time_s(stretch: Stretch) -> float:
     """Time [s] without the stops, at the mean speed."""
     return stretch.distance_m**2 / stretch.speed_distance_m2_s if stretch.speed_distance_m2_s else 0.0
+
+
+def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> tuple[Belief, Innovation]:
+    """Extended Kalman filter; far from the believed ground iterated, and the iterate that explains the energy best."""
+    before, fits = Belief(c.mean, c.cov), []
+    for _ in range(_LINEARISATIONS):
+        H = jacobian(c, stretch)
+        y = np.array([energy_J + (H - design_row(c, stretch)) @ c.mean])
+        belief, innovation = kalman.update(before, y, H[None, :], np.array([[R]]))
+        after = replace(c, mean=belief.mean)
+        left_J = energy_J - float(design_row(after, stretch) @ after.mean)
+        S = float(innovation.cov[0, 0])
+        cost = left_J**2 / R + (S - R) * float(innovation.value[0] / S) ** 2
+        fits.append((cost, belief, innovation))
+        if nis(innovation) < _UNEXPECTED_NIS:
+            break
+        c = replace(c, mean=(c.mean + belief.mean) / 2)
+    _, belief, innovation = min(fits, key=lambda fit: fit[0])
+    return belief, innovation
 
 
 def _learn_day(c: Consumption) -> Variance:

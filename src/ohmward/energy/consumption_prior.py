@@ -80,7 +80,7 @@ class ConsumptionPrior:
     scatter_m: float = 1.0
     day_std: float = 0.15
     model_std: float = 0.02
-    slope_std: float = 0.15
+    slope_std: float = 0.1
     drift_std: float = 0.05
     dof: float = 4.0
     terrain_force_N: dict[str, float] = field(default_factory=dict)

@@ -1,10 +1,10 @@
 """Speed of the least energy per metre.
 
-e(v) = (idle + r F^2) / v + f + c v,     so v* = sqrt((idle + r F^2) / c)
+e(v) = (idle + r F^2) / v + f + c v,  F = F_0 + D v,     so v* = sqrt((idle + r F_0^2) / (c + r D^2))
 
-Idle power and the heat of the windings, which the force sets and not the speed, cost less per metre at a higher speed;
-resistance that grows with speed costs more. The saving of one speed against another is linear in the coefficients, so
-its standard deviation is exact: s = (idle + r F^2) (1/v - 1/v*) + c (v - v*).
+Idle power and the heat of the windings by the resistance F_0 cost less per metre at a higher speed; resistance that
+grows with speed, and its heat, cost more. The saving of one speed against another is linear in the coefficients for
+known forces: s = e(v) - e(v*).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_one_of, require_positive
-from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row
+from ohmward.energy.consumption import HEAT, IDLE, SPEED, Consumption, design_row, mean_pull_N
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 
@@ -62,9 +62,13 @@ def speed_advice(
     def per_metre(v: float) -> np.ndarray:
         return design_row(c, Stretch(terrain, 1 / v, 1.0, v, payload_kg=payload_kg))
 
-    level = per_metre(1.0)
-    standing_W = max(c.mean[IDLE], 0.0) + max(c.mean[HEAT], 0.0) * level[HEAT]
-    best = best_speed(standing_W, max(c.mean[SPEED], 0.0) * level[SPEED], limits_m_s)
+    resistance_N, at_1_m_s_N = (
+        mean_pull_N(c, Stretch(terrain, 1.0, 1.0, v, payload_kg=payload_kg)) for v in (0.0, 1.0)
+    )
+    heat_W_per_N2 = max(c.mean[HEAT], 0.0)
+    standing_W = max(c.mean[IDLE], 0.0) + heat_W_per_N2 * resistance_N**2
+    drag = max(c.mean[SPEED], 0.0) * per_metre(1.0)[SPEED] + heat_W_per_N2 * (at_1_m_s_N - resistance_N) ** 2
+    best = best_speed(standing_W, drag, limits_m_s)
     now, then = per_metre(speed_m_s), per_metre(best)
     saving = now - then
     idle_share = float(now[IDLE] * c.mean[IDLE] / (now @ c.mean))
