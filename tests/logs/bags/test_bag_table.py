@@ -1,6 +1,7 @@
 """Bags as logs: every format, topics by type and by name, messages that are damaged."""
 
 import sqlite3
+import time
 
 import numpy as np
 import pytest
@@ -143,3 +144,17 @@ def test_split_recordings_are_read_one_after_the_other(tmp_path):
     log = read_log(folder)
     np.testing.assert_allclose(log.time_s, STEP_NS * 1e-9 * np.arange(240), atol=1e-9)
     assert log.name == "day"
+
+
+@pytest.mark.slow
+def test_a_million_messages_are_read_within_ten_seconds(tmp_path):
+    messages, count = payloads(1000), 1_000_000
+    path = tmp_path / "long.mcap"
+    write_mcap(path, {"/battery": (TYPE, [messages[k % 1000] for k in range(count)])}, chunk=65536)
+    began_s = time.perf_counter()
+    file = open_table(path).part("battery")
+    table = file.load(file.names)
+    took_s = time.perf_counter() - began_s
+    assert table.line.size == count
+    np.testing.assert_array_equal(table.columns["current [A]"], np.tile(truth(1000)["current"], count // 1000))
+    assert took_s <= 10.0
