@@ -9,23 +9,36 @@ from __future__ import annotations
 import argparse
 import random
 import resource
+import shutil
+import sqlite3
 import sys
 import time
+from atexit import register
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import NamedTuple
 
-from ohmward.errors import InputError
+import numpy as np
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.logs import write_table
+from ohmward.logs.read import open_table
 from ohmward.onboard.can_database import CanDatabase, CanDecoder
 from ohmward.onboard.control.operator_command import command_of
 from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.message import Signals, Wiring
 from ohmward.onboard.mqtt_broker import Payload
+from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.ros.cdr import serialize
+from ohmward.onboard.ros.messages import Frames, battery_state
+from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame, encode
 from ohmward.onboard.setup import SETUP_FILE
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.mqtt import MqttSource
+from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.sources.serial import SerialSource
 
 DBC = str(Path(__file__).parents[1] / "tests" / "onboard" / "robot.dbc")
@@ -130,6 +143,47 @@ def setup() -> tuple[Take, list[bytes]]:
     return take, [good + part for part in parts]
 
 
+def ros2() -> tuple[Take, list[bytes]]:
+    """Messages of ROS 2; one that cannot be read is None."""
+    source = Ros2Source(battery_state="/battery", joint_states="/joints")
+
+    def take(data: bytes) -> None:
+        source.message(BATTERY_STATE, data, 1.0)
+        source.message(JOINT_STATE, data, 1.0)
+
+    return take, [_battery_message(k) for k in range(4)]
+
+
+def bags() -> tuple[Take, list[bytes]]:
+    """Recordings: MCAP and SQLite; whatever is wrong with one is an `OhmwardError`."""
+    folder = Path(mkdtemp())
+    register(shutil.rmtree, folder)
+    path = folder / "run"
+
+    def take(data: bytes) -> None:
+        path.write_bytes(data)
+        with suppress(OhmwardError):
+            file = open_table(path).part("battery")
+            file.load(file.names)
+
+    write_table({"time_s": np.arange(20.0), "current_A": np.ones(20), "voltage_V": np.ones(20)}, folder / "run.mcap")
+    with closing(sqlite3.connect(folder / "run.db3")) as database:
+        database.execute("CREATE TABLE topics (id, name, type, serialization_format)")
+        database.execute("CREATE TABLE messages (topic_id, timestamp, data)")
+        database.execute("INSERT INTO topics VALUES (1, '/battery', 'sensor_msgs/msg/BatteryState', 'cdr')")
+        rows = [(1, k, _battery_message(k)) for k in range(20)]
+        database.executemany("INSERT INTO messages VALUES (?, ?, ?)", rows)
+        database.commit()
+    return take, [(folder / name).read_bytes() for name in ("run.mcap", "run.db3")]
+
+
+def _battery_message(k: int) -> bytes:
+    """The state of a battery with k cells."""
+    state = RobotState(float(k), 1.7e9 + k)
+    measured = {"battery_current_A": -1.0, **{f"cell_voltage_V.{cell}": 3.3 for cell in range(k)}}
+    return serialize(BATTERY_STATE, battery_state(state, measured, None, Frames()))
+
+
 LISTENERS: dict[str, Callable[[], tuple[Take, list[bytes]]]] = {
     "serial": serial,
     "can": can,
@@ -137,6 +191,8 @@ LISTENERS: dict[str, Callable[[], tuple[Take, list[bytes]]]] = {
     "json-lines": json_lines,
     "operator": operator,
     "setup": setup,
+    "ros2": ros2,
+    "bags": bags,
 }
 
 

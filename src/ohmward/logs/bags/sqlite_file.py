@@ -57,11 +57,12 @@ def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
         ) from error
     try:
         found = database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
-        definitions = {full_type(type_): text for type_, text in found}
+        definitions = {full_type(type_): text for type_, text in found if isinstance(type_, str)}
     except sqlite3.DatabaseError:  # written by Humble or before
         definitions = {}
     encoding = {"cdr": CDR}
     return {
-        key: Topic(name, full_type(type_), encoding.get(form, form), definitions.get(full_type(type_)) or "")
+        key: Topic(name, full_type(type_), encoding.get(form, form), str(definitions.get(full_type(type_)) or ""))
         for key, name, type_, form in rows
+        if all(isinstance(text, str) for text in (name, type_, form))
     }
