@@ -3,9 +3,11 @@ import os
 import re
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,9 +15,11 @@ import pytest
 from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
+from ohmward.cli.run import demonstration
 from ohmward.cli.run.result import summary
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.trial import Trial
 from ohmward.onboard.wiring_check import Recorder, WiringFinding
 
@@ -163,3 +167,15 @@ def test_the_demonstration_moves_within_ten_seconds(tmp_path):
     assert len(set(lines)) >= 2
     assert time.monotonic() - began_s < 30.0  # beside other tests; alone it takes 6 s
     assert not list(tmp_path.iterdir())
+
+
+def test_the_demonstration_takes_another_port_where_its_own_is_taken(monkeypatch, caplog):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        monkeypatch.setattr(demonstration, "PageSink", partial(PageSink, port=port))
+        with caplog.at_level("INFO"):
+            (page,) = (sink for sink in demonstration.demo_sinks() if isinstance(sink, PageSink))
+    assert page.port == 0
+    assert f"port {port} is taken: the page takes another one" in caplog.text
+    (page,) = (sink for sink in demonstration.demo_sinks() if isinstance(sink, PageSink))
+    assert page.port == port

@@ -44,9 +44,9 @@ def filled_dashboard() -> Dashboard:
 
 
 @contextmanager
-def served(token="", dashboard=None):
+def served(token="", dashboard=None, **settings):
     """Address of a server of the page in a thread of its own."""
-    sink = PageSink(port=0, token="OHMWARD_TEST_TOKEN" if token else None)
+    sink = PageSink(port=0, token="OHMWARD_TEST_TOKEN" if token else None, **settings)
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()

@@ -1,9 +1,14 @@
 """The live page: what it says, whom it lets in, and that no reader holds it up."""
 
 import asyncio
+import http.client
 import json
 import math
+import shutil
+import ssl
+import subprocess
 import urllib.error
+import urllib.parse
 import urllib.request
 
 import numpy as np
@@ -11,7 +16,7 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.page.app import make_app
+from ohmward.onboard.page.app import MOST_READERS, make_app
 from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
@@ -193,18 +198,23 @@ def test_events_carry_the_newest_state(page):
         assert json.loads(stream.readline().removeprefix(b"data: "))["name"] == "rover <1>"
 
 
+def ask_for_events(app, waiting):
+    """A reader of events that never reads: the first message to it goes into `waiting`."""
+
+    async def never(message):
+        waiting.append(message)
+        await asyncio.Event().wait()
+
+    scope = {"type": "http", "method": "GET", "path": "/events", "query_string": b"", "headers": []}
+    return asyncio.ensure_future(app(scope, _silence, never))
+
+
 def test_readers_that_do_not_read_hold_nobody_up():
     async def delivered():
         dashboard = Dashboard("rover")
         app = make_app(dashboard)
-        waiting: list[object] = []
-
-        async def never(message):
-            waiting.append(message)
-            await asyncio.Event().wait()
-
-        scope = {"type": "http", "method": "GET", "path": "/events", "query_string": b"", "headers": []}
-        readers = [asyncio.ensure_future(app(dict(scope), _silence, never)) for _ in range(60)]
+        waiting: list[dict[str, int]] = []
+        readers = [ask_for_events(app, waiting) for _ in range(MOST_READERS + 10)]
         await asyncio.sleep(0.05)
         loop = asyncio.get_running_loop()
         began = loop.time()
@@ -214,11 +224,26 @@ def test_readers_that_do_not_read_hold_nobody_up():
         took_s = loop.time() - began
         for reader in readers:
             reader.cancel()
-        return took_s, len(waiting)
+        return took_s, [message["status"] for message in waiting]
 
-    took_s, waiting = asyncio.run(delivered())
-    assert waiting == 60
+    took_s, statuses = asyncio.run(delivered())
+    assert (statuses.count(200), statuses.count(503)) == (MOST_READERS, 10)
     assert took_s < 2.0
+
+
+def test_readers_that_go_make_room_for_others():
+    async def statuses():
+        app = make_app(Dashboard("rover"))
+        waiting: list[dict[str, int]] = []
+        for _ in range(2):
+            readers = [ask_for_events(app, waiting) for _ in range(MOST_READERS)]
+            await asyncio.sleep(0.05)
+            for reader in readers:
+                reader.cancel()
+            await asyncio.gather(*readers, return_exceptions=True)
+        return {message["status"] for message in waiting}
+
+    assert asyncio.run(statuses()) == {200}
 
 
 async def _silence():
@@ -235,6 +260,70 @@ def test_a_network_is_refused_without_a_token():
 def test_a_certificate_goes_with_its_key():
     with pytest.raises(InputError, match="go together"):
         PageSink(certificate="robot.pem")
+
+
+@pytest.fixture(scope="module")
+def tls(tmp_path_factory):
+    """Paths of a certificate for 127.0.0.1 that signs itself, its key, and the key of another one."""
+    if not shutil.which("openssl"):
+        pytest.skip("needs openssl")
+    folder = tmp_path_factory.mktemp("tls")
+    for name in ("robot", "other"):
+        words = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2", "-subj", "/CN=robot"]
+        files = ["-keyout", f"{name}.key", "-out", f"{name}.pem", "-addext", "subjectAltName=IP:127.0.0.1"]
+        subprocess.run(["openssl", "req", "-x509", *words, *files], cwd=folder, check=True, capture_output=True)
+    subprocess.run(
+        ["openssl", "ec", "-in", "robot.key", "-out", "locked.key", "-aes256", "-passout", "pass:secret"],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+    )
+    return {name: str(folder / name) for name in ("robot.pem", "robot.key", "other.key", "locked.key")}
+
+
+def test_a_certificate_is_served(tls):
+    with served(certificate=tls["robot.pem"], key=tls["robot.key"]) as address:
+        trusting = ssl.create_default_context(cafile=tls["robot.pem"])
+        with urllib.request.urlopen(address + "/api/now", timeout=10, context=trusting) as answer:
+            assert json.load(answer)["name"] == "rover <1>"
+        assert address.startswith("https://")
+
+
+@pytest.mark.parametrize(
+    ("certificate", "key", "message"),
+    [
+        ("robot.key", "robot.pem", r"swapped; certificate = \".*robot.pem\", key = \".*robot.key\""),
+        ("robot.pem", "other.key", r"KEY_VALUES_MISMATCH\); give a certificate and the key that belongs to it"),
+        ("robot.pem", "locked.key", "without a passphrase"),
+    ],
+)
+def test_a_certificate_that_cannot_serve_is_said_with_the_fix(tls, certificate, key, message):
+    sink = PageSink(port=0, certificate=tls[certificate], key=tls[key])
+    with pytest.raises(OhmwardError, match=message):
+        asyncio.run(sink.run(Feed()))
+
+
+def test_files_that_are_no_certificate_are_said(tmp_path):
+    (tmp_path / "robot.pem").write_text("nothing")
+    names = str(tmp_path / "robot.pem"), str(tmp_path / "robot.key")
+    with pytest.raises(OhmwardError, match=r"robot.key is no file; give the paths"):
+        asyncio.run(PageSink(port=0, certificate=names[0], key=names[1]).run(Feed()))
+    (tmp_path / "robot.key").write_text("nothing")
+    with pytest.raises(OhmwardError, match="TLS cannot begin with certificate"):
+        asyncio.run(PageSink(port=0, certificate=names[0], key=names[1]).run(Feed()))
+
+
+def test_a_token_of_any_letters_opens_the_page(monkeypatch):
+    token = "Schlüssel №1"
+    monkeypatch.setenv("OHMWARD_TEST_TOKEN", token)
+    with served(token=token) as address:
+        connection = http.client.HTTPConnection(address.removeprefix("http://"), timeout=10)
+        connection.request("GET", "/api/now", headers={"Authorization": f"Bearer {token}".encode()})
+        assert connection.getresponse().status == 200
+        connection.close()
+        form = urllib.parse.urlencode({"token": token}).encode()
+        assert get(address + "/login", "POST", form)[0] == 303
+        assert get(address + "/api/now", Authorization="Bearer Schl\xfcssel")[0] == 401
 
 
 def test_a_port_that_is_taken_is_named(page):

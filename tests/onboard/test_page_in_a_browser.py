@@ -1,10 +1,12 @@
 """The live page in headless Chromium: moving numbers, a phone, the keyboard, and what axe and schemathesis find."""
 
 import shutil
+from collections import Counter
 
 import pytest
+from hypothesis import given, settings
 
-from onboard.page_server import drive, filled_dashboard, served
+from onboard.page_server import TOKEN, drive, filled_dashboard, served
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
@@ -100,14 +102,41 @@ def test_numbers_move_and_silence_is_said(browser):
     page.close()
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_in_the_login(browser, monkeypatch, scheme):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    monkeypatch.setenv("OHMWARD_TEST_TOKEN", TOKEN)
+    with served(token=TOKEN) as address:
+        page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme=scheme)
+        page.goto(address)
+        assert page.url.endswith("/login")
+        assert axe.run(page)["violations"] == []
+        page.fill("input", "wrong")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("text=That is not the token.")
+        assert axe.run(page)["violations"] == []
+        page.fill("input", TOKEN)
+        page.keyboard.press("Enter")
+        page.wait_for_function("() => document.getElementById('soc').textContent !== '–'")
+        page.close()
+
+
 def test_schemathesis_finds_nothing(page_address):
     schemathesis = pytest.importorskip("schemathesis")
     schema = schemathesis.openapi.from_url(f"{page_address}/openapi.json")
-    tried = 0
-    for operation in schema.get_all_operations():
-        if operation.ok().path == "/events":
-            continue  # it does not end; its own test reads it
-        case = operation.ok().Case()
-        case.call_and_validate()
-        tried += 1
-    assert tried == 5
+    tried: Counter[str] = Counter()
+
+    def try_operation(operation):
+        @settings(max_examples=20, deadline=None, database=None, derandomize=True)
+        @given(case=operation.as_strategy())
+        def run(case):
+            case.call_and_validate()
+            tried[operation.path] += 1
+
+        run()
+
+    for found in schema.get_all_operations():
+        if found.ok().path != "/events":  # it does not end; its own test reads it
+            try_operation(found.ok())
+    assert set(tried) == {"/api/now", "/api/state", "/api/history", "/api/path", "/metrics"}
+    assert tried["/api/history"] >= 10  # the others take nothing, so that there is one case of them

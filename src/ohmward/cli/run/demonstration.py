@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import socket
+from dataclasses import replace
+
 from ohmward.battery.chemistries import generic_battery
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.part import Sink
+from ohmward.onboard.part import LOG, Sink
 from ohmward.onboard.process import Process
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.terminal import TerminalSink
@@ -21,5 +24,17 @@ def demo_process() -> Process:
 
 
 def demo_sinks() -> list[Sink]:
-    """A line on the terminal, and the live page."""
-    return [TerminalSink(), PageSink(robot="demonstration")]
+    """A line on the terminal, and the live page; on another port where something else has its own."""
+    usual = PageSink(robot="demonstration")
+    if _is_free(usual.host, usual.port):
+        return [TerminalSink(), usual]
+    LOG.info("port %d is taken: the page takes another one", usual.port)
+    return [TerminalSink(), replace(usual, port=0)]
+
+
+def _is_free(host: str, port: int) -> bool:
+    try:
+        socket.create_server((host, port)).close()
+    except OSError:
+        return False
+    return True

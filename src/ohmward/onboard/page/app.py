@@ -118,26 +118,29 @@ def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
     readers = 0
 
     async def stream() -> AsyncIterator[str]:
-        nonlocal readers
-        readers += 1
         version = 0
-        try:
-            yield "retry: 1000\n\n"
-            while not dashboard.ended:
-                newest = await dashboard.newer_than(version, ALIVE_S)
-                yield (
-                    f"data: {json.dumps(dashboard.view(), allow_nan=False)}\n\n" if newest > version else ": alive\n\n"
-                )
-                version = newest
-                await asyncio.sleep(EVENT_S)
-        finally:
-            readers -= 1
+        yield "retry: 1000\n\n"
+        while not dashboard.ended:
+            newest = await dashboard.newer_than(version, ALIVE_S)
+            yield f"data: {json.dumps(dashboard.view(), allow_nan=False)}\n\n" if newest > version else ": alive\n\n"
+            version = newest
+            await asyncio.sleep(EVENT_S)
 
     async def events(_: Any) -> Any:
         if readers >= MOST_READERS:
             headers = {"Retry-After": "10"}
             return responses.JSONResponse({"error": "too many readers; close some"}, status_code=503, headers=headers)
-        return responses.StreamingResponse(stream(), media_type="text/event-stream")
+        response = responses.StreamingResponse(stream(), media_type="text/event-stream")
+
+        async def counted(scope: Scope, receive: Any, send: Any) -> None:
+            nonlocal readers
+            readers += 1
+            try:
+                await response(scope, receive, send)
+            finally:
+                readers -= 1
+
+        return counted
 
     return events
 
@@ -190,8 +193,8 @@ def guarded(app: Asgi, token: str) -> Asgi:
 
 def is_known(headers: dict[str, str], token: str) -> bool:
     """True where a request shows the token, as `Authorization: Bearer TOKEN` or by the cookie of the login."""
-    given = headers.get("authorization", "")
-    if hmac.compare_digest(given.encode(), f"Bearer {token}".encode()):
+    given = headers.get("authorization", "").encode("latin-1")  # its bytes as they came
+    if hmac.compare_digest(given, f"Bearer {token}".encode()):
         return True
     cookies = [part.strip().partition("=") for part in headers.get("cookie", "").split(";")]
     return any(name == _COOKIE and hmac.compare_digest(value.encode(), _ticket(token)) for name, _, value in cookies)

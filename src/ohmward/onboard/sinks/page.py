@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import socket
+import ssl
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -64,15 +65,18 @@ class PageSink:
     async def run(self, feed: Feed) -> None:
         """Serve the page until the feed ends."""
         dashboard = Dashboard(self.robot)
+        server = self._server(dashboard)
         with self._listening() as listener:
-            server = self._server(dashboard)
             serving = asyncio.create_task(server.serve(sockets=[listener]))
             LOG.info("the page of %s: %s", self.robot, self._address(listener))
             try:
                 while states := await feed.batch():
                     dashboard.take(states)
                     if serving.done():
-                        raise OhmwardError("the server of the page has ended")
+                        cause = serving.exception()
+                        raise OhmwardError(
+                            f"the server of the page has ended{f': {cause}' if cause else ''}"
+                        ) from cause
             finally:
                 dashboard.end()
                 server.should_exit = True
@@ -82,9 +86,8 @@ class PageSink:
     def _server(self, dashboard: Dashboard) -> Any:
         uvicorn = require("uvicorn", "the live page")
         app = make_app(dashboard, secret("token", self.token) if self.token else "")
-        for path in (self.certificate, self.key):
-            if path and not Path(path).is_file():
-                raise OhmwardError(f"{path} is no file; give the paths of certificate and key for TLS")
+        if self.certificate and self.key:
+            check_certificate(self.certificate, self.key)
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -129,6 +132,30 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def check_certificate(certificate: str, key: str) -> None:
+    """Raise OhmwardError unless TLS can begin with a certificate and its key, both paths of PEM files."""
+    for path in (certificate, key):
+        if not Path(path).is_file():
+            raise OhmwardError(f"{path} is no file; give the paths of certificate and key for TLS")
+    try:
+        _load_certificate(certificate, key)
+    except (ssl.SSLError, OSError, ValueError) as error:
+        try:
+            _load_certificate(key, certificate)
+        except (ssl.SSLError, OSError, ValueError):
+            reason = getattr(error, "reason", "") or getattr(error, "strerror", "") or error
+            raise OhmwardError(
+                f"TLS cannot begin with certificate {certificate} and key {key} ({reason}); give a certificate and the "
+                "key that belongs to it, without a passphrase, as PEM files that ohmward may read"
+            ) from error
+        raise OhmwardError(f'certificate and key are swapped; certificate = "{key}", key = "{certificate}"') from error
+
+
+def _load_certificate(certificate: str, key: str) -> None:
+    # without the empty passphrase OpenSSL would ask for one on the terminal
+    ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, password="")
 
 
 @contextmanager
