@@ -32,6 +32,7 @@ COMMANDS = {
     "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
     "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
     "drive": "drive a robot that `ohmward run` controls, by keys or joystick: set speed and slip, see its state, stop",
+    "store": "what the process on the robot has stored: list, query, export",
     "simulate": "a robot and its battery driven in closed loop on a ground; or a battery alone",
     "fleet": "state of charge of many logs, one row for each; can be resumed",
     "export": "a filter or controller as a C99 library for a microcontroller",

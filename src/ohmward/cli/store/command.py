@@ -1,0 +1,107 @@
+"""`ohmward store`: what a robot has stored, listed, queried and exported."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.errors import InputError
+from ohmward.logs.write import TABLES, write_table
+from ohmward.onboard.store.rows import KINDS
+from ohmward.onboard.store.store import Store
+
+#: Conditions that `list` shows.
+_CONDITIONS = 10
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """List, query or export."""
+    if (args.action == "export") != (args.output is not None):
+        raise InputError("export needs -o FILE, and only export takes it")
+    check_output("--output", args.output, TABLES)
+    store = Store(Path(args.folder), read_only=True)
+    return {"list": _list, "query": _query, "export": _export}[args.action](store, args)
+
+
+def _list(store: Store, _: argparse.Namespace) -> Outcome:
+    kinds = {kind: _summary(store, kind) for kind in KINDS}
+    conditions = [condition._asdict() for condition in store.conditions()[-_CONDITIONS:]]
+    figures = {
+        "folder": store.folder,
+        "size_bytes": store.size_bytes(),
+        "kinds": kinds,
+        "archive": [entry._asdict() for entry in store.archived()],
+        "conditions": conditions,
+    }
+    return Outcome(figures, "\n".join(_lines(figures)))
+
+
+def _summary(store: Store, kind: str) -> dict[str, Any]:
+    rows, first_ns, last_ns = store.span_ns(kind)
+    return {"rows": rows, "first_unix_s": first_ns / 1e9, "last_unix_s": last_ns / 1e9, "columns": store.names(kind)}
+
+
+def _lines(figures: dict[str, Any]) -> Iterator[str]:
+    yield f"{figures['folder']}: {figures['size_bytes'] / 1e6:.1f} MB, {len(figures['archive'])} files in the archive"
+    for kind, found in figures["kinds"].items():
+        if not found["rows"]:
+            yield f"{kind}: no rows"
+            continue
+        yield f"{kind}: {found['rows']} rows, {_date(found['first_unix_s'])} to {_date(found['last_unix_s'])}"
+        yield f"  {', '.join(found['columns'])}"
+    if figures["conditions"]:
+        yield "last conditions:"
+    for when_ns, name, level, message in (condition.values() for condition in figures["conditions"]):
+        yield f"  {_date(when_ns / 1e9)} {level:5} {name}: {message}"
+
+
+def _date(unix_s: float) -> str:
+    return datetime.fromtimestamp(unix_s).astimezone().isoformat(" ", "seconds")
+
+
+def _query(store: Store, args: argparse.Namespace) -> Outcome:
+    columns = _columns(store, args)
+    if args.json:
+        return Outcome({name: column.tolist() for name, column in columns.items()}, "")
+    lines = (",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True))
+    return Outcome({}, "\n".join([",".join(columns), *lines]))
+
+
+def _cell(value: Any) -> str:
+    return "" if isinstance(value, float) and math.isnan(value) else str(value)
+
+
+def _export(store: Store, args: argparse.Namespace) -> Outcome:
+    columns = _columns(store, args)
+    write_table(columns, args.output)
+    rows = len(columns["time_s"])
+    figures = {"output": args.output, "kind": args.kind, "rows": rows, "columns": list(columns)}
+    return Outcome(figures, f"{rows} rows of {args.kind} in {args.output}")
+
+
+def _columns(store: Store, args: argparse.Namespace) -> dict[str, np.ndarray]:
+    """The rows that were asked for: `time_s` from the first on, `unix_time_s`, then the values.
+
+    Raises:
+        InputError: there are none, or a column that there is not.
+    """
+    names = [name.strip() for name in args.names.split(",")] if args.names else None
+    since_s = -math.inf if args.since is None else args.since
+    found = store.read(args.kind, names, since_s, math.inf if args.until is None else args.until)
+    if missing := [name for name in names or () if name not in found]:
+        known = store.read(args.kind, None, since_s).keys() - {"unix_ns"}
+        raise InputError(f"there is no column {missing[0]!r}; there are: {', '.join(sorted(known)) or 'none'}")
+    unix_ns = found.pop("unix_ns")[:: args.every]
+    if not len(unix_ns):
+        raise InputError(
+            f"there are no rows of {args.kind} in that time; `ohmward store list {store.folder}` says which"
+        )
+    times = {"time_s": (unix_ns - unix_ns[0]) / 1e9, "unix_time_s": unix_ns / 1e9}
+    return times | {name: column[:: args.every] for name, column in found.items()}
