@@ -90,6 +90,7 @@ class Estimation:
         }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
+        self._beside: dict[str, float] = {}
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
@@ -151,6 +152,8 @@ class Estimation:
         temperature_degC = values.get(TEMPERATURE, math.nan)
         if math.isfinite(temperature_degC):
             self._temperature_degC = temperature_degC
+        beside = {TEMPERATURE, *self._cell_names}
+        self._beside |= {name: value for name, value in values.items() if name in beside and math.isfinite(value)}
         if math.isfinite(values.get(VOLTAGE, math.nan)):
             self._measured_s = time_s
         if len(self._cell_names) > 1 and (cells := self._cell_inbox.put(time_s, values)):
@@ -184,7 +187,8 @@ class Estimation:
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
-        return self._after(sample.time_s, sample.values, battery=charge, range=reach, battery_time_s=sample.time_s)
+        measured, self._beside = {**sample.values, **self._beside}, {}
+        return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
 
     def _with_last_charge(self, before: SocNormal, charge: SocEstimate) -> SocEstimate:
         """The estimate with the charge before an absence, unless the voltage contradicts it."""

@@ -1,0 +1,70 @@
+"""Dashboards ask for what the store has, and the servers answer their queries."""
+
+import json
+import urllib.parse
+import urllib.request
+
+import pytest
+
+from ohmward.onboard.store.dashboards import PANELS, SERVERS, dashboard, write_dashboards
+from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.postgresql import write
+from ohmward.onboard.store.rows import Row, RowMaker
+from onboard.page_server import drive
+from onboard.servers import free_port, influxdb, postgresql, victoria_metrics
+from onboard.test_store_servers import NOW_NS
+
+
+def stored() -> list[Row]:
+    """Rows with every column that a panel draws."""
+    maker = RowMaker()
+    rows = [row for state in drive() for row in maker.rows(state)]
+    missing = {(p.kind, name) for p in PANELS for name in p.columns}
+    missing -= {(row.kind, name) for row in rows for name in row.values}
+    assert {name for _, name in missing} <= {f"range_{p}_m" for p in ("p10", "p50", "p90")}, "no such column"
+    ranges = dict.fromkeys(("range_p10_m", "range_p50_m", "range_p90_m"), 100.0)
+    return [Row(row.kind, NOW_NS + row.unix_ns % 10**9, {**row.values, **ranges}) for row in rows]
+
+
+def targets(server):
+    return [target for panel in dashboard(server)["panels"] for target in panel["targets"]]
+
+
+def test_influxdb_answers_every_panel(tmp_path):
+    with influxdb(tmp_path, free_port()) as address:
+        post(f"{address}/write?db=robots", lines(stored(), "rover"))
+        for target in targets("influxdb"):
+            query = target["query"].replace("/^$robot$/", "/^rover$/").replace("$timeFilter", "time > 0")
+            query = urllib.parse.urlencode({"db": "robots", "q": query.replace("$__interval", "1h")})
+            with urllib.request.urlopen(f"{address}/query?{query}", timeout=10) as answer:
+                assert json.load(answer)["results"][0]["series"], target
+
+
+def test_victoria_metrics_answers_every_panel(tmp_path):
+    with victoria_metrics(tmp_path, free_port()) as address:
+        post(f"{address}/write", lines(stored(), "rover"))
+        urllib.request.urlopen(f"{address}/internal/force_flush", timeout=10).read()
+        for target in targets("victoria-metrics"):
+            expression = target["expr"].replace("$robot", "rover").replace("$__interval", "1h")
+            query = urllib.parse.urlencode({"query": expression, "time": NOW_NS / 1e9 + 60, "nocache": 1})
+            with urllib.request.urlopen(f"{address}/api/v1/query?{query}", timeout=10) as answer:
+                assert json.load(answer)["data"]["result"], target
+
+
+def test_postgresql_answers_every_panel(tmp_path):
+    psycopg = pytest.importorskip("psycopg")
+    with postgresql(tmp_path, free_port()) as address:
+        write(stored(), "rover", address)
+        with psycopg.connect(address) as connection:
+            for target in targets("postgresql"):
+                sql = target["rawSql"].replace("$robot", "'rover'").replace("$__timeFilter(at)", "at IS NOT NULL")
+                sql = sql.replace("$__timeGroup(at, $__interval)", "date_trunc('hour', at)")
+                assert connection.execute(sql).fetchone()[1] is not None, target
+
+
+def test_they_are_written_for_every_server(tmp_path):
+    paths = write_dashboards(tmp_path / "grafana")
+    assert [path.name for path in paths] == [f"grafana-{server}.json" for server in SERVERS]
+    for path in paths:
+        panels = json.loads(path.read_text(encoding="utf-8"))["panels"]
+        assert len({panel["id"] for panel in panels}) == len(PANELS)
