@@ -15,7 +15,6 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "stiffness learnt on ice, then a floor": ("example", {"encoders": "driven"}),
     "a stop on ice without passive wheels": ("onto-ice", {"encoders": "driven"}),
     "a drag that the model lacks": ("slip-case-2", {}),
-    "the same on a floor that changes": ("normal-floor-again", {}),
 }
 
 

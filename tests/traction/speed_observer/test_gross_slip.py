@@ -9,7 +9,13 @@ from ohmward.filters.belief import Belief
 from ohmward.simulate import closed_loop
 from ohmward.simulate.closed_loop.figures import score
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.gross_slip import compare_hypotheses, is_ambiguous, log_friction_of_sliding
+from ohmward.traction.speed_observer.gross_slip import (
+    change_by_momentum,
+    compare_hypotheses,
+    is_ambiguous,
+    log_friction_of_sliding,
+    unexplained_change,
+)
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
@@ -111,3 +117,24 @@ def test_a_start_on_ice_is_no_slope():
     assert found is not None
     assert found.speed_coverage_95 > 0.85
     assert found.speed_rmse_m_s < 0.08
+
+
+@pytest.mark.parametrize("log_friction", [-2.0, 0.0, 1.0])
+def test_the_change_by_momentum_is_that_of_any_ground(log_friction):
+    """F = (tau - J_w d omega / dt) / r is the traction of any ground."""
+    before = belief(0.0, slip_m_s=0.05)
+    before.mean[MODEL.layout.index("log_friction")] = log_friction
+    sample = clean(3.0)
+    step = MODEL.slip_step(before.mean, sample)
+    end = before._replace(mean=np.array([*step.motion, *step.omega, *before.mean[4:]]))
+    changed = change_by_momentum(before, end, sample, MODEL)
+    assert changed == pytest.approx(step.motion[0] - before.mean[0], abs=1e-12)
+
+
+def test_what_the_wheels_alone_have_moved_is_unexplained():
+    before, moved_m_s = belief(0.0), 0.004
+    step = MODEL.slip_step(before.mean, clean(3.0))
+    mean = np.array([*step.motion, *step.omega, *before.mean[4:]])
+    mean[0] += moved_m_s
+    found = unexplained_change(0.0, before, before._replace(mean=mean), clean(3.0), MODEL)
+    assert found == pytest.approx(moved_m_s, abs=1e-12)

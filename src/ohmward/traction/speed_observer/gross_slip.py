@@ -22,12 +22,11 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import every
-from ohmward.trace import exp, log, maximum, sin, where
+from ohmward.trace import exp, log, maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.slip_step import traction
+from ohmward.traction.speed_observer.slip_step import step_without_traction, traction
 
 #: Time constant [s] with which an unexplained change of the speed is forgotten.
 MEMORY_S = 1.0
@@ -68,21 +67,34 @@ def is_ambiguous(model: Model) -> bool:
 
 
 def unexplained_change(
-    last_m_s: Scalar, before: Belief, prior: Belief, posterior: Belief, clean: CleanSlipSample, model: Model
+    last_m_s: Scalar, before: Belief, posterior: Belief, clean: CleanSlipSample, model: Model
 ) -> Scalar:
     """Change [m/s] of the speed of late that no force explains; 0 after a step whose forces are not known.
 
-    A slope is no force here: what the model added for it is part of the change that has to be explained.
+    Neither a slope nor a rolling resistance other than believed is a force here: what the model has made of the change
+    by them is part of what has to be explained.
 
     last_m_s: the same before the step.
-    before, prior, posterior: beliefs before the step, at its end, and after its measurements.
+    before, posterior: beliefs before the step, and after its measurements.
     """
-    grade_rad = before.mean[model.layout.index("grade_rad")]
-    slope_m_s = GRAVITY * sin(grade_rad) * clean.modelled_s
-    forced_m_s = prior.mean[0] - before.mean[0] + slope_m_s
+    forced_m_s = change_by_momentum(before, posterior, clean, model)
     change_m_s = exp(-clean.dt_s / MEMORY_S) * last_m_s + posterior.mean[0] - before.mean[0] - forced_m_s
     forces_known = every(clean.current_measured) & (clean.unmodelled_s <= 0.0) & (clean.modelled_s > 0.0)
     return where(forces_known, change_m_s, 0.0)
+
+
+def change_by_momentum(before: Belief, after: Belief, clean: CleanSlipSample, model: Model) -> Scalar:
+    """Change [m/s] of the speed by what the motors give and the wheels do not keep, whatever the ground is.
+
+    F dt = J_w (omega* - omega+) / r with the end omega* of a step on level ground without traction.
+    """
+    robot, layout = model.scene.robot, model.layout
+    parts = layout.split(before.mean)._replace(rolling_ratio=1.0)
+    level = model.input(before.mean, clean)._replace(grade_rad=0.0)
+    v, omega = step_without_traction(parts, level, model.scene, clean.modelled_s, model.static_load_N)
+    end = after.mean[layout.wheel(0) : layout.robot_states]
+    impulse_Ns = robot.inertia[robot.freedoms :] * (omega - end) / robot.wheel.radius_m
+    return v[0] - before.mean[0] + robot.rolling[: model.driven, 0] @ impulse_Ns / robot.inertia[0]
 
 
 def compare_hypotheses(

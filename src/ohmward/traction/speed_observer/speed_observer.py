@@ -318,8 +318,7 @@ class SpeedObserver:
         """Test gross slip against a disturbance, where no other sensor tells them apart."""
         if not is_ambiguous(self.model):
             return SlipTest(body.belief, False, state.unexplained_m_s)
-        beliefs = before, prediction.belief, body.belief
-        unexplained_m_s = unexplained_change(state.unexplained_m_s, *beliefs, clean, self.model)
+        unexplained_m_s = unexplained_change(state.unexplained_m_s, before, body.belief, clean, self.model)
         return compare_hypotheses(body.belief, unexplained_m_s, clean, self.model, self.gate)
 
     def conclude(
