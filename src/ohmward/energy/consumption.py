@@ -31,6 +31,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite
 from ohmward.energy.consumption_prior import ConsumptionPrior
+from ohmward.energy.consumption_sums import Variance, Visits
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.filters import kalman
@@ -52,35 +53,6 @@ _SHORTEST_M = 3.0
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: A drive teaches the variance of day effects only where it has narrowed its own by this share.
 _LEAST_INFORMATION = 0.02
-
-
-class Variance(NamedTuple):
-    """A variance with an inverse-gamma distribution.
-
-    dof: degrees of freedom with which it is known.
-    scale: dof times its usual value.
-    """
-
-    dof: float
-    scale: float
-
-    @property
-    def value(self) -> float:
-        """The variance to compute with."""
-        return self.scale / self.dof
-
-    def updated(self, square: float, dof: float) -> Variance:
-        """The variance after a squared deviation that counts as `dof` degrees of freedom."""
-        return Variance(float(self.dof + dof), float(self.scale + square))
-
-
-class Visits(NamedTuple):
-    """Sums over all that was driven on a terrain."""
-
-    drives: int = 0
-    distance_m: float = 0.0
-    time_s: float = 0.0
-    energy_J: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
