@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check accuracy lives learning bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -11,6 +11,7 @@ help:
 	@echo "make test      every test"
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
 	@echo "make check     format and lint, types, the fast tests"
+	@echo "make soak      the process on the robot for hours, killed and loaded -> benchmarks/on_board.md"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
 	@echo "make learning  files that learn from use, without a test -> benchmarks/learning.md"
@@ -30,7 +31,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-spark check accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
@@ -46,6 +47,9 @@ check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
+
+soak: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/on_board.py
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff format .

@@ -1,8 +1,8 @@
 """The process on the robot under load, as a user runs it: latency, losses, processor and memory.
 
 Another process sends samples of wheels and motors at 1 kHz and of the battery at 100 Hz over a socket, as JSON lines
-with its own time stamps. `python benchmarks/on_board.py --seconds 60` prints; `make soak` takes ten minutes and writes
-the page.
+with its own time stamps. `make soak` takes ten minutes of that, a simulated day at 20 times real time (72 minutes) and
+200 kills, and writes benchmarks/on_board.md; a minute of each: --seconds 60 --hours 0.33 --kills 10 --dry.
 """
 
 from __future__ import annotations
@@ -18,17 +18,19 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from figure import HERE, Figure, at_most, verdict
 from ohmward import generic_battery, save_battery
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.process import Process
 from ohmward.onboard.setup import SETUP_FILE
-from ohmward.traction.robot.robot import RLMA
+from on_board_day import RATE, drive_a_day, growth, resident_MB
 
 WHEELS_HZ, BATTERY_HZ = 1000, 100
 #: Of the start that is not counted: the first samples of a stream.
@@ -41,16 +43,33 @@ class Load(NamedTuple):
     """Measurements of the process under load.
 
     sent, estimated: samples of wheels and motors, and estimates of the drive.
-    latency_s: (K,) from a sample's own time stamp to its estimate at a sink.
+    p50_s, p99_s: from a sample's own time stamp to its estimate at a sink.
     cpu: share of one core.
     memory_MB: (M,) resident, along the run.
     """
 
     sent: int
     estimated: int
-    latency_s: np.ndarray
+    p50_s: float
+    p99_s: float
     cpu: float
     memory_MB: np.ndarray
+
+
+class Histogram:
+    """Latencies in steps of 10 us up to a second, after the first `SETTLE_S`; a list of them would grow."""
+
+    def __init__(self):
+        self.number, self.counts = 0, np.zeros(100_001, dtype=int)
+
+    def add(self, latency_s: float) -> None:
+        self.number += 1
+        if self.number > SETTLE_S * WHEELS_HZ:
+            self.counts[min(max(round(1e5 * latency_s), 0), 100_000)] += 1
+
+    def quantile(self, share: float) -> float:
+        """Latency [s] that so many share."""
+        return float(np.searchsorted(np.cumsum(self.counts), share * self.counts.sum())) * 1e-5
 
 
 @dataclass
@@ -62,22 +81,16 @@ class Meter:
     interval_s: float = 0.0
 
     async def run(self, feed):
-        self.latency_s, self.memory_MB, self.cpu_s, last_s = [], [], [], math.nan
+        self.latencies, self.memory_MB, self.cpu_s, last_s = Histogram(), [], [], math.nan
         async for state in feed:
             if state.drive_time_s == last_s or math.isnan(state.drive_time_s):
                 continue
             last_s = state.drive_time_s
-            self.latency_s.append(time.monotonic() - (last_s - self.clock_of.offset_s))
-            if len(self.latency_s) % WHEELS_HZ == 0:
+            self.latencies.add(time.monotonic() - (last_s - self.clock_of.offset_s))
+            if self.latencies.number % WHEELS_HZ == 0:
                 self.memory_MB.append(resident_MB())
                 used = resource.getrusage(resource.RUSAGE_SELF)
                 self.cpu_s.append((time.monotonic(), used.ru_utime + used.ru_stime))
-
-
-def resident_MB() -> float:
-    """Memory of this process that is in use."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def send(path: str, seconds: float) -> None:
@@ -146,9 +159,14 @@ def estimate(folder: str) -> dict[str, object]:
     process.add_sink(meter)
 
     asyncio.run(run_until_quiet(process))
-    np.save(f"{folder}/latency.npy", np.array(meter.latency_s))
     (from_s, from_cpu), (to_s, to_cpu) = meter.cpu_s[int(SETTLE_S)], meter.cpu_s[-1]
-    return {"cpu": (to_cpu - from_cpu) / (to_s - from_s), "memory_MB": meter.memory_MB}
+    return {
+        "cpu": (to_cpu - from_cpu) / (to_s - from_s),
+        "memory_MB": meter.memory_MB,
+        "estimated": meter.latencies.number,
+        "p50_s": meter.latencies.quantile(0.5),
+        "p99_s": meter.latencies.quantile(0.99),
+    }
 
 
 def measure(seconds: float) -> Load:
@@ -162,15 +180,66 @@ def measure(seconds: float) -> Load:
             time.sleep(0.05)
         found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout)
         sender.wait()
-        latency_s = np.load(f"{folder}/latency.npy")
-    sent = round(seconds * WHEELS_HZ)
-    counted = latency_s[round(SETTLE_S * WHEELS_HZ) :]
-    return Load(sent, len(latency_s), counted, found["cpu"], np.array(found["memory_MB"]))
+    return Load(sent=round(seconds * WHEELS_HZ), **found | {"memory_MB": np.array(found["memory_MB"])})
+
+
+def rows(seconds: float, hours: float, kills: int) -> Iterator[Figure]:
+    """Every figure of the page."""
+    yield from load_rows(seconds)
+    yield from day_rows(hours)
+    yield kill_row(kills)
+
+
+def load_rows(seconds: float) -> Iterator[Figure]:
+    """Wheels and motors at 1 kHz, the battery at 100 Hz."""
+    load, data = measure(seconds), f"1 kHz wheels and motors, 100 Hz battery, {seconds:.0f} s"
+    memory = load.memory_MB[int(SETTLE_S) :]
+    yield at_most(data, "JSON lines over a socket", "samples lost", load.sent - load.estimated, 0.0, ".0f")
+    yield at_most(data, "JSON lines over a socket", "sample to estimate, median [ms]", 1e3 * load.p50_s)
+    yield at_most(data, "JSON lines over a socket", "sample to estimate, 99 % [ms]", 1e3 * load.p99_s, 2.0)
+    yield at_most(data, "JSON lines over a socket", "share of one core", load.cpu, 0.25, ".1%")
+    yield at_most(data, "JSON lines over a socket", "memory, most [MB]", memory.max(), 150.0, ".0f")
+    yield at_most(data, "JSON lines over a socket", "memory at the end over that before", growth(list(memory)), 1.02)
+
+
+def day_rows(hours: float) -> Iterator[Figure]:
+    """A day at twenty times real time."""
+    looks, data = drive_a_day(hours), f"{hours:g} simulated hours at {RATE:g} x"
+    for quantity, values, bar in (
+        ("memory", [look.memory_MB for look in looks], 1.02),
+        ("open handles", [float(look.handles) for look in looks], 1.0),
+        ("time of a message", [look.message_s for look in looks], 1.2),
+    ):
+        yield at_most(
+            data, "50 Hz wheels, 10 Hz battery", f"{quantity} at the end over that before", growth(values), bar
+        )
+
+
+def kill_row(kills: int) -> Figure:
+    """Kills at random moments; the test says what must hold after each."""
+    test = f"{HERE.parent}/tests/onboard/test_state.py::test_the_charge_goes_on_after_many_kills"
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", test], env={**os.environ, "OHMWARD_KILLS": str(kills)}, check=False
+    )
+    quantity = "snapshots that load, and the charge goes on inside its band"
+    value = f"all of {kills}" if run.returncode == 0 else "not all"
+    return Figure(f"{kills} SIGKILLs at random moments", "50 x replay", quantity, value, "all", run.returncode == 0)
+
+
+def page(figures: Sequence[Figure]) -> str:
+    """The page as text."""
+    head = ("| | by | | measured | bar | |", "|---|---|---|---|---|---|")
+    lines = [f"| {f.data} | {f.method} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures]
+    title = ("# The process on the robot", "", "Written by `make soak`, on a machine that does nothing else.", "")
+    return "\n".join((*title, *head, *lines)) + "\n"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--seconds", type=float, default=600.0, help="of the load at 1 kHz")
+    parser.add_argument("--hours", type=float, default=24.0, help="simulated, at 20 x")
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--dry", action="store_true", help="print the page instead of writing it")
     parser.add_argument("--send", metavar="FOLDER", help=argparse.SUPPRESS)
     parser.add_argument("--estimate", metavar="FOLDER", help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -179,9 +248,10 @@ def main() -> None:
     elif args.estimate:
         print(json.dumps(estimate(args.estimate)))
     else:
-        load = measure(args.seconds)
-        print(load.sent, load.estimated, np.quantile(load.latency_s, [0.5, 0.9, 0.99, 0.999, 1.0]), load.cpu)
-        print(load.memory_MB[[0, 2, -1]], RLMA.name)
+        text = page(list(rows(args.seconds, args.hours, args.kills)))
+        print(text)
+        if not args.dry:
+            (HERE / "on_board.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

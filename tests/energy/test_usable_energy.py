@@ -110,3 +110,9 @@ def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
 def test_impossible_charges(fields, message):
     with pytest.raises(InputError, match=message):
         BatteryState(**fields)
+
+
+def test_parts_side_by_side_are_the_whole_to_the_bit():
+    battery, state = generic_battery("lfp", 12.0, 4), BatteryState(soc=0.7, soc_std=0.05)
+    z = normal_points(3)
+    np.testing.assert_array_equal(usable_at(battery, state, 30.0, z), usable_J(discharge(battery, state, 30.0, z)))

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -311,6 +310,6 @@ def test_the_charge_goes_on_after_every_kill(tmp_path, battery):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("sh") is None, reason="SIGKILL")
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
 def test_the_charge_goes_on_after_many_kills(tmp_path, battery):
-    kill_again_and_again(tmp_path, battery, 25, seed=2)
+    kill_again_and_again(tmp_path, battery, int(os.environ.get("OHMWARD_KILLS", "10")), seed=2)

@@ -18,7 +18,7 @@ from ohmward.battery.battery import Battery
 from ohmward.energy.consumption import Consumption, EnergyDemand, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
-from ohmward.energy.usable_energy import BatteryState, discharge, usable_J
+from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
 
 #: Dimensions of the points: state of charge, capacity and resistance of the battery; then, of the consumption,
@@ -55,7 +55,7 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state
     whole = energy_demand(c, ahead)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
-    usable = usable_J(discharge(battery, state, power_W, z[BATTERY]))
+    usable = usable_at(battery, state, power_W, z[BATTERY])
     per_m = certain_part(whole, z) / length_m
     scatter = scattered_part(whole, z) / np.sqrt(length_m)
     distance = distances(per_m, scatter, usable)
@@ -83,7 +83,7 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
     """Time [s] for which the robot can stand."""
     z = normal_points(DIMENSIONS)
     standing = energy_demand(c, [Stretch("", 1.0)])
-    usable = usable_J(discharge(battery, state, standing.mean_J, z[BATTERY]))
+    usable = usable_at(battery, state, standing.mean_J, z[BATTERY])
     power_W = certain_part(standing, z)
     return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
 

@@ -22,7 +22,7 @@ from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left
 from ohmward.energy.recorded import Cut
-from ohmward.energy.usable_energy import BatteryState, discharge, usable_J
+from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag
 
@@ -242,7 +242,7 @@ def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, 
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
-    usable = usable_J(discharge(battery, battery_now, power_W, z[BATTERY]))
+    usable = usable_at(battery, battery_now, power_W, z[BATTERY])
     return float(np.mean(needed_J(demand, z) <= usable))
 
 

@@ -28,6 +28,8 @@ from ohmward.errors import InputError
 
 #: Points of the state of charge from 0 to 1.
 _GRID = 251
+#: Batteries that are discharged side by side.
+_AT_ONCE = 512
 _SECONDS_PER_HOUR = 3600.0
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
@@ -84,7 +86,18 @@ class Discharge(NamedTuple):
 
 def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quantiles:
     """Energy [J] above the reserve at this mean power [W], P10/P50/P90."""
-    return quantiles(usable_J(discharge(battery, state, power_W, normal_points(3))))
+    return quantiles(usable_at(battery, state, power_W, normal_points(3)))
+
+
+def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> np.ndarray:
+    """(N,) energy [J] that batteries drawn from the distribution of this one give at constant power [W].
+
+    The same as `usable_J` of their `discharge`, in parts that stay in the cache: less time, an eighth of the memory.
+
+    z: (3, N) standard normal points of state of charge, capacity and resistance.
+    """
+    parts = [z[:, k : k + _AT_ONCE] for k in range(0, z.shape[1], _AT_ONCE)]
+    return np.concatenate([usable_J(discharge(battery, state, power_W, part)) for part in parts])
 
 
 def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
