@@ -5,14 +5,22 @@ from hypothesis import strategies as st
 
 from energy.examples import battery
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import start_model
+from ohmward.battery.chemistries import generic_battery, start_model
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, next_state, voltage
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
 from ohmward.energy.points import normal_points
-from ohmward.energy.usable_energy import BatteryState, discharge, rc_resistance, soc_after, usable_energy, usable_J
+from ohmward.energy.usable_energy import (
+    BatteryState,
+    discharge,
+    rc_resistance,
+    soc_after,
+    usable_at,
+    usable_energy,
+    usable_J,
+)
 from ohmward.errors import InputError
 
 
@@ -113,6 +121,6 @@ def test_impossible_charges(fields, message):
 
 
 def test_parts_side_by_side_are_the_whole_to_the_bit():
-    battery, state = generic_battery("lfp", 12.0, 4), BatteryState(soc=0.7, soc_std=0.05)
+    pack, state = generic_battery("lfp", 12.0, 4), BatteryState(soc=0.7, soc_std=0.05)
     z = normal_points(3)
-    np.testing.assert_array_equal(usable_at(battery, state, 30.0, z), usable_J(discharge(battery, state, 30.0, z)))
+    np.testing.assert_array_equal(usable_at(pack, state, 30.0, z), usable_J(discharge(pack, state, 30.0, z)))

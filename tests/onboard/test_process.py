@@ -11,6 +11,7 @@ from ohmward.onboard.message import Message
 from ohmward.onboard.part import EndedError
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_state import Level
+from ohmward.onboard.state_folder import StateFolder
 
 
 @dataclass
@@ -126,3 +127,54 @@ def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
 
     monkeypatch.setattr("ohmward.onboard.process.END_S", 0.1)
     run(Process(Estimation(battery), [Script(samples(1), then=EndedError("done"))], [Deaf()]))
+
+
+def charges(battery, messages):
+    """Estimates of charge after messages that are put one by one, on the clock of their receipt."""
+    collector, process = Collector(), Process(Estimation(battery), [Script([])], [])
+    process.add_sink(collector)
+    for message in messages:
+        process.put(message)
+    (_, feed) = process.sinks[0]
+    feed.end()
+    asyncio.run(collector.run(feed))
+    return process, [state.battery.soc for state in collector.states if state.battery]
+
+
+@pytest.mark.parametrize("leap_s", [3600.0, -3600.0])
+def test_a_clock_that_is_set_by_an_hour_counts_no_charge(battery, leap_s):
+    """The source's clock leaps in the middle; the charge is that of the time that has really passed."""
+    whole = samples(2000)
+    set_back = [m._replace(stamp_s=m.stamp_s + (leap_s if k >= 1000 else 0.0)) for k, m in enumerate(whole)]
+    _, expected = charges(battery, whole)
+    process, found = charges(battery, set_back)
+    assert found == pytest.approx(expected, abs=1e-5)
+    told = {d.name: d for d in process.watch.look(whole[1000].received_s + 10.0)}
+    assert "was set" in told["clock of script"].message
+
+
+def test_nothing_that_a_source_can_say_ends_the_process(battery):
+    """Times and values of every kind; the charge stays one."""
+    odd = [math.nan, math.inf, -math.inf, 0.0, -1.0, 1e308, -1e308, 5e-324]
+    messages = [
+        Message(t, 100.0 + k, "script", {"battery_current_A": v, "battery_voltage_V": w, "cell_voltage_V.9": v})
+        for k, (t, v, w) in enumerate((t, v, w) for t in odd for v in odd for w in odd)
+    ]
+    process, found = charges(battery, [*samples(10), *messages, *samples(10)])
+    assert all(0.0 <= soc <= 1.1 for soc in found)
+    assert "estimation" not in process.diagnostics
+
+
+def test_a_full_disk_is_named_and_estimates_go_on(battery, tmp_path, monkeypatch):
+    def full(*_):
+        raise OhmwardError("snapshot.json: cannot be written (No space left on device); free space")
+
+    monkeypatch.setattr("ohmward.onboard.state_folder.write_snapshot", full)
+    monkeypatch.setattr("ohmward.onboard.state_folder.SNAPSHOT_S", 0.05)
+    sink, folder = Collector(), StateFolder(tmp_path)
+    process = Process(Estimation(battery), [Script(samples(50))], [sink])
+    process.companions.append(("snapshots", folder.writer(process.estimation, process.now_s)))
+    run(process, seconds=0.4)
+    folder.close()
+    assert "No space left" in process.diagnostics["snapshots"].message
+    assert len(sink.states) == 50
