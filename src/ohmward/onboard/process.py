@@ -26,8 +26,9 @@ LOOK_S = 0.25
 #: A state goes out at least so often, with new diagnostics where no sensor reports.
 QUIET_S = 1.0
 
-#: The range is forecast so often, and at once when the charge has leapt by so much.
-FORECAST_S, FORECAST_SOC = 30.0, 0.02
+#: The range is forecast so often; at first, when little has been driven, more often, and at once when the charge leaps
+#: by so much.
+FORECAST_S, FIRST_FORECAST_S, FORECAST_SOC = 30.0, 3.0, 0.02
 
 #: At the end sinks have so long to deliver what waits; what they could not stays undelivered or on their own disk.
 END_S = 5.0
@@ -187,13 +188,15 @@ class Process:
 
     async def _forecast(self) -> None:
         """Forecast the range: once the charge is known, when it leaps, and at times."""
-        made_s, soc = -math.inf, math.nan
+        made_s, wait_s, soc = -math.inf, FIRST_FORECAST_S, math.nan
         while True:
             await asyncio.sleep(LOOK_S)
             charge = self.estimation.state.battery
             if charge is None or (compute := self.estimation.forecast()) is None:
                 continue
-            if self.now_s() - made_s > FORECAST_S or abs(charge.soc - soc) > FORECAST_SOC:
+            due = self.now_s() - made_s > wait_s
+            if due or abs(charge.soc - soc) > FORECAST_SOC:
+                wait_s = min(2.0 * wait_s, FORECAST_S) if due else wait_s
                 made_s, soc = self.now_s(), charge.soc
                 self.estimation.take_forecast(await asyncio.to_thread(compute))
 
