@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
@@ -87,9 +88,22 @@ def require_seal(snapshot: Mapping[str, Any]) -> None:
 
 
 def identity(estimator: Any) -> str:
-    """Kind and settings of an estimator (a dataclass) as a short text: its name and a digest of every field."""
+    """Kind and settings of an estimator (a dataclass) as a short text: its name and a digest of every field.
+
+    Those of the last few estimators are kept: a process on a robot takes snapshots between two samples.
+    """
+    try:
+        return _kept_identity(estimator)
+    except TypeError:  # settings that hold a list or an array have no hash
+        return _identity(estimator)
+
+
+def _identity(estimator: Any) -> str:
     settings = json.dumps(asdict(estimator), sort_keys=True, default=lambda a: np.asarray(a).tolist())
     return f"{type(estimator).__name__}-{sha256(settings.encode()).hexdigest()[:16]}"
+
+
+_kept_identity = lru_cache(maxsize=32)(_identity)
 
 
 def to_json(value: float) -> float | None:
