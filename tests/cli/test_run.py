@@ -179,3 +179,24 @@ def test_the_demonstration_takes_another_port_where_its_own_is_taken(monkeypatch
     assert f"port {port} is taken: the page takes another one" in caplog.text
     (page,) = (sink for sink in demonstration.demo_sinks() if isinstance(sink, PageSink))
     assert page.port == port
+
+
+def test_the_log_can_be_json(example):
+    body = '[[source]]\nkind = "json-lines"\naddress = "nobody.socket"\n'
+    name = setup(example, "strict = true\n" + body)
+    done = ohmward(name, "--log-format", "json", cwd=example)
+    assert done.returncode == 2
+    records = [json.loads(line) for line in done.stderr.splitlines()]
+    assert all(set(record) == {"time", "level", "logger", "message"} for record in records)
+    assert records[-1]["level"] == "error" and "no connection to nobody.socket" in records[-1]["message"]
+
+
+def test_a_service_manager_hears_of_it(example):
+    path = str(example / "notify.socket")
+    name = setup(example, '[[source]]\nkind = "json-lines"\n')
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(path)
+        environment = {**os.environ, "NOTIFY_SOCKET": path, "WATCHDOG_USEC": "10000000"}
+        done = ohmward(name, cwd=example, input="", env=environment)
+        assert done.returncode == 0, done.stderr
+        assert listener.recv(4096).startswith(b"READY=1")

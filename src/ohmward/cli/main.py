@@ -31,6 +31,7 @@ COMMANDS = {
     "slip": "speed and wheel slip along a drive, with their uncertainty",
     "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
     "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
+    "service": "`ohmward run` as a service of systemd, begun with the machine",
     "drive": "drive a robot that `ohmward run` controls, by keys or joystick: set speed and slip, see its state, stop",
     "store": "what the process on the robot has stored: list, query, export",
     "simulate": "a robot and its battery driven in closed loop on a ground; or a battery alone",

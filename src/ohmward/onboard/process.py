@@ -7,6 +7,7 @@ import logging
 import math
 import signal
 import sys
+from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -55,6 +56,10 @@ class Process:
         clock: of this machine.
         strict: end with an error where a source or sink cannot begin.
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
+
+    Attributes:
+        faults: messages of a source in a row that the estimators failed at, for a fault of their own.
+        stopping: set once somebody stops it.
     """
 
     def __init__(
@@ -78,7 +83,8 @@ class Process:
         self._ahead_s = 0.0
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
-        self._stop: asyncio.Event | None = None
+        self.faults: Counter[str] = Counter()
+        self.stopping = asyncio.Event()
         self._refused = ""
 
     async def run(self) -> None:
@@ -87,7 +93,8 @@ class Process:
         Raises:
             OhmwardError: in strict mode, a source or sink cannot begin.
         """
-        self._stop, self._began_s = asyncio.Event(), self.clock.now_s()
+        self._began_s = self.clock.now_s()
+        self.stopping = asyncio.Event()
         sys.setswitchinterval(SWITCH_S)
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
         beside = [
@@ -96,7 +103,7 @@ class Process:
             *(self._begin(name, run) for name, run in self.companions),
         ]
         sources = [self._begin(f"source {source.name}", partial(source.run, self.put)) for source in self.sources]
-        stopped, ended = asyncio.create_task(self._stop.wait()), asyncio.create_task(_all(sources))
+        stopped, ended = asyncio.create_task(self.stopping.wait()), asyncio.create_task(_all(sources))
         try:
             await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -121,8 +128,7 @@ class Process:
 
     def stop(self) -> None:
         """End the sources; sinks deliver what waits, and `run` returns."""
-        if self._stop:
-            self._stop.set()
+        self.stopping.set()
 
     def stop_on_signals(self) -> None:
         """End cleanly on SIGTERM and SIGINT, to be called in the loop that runs."""
@@ -136,7 +142,9 @@ class Process:
         try:
             for state in self.estimation.put(*self._watched(message)):
                 self._pass_on(state)
+            self.faults[message.source] = 0
         except Exception as error:
+            self.faults[message.source] += 1
             LOG.exception("estimation: unexpected error")
             self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
 

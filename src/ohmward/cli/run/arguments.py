@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from ohmward.cli.log_format import FORMATS, TEXT
+
 EXAMPLES = """\
   ohmward run --demo                                a simulated robot, with nothing attached
   ohmward run --example > robot.toml                a setup to edit
@@ -27,3 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
     parser.add_argument("--json", action="store_true", help="with --check: print the findings as JSON")
+    parser.add_argument(
+        "--log-format",
+        choices=FORMATS,
+        default=TEXT,
+        help="of the log on standard error: lines for people, or a JSON object a line",
+    )

@@ -5,18 +5,23 @@ from __future__ import annotations
 import argparse
 import asyncio
 import logging
-import sys
 from importlib.resources import files
 
 from ohmward.checks import require_positive
+from ohmward.cli.log_format import TEXT, begin_log
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.run.demonstration import demo_process
 from ohmward.cli.run.result import describe, summary
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.assembly import assemble
+from ohmward.onboard.notify import notifying, service_manager
+from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Process
 from ohmward.onboard.setup import SETUP_FILE
 from ohmward.onboard.trial import try_setup
+
+#: Exit status of what is refused, where the log says why.
+REFUSED = 2
 
 #: Time for which `--check` listens [s], unless told otherwise.
 CHECK_S = 10.0
@@ -29,10 +34,16 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome({}, files("ohmward.cli.run").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
     if args.check:
         return _check(args.setup, args.seconds or CHECK_S)
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="ohmward: %(message)s")
-    process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
-    process.estimation.compile()
-    asyncio.run(_run(process, args.seconds))
+    begin_log(args.log_format)
+    try:
+        process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
+        process.estimation.compile()
+        asyncio.run(_run(process, args.seconds))
+    except OhmwardError as error:
+        if args.log_format == TEXT:
+            raise
+        LOG.error("%s", error)
+        return Outcome({}, "", status=REFUSED)
     return Outcome({}, "")
 
 
@@ -61,6 +72,8 @@ def _check_arguments(args: argparse.Namespace) -> None:
 
 async def _run(process: Process, seconds: float | None) -> None:
     process.stop_on_signals()
+    if manager := service_manager():
+        process.companions.append(notifying(process, manager))
     if seconds is not None:
         asyncio.get_running_loop().call_later(seconds, process.stop)
     await process.run()
