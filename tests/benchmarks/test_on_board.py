@@ -1,0 +1,47 @@
+"""A minute of what `make soak` does for hours; latency and share of a core want a machine that does nothing else."""
+
+import numpy as np
+import pytest
+
+from benchmarks.scripts import script
+
+on_board = script("on_board")
+on_board_day = script("on_board_day")
+
+
+@pytest.mark.slow
+def test_no_sample_is_lost_at_1_khz():
+    found = on_board.measure(10.0)
+    assert found.estimated == found.sent == 10_000
+    assert 0.0 < found.p50_s <= found.p99_s
+    assert found.memory_MB.max() < 200.0
+
+
+@pytest.mark.slow
+def test_memory_and_handles_stay_flat_along_simulated_hours():
+    looks = on_board_day.drive_a_day(1.0)
+    assert len(looks) == 5
+    assert on_board_day.growth([look.memory_MB for look in looks]) < 1.05
+    assert on_board_day.growth([float(look.handles) for look in looks]) == 1.0
+
+
+def test_growth_is_that_of_the_last_quarter():
+    assert on_board_day.growth([5.0, 5.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]) == 1.0
+    assert on_board_day.growth([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0]) == 2.0
+
+
+def test_quantiles_of_latencies():
+    histogram = on_board.Histogram()
+    skipped = int(on_board.SETTLE_S * on_board.WHEELS_HZ)
+    for latency_s in [9.0] * skipped + list(np.linspace(0.0, 0.01, 1001)) + [5.0]:
+        histogram.add(latency_s)
+    assert histogram.quantile(0.5) == pytest.approx(0.005, abs=2e-5)
+    assert histogram.quantile(0.9999) == pytest.approx(1.0)
+    assert histogram.number == skipped + 1002
+
+
+def test_the_page_names_bars_that_were_missed():
+    figures = [on_board.at_most("a", "b", "c", 3.0, 2.0), on_board.at_most("a", "b", "c", 1.0, 2.0)]
+    text = on_board.page(figures)
+    assert text.count("**missed**") == 1
+    assert text.count("| met |") == 1
