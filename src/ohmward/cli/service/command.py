@@ -55,9 +55,9 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
     if path.exists() and (before := path.read_text(encoding="utf-8")) != text:
         if not replace:
             raise InputError(f"{path} is there already and differs; --replace replaces it, or remove it yourself")
-        kept = path.with_name(f"{path.name}.before")
-        write_text(kept, before)
-        notes.append(f"{path} was there and differed: it is {kept} now")
+        set_aside = path.with_name(f"{path.name}.before")
+        write_text(set_aside, before)
+        notes.append(f"{path} was there and differed: it is {set_aside} now")
     write_text(path, text)
     path.chmod(0o644)
     notes += [f"systemd-analyze verify: {line}" for line in verify(path)]
