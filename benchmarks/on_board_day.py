@@ -28,7 +28,7 @@ WHEELS_HZ, BATTERY_HZ = 50, 10
 #: The robot drives for 40 minutes and charges for 20.
 DRIVE_S, ROUND_S = 2400.0, 3600.0
 #: Simulated time between two looks at the process.
-LOOK_S = 600.0
+LOOK_S = 120.0
 
 
 class Look(NamedTuple):
@@ -83,7 +83,7 @@ def resident_MB() -> float:
 
 
 def drive_a_day(hours: float) -> list[Look]:
-    """Looks at the process along so many simulated hours, the first one after ten minutes."""
+    """Looks at the process along so many simulated hours, the first one after two minutes."""
     with tempfile.TemporaryDirectory() as folder:
         estimation = Estimation(generic_battery("lfp", 12.0, 4), RLMA)
         estimation.compile()
