@@ -37,7 +37,7 @@ def machine(tmp_path, monkeypatch):
     units.mkdir()
     monkeypatch.setattr(command, "UNITS", units)
     monkeypatch.setattr("os.geteuid", lambda: 0)
-    monkeypatch.setattr("ohmward.cli.service.unit._HOMES", (Path("/nobody"),))
+    monkeypatch.setattr("ohmward.cli.service.unit._HIDDEN", (Path("/nobody"),))
     return units
 
 
@@ -143,7 +143,8 @@ def test_paths_that_mean_another_place_are_refused(setup, machine):
     assert "`ohmward run --example` prints one" in obstacles(setup)[-1]
 
 
-def test_a_home_folder_is_refused(setup, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.service.unit._HOMES", (Path(sys.executable).parent, setup.parent))
+def test_a_folder_that_the_service_does_not_see_is_refused(setup, monkeypatch):
+    monkeypatch.setattr("ohmward.cli.service.unit._HIDDEN", (Path(sys.executable).parent, setup.parent))
     found = " ".join(obstacles(setup))
-    assert f"{sys.executable} is in a home folder" in found and f"{setup} is in a home folder" in found
+    assert f"a service does not see {sys.executable}, which runs this" in found
+    assert f"a service does not see {setup}, nor anything" in found

@@ -18,8 +18,8 @@ STATE = Path("/var/lib/ohmward")
 #: Where the unit reads its secrets from: `EnvironmentFile` of ohmward.service.
 SECRETS = "/etc/ohmward/environment"
 
-#: Folders that `ProtectHome=yes` hides.
-_HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
+#: Folders that `ProtectHome=yes` and `PrivateTmp=yes` hide.
+_HIDDEN = (Path("/home"), Path("/root"), Path("/run/user"), Path("/tmp"), Path("/var/tmp"))
 
 
 def unit(setup: Path) -> str:
@@ -40,13 +40,14 @@ def _quoted(word: str) -> str:
 def obstacles(setup: Path) -> list[str]:
     """Sentences with the fix: what the service could not read or write."""
     found = []
-    if at_home(Path(sys.executable)) or at_home(Path(sys.executable).resolve()):
+    python = [path for path in (Path(sys.executable), Path(sys.executable).resolve()) if is_hidden(path)]
+    if python:
         found.append(
-            f"{sys.executable} is in a home folder, which a service does not see; install into a place of its own, in "
-            "the clone: sudo python3 -m venv /opt/ohmward && sudo /opt/ohmward/bin/pip install ."
+            f"a service does not see {python[0]}, which runs this, nor anything in homes and /tmp; install from "
+            "the clone with a system Python: sudo python3 -m venv /opt/ohmward && sudo /opt/ohmward/bin/pip install ."
         )
-    if at_home(setup):
-        found.append(f"{setup} is in a home folder, which a service does not see; move it to /etc/ohmward")
+    if is_hidden(setup):
+        found.append(f"a service does not see {setup}, nor anything in homes and /tmp; move it to /etc/ohmward")
     if not setup.exists():
         return [*found, f"there is no {setup}; `ohmward run --example` prints one"]
     if not setup.stat().st_mode & stat.S_IROTH:
@@ -58,9 +59,9 @@ def obstacles(setup: Path) -> list[str]:
     return [*found, *_paths(content, setup.parent), *_secrets(content)]
 
 
-def at_home(path: Path) -> bool:
-    """True where a path is in somebody's home folder."""
-    return any(home in path.absolute().parents for home in _HOMES)
+def is_hidden(path: Path) -> bool:
+    """True where the service does not see a path."""
+    return any(folder in path.absolute().parents for folder in _HIDDEN)
 
 
 def _paths(content: Setup, folder: Path) -> list[str]:

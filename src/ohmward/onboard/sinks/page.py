@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import os
 import socket
 import ssl
 from collections.abc import Iterator
@@ -91,6 +92,7 @@ class PageSink:
         config = uvicorn.Config(
             app,
             log_config=None,
+            log_level="warning",
             access_log=False,
             lifespan="off",
             server_header=False,
@@ -113,8 +115,9 @@ class PageSink:
         try:
             listener = socket.create_server((self.host, self.port), family=family)
         except OSError as error:
+            reason = os.strerror(error.errno) if (error.errno or 0) > 0 else error
             raise OhmwardError(
-                f"port {self.port} of {self.host} cannot be had ({error.strerror or error}); choose another one: port ="
+                f"port {self.port} of {self.host} cannot be had ({reason}); choose another one: port ="
             ) from error
         try:
             yield listener
