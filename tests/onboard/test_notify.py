@@ -138,3 +138,27 @@ def test_the_status_names_what_is_not_in_order():
     told.tell(Diagnostic("source can0", Level.ERROR, "no such bus"))
     told.tell(Diagnostic("yaw_rate_rad_s", Level.STALE, "silent"))
     assert status(told) == "source can0: no such bus, and 1 more"
+
+
+def test_the_stop_is_said_before_sinks_deliver(manager):
+    listener, environment = manager
+
+    class Slow:
+        name, interval_s = "slow", 0.0
+
+        async def run(self, feed):
+            while await feed.batch():
+                pass
+            said.extend(heard(listener))
+
+    said: list[str] = []
+    told = process()
+    told.add_sink(Slow())
+
+    async def wait():
+        await asyncio.sleep(0.05)
+        heard(listener)
+
+    run(told, environment, wait)
+    assert "STOPPING=1" in said
+    assert "STOPPING=1" not in heard(listener)

@@ -72,9 +72,9 @@ def notifying(process: Process, manager: ServiceManager) -> Companion:
                     manager.send(WATCHDOG="1", STATUS=status(process))
                 with suppress(TimeoutError):
                     await asyncio.wait_for(process.stopping.wait(), interval_s)
-            await asyncio.Event().wait()  # until the process is through
         finally:
             manager.send(STOPPING="1", STATUS="stopping")
+        await asyncio.Event().wait()  # until the process is through
 
     return "service manager", run
 

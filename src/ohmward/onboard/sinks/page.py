@@ -115,7 +115,7 @@ class PageSink:
         try:
             listener = socket.create_server((self.host, self.port), family=family)
         except OSError as error:
-            reason = os.strerror(error.errno) if (error.errno or 0) > 0 else error
+            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error
             raise OhmwardError(
                 f"port {self.port} of {self.host} cannot be had ({reason}); choose another one: port ="
             ) from error
