@@ -117,6 +117,7 @@ def test_axe_finds_nothing_in_the_login(browser, monkeypatch, scheme):
         assert axe.run(page)["violations"] == []
         page.fill("input", TOKEN)
         page.keyboard.press("Enter")
+        page.wait_for_selector("#soc")
         page.wait_for_function("() => document.getElementById('soc').textContent !== '–'")
         page.close()
 
