@@ -44,6 +44,8 @@ START_S, STOP_S = 1.0, 0.3
 FOUND_S = 1.0
 #: A wheel is across when it stands so far [m] beyond the seam; the rollers' contact moves by about as much.
 ACROSS_M = 0.008
+#: Standard deviation [m/s] of the camera's speed: a pixel over its window of 0.6 s is 0.003, the mark's angle as much.
+CAMERA_STD_M_S = 0.01
 SENSORS = "encoders + currents"
 
 
@@ -111,9 +113,13 @@ def floor_of(name: str, of: Mapping[int, Run], robot: Robot) -> Floor:
     return learn_floor(name, [run.drive for run in of.values()], robot)
 
 
-def judge(estimator: SlipOnFloors, of: Mapping[int, Run]) -> list[Judged]:
-    """Each run against the camera."""
-    return [_judged(estimator.run(run.drive.log), run, estimator.wheels.robot) for run in of.values()]
+def judge(estimator: SlipOnFloors, of: Mapping[int, Run], held_back: bool = False) -> list[Judged]:
+    """Each run against the camera; its second half where the camera was `held_back` from that alone."""
+    robot = estimator.wheels.robot
+    return [
+        _judged(estimator.run(run.drive.log), run, robot, half_time_s(run) if held_back else START_S)
+        for run in of.values()
+    ]
 
 
 def seam_crossings(of: Sequence[Run]) -> list[list[float]]:
@@ -150,10 +156,10 @@ def read_run(path: Path, number: float) -> Run:
     return Run(CalibrationDrive(log, motion_from_pose(log.time_s, *pose.T)), pose)
 
 
-def _judged(track: FloorRun, run: Run, robot: Robot) -> Judged:
+def _judged(track: FloorRun, run: Run, robot: Robot, start_s: float = START_S) -> Judged:
     time_s = track.time_s
     rim, body = travel_speed(_smooth_rim(run, robot)), travel_speed(run.drive.motion)
-    part = (time_s > START_S) & (time_s < time_s[-1] - STOP_S) & np.isfinite(track.travel_slip)
+    part = (time_s > start_s) & (time_s < time_s[-1] - STOP_S) & np.isfinite(track.travel_slip)
     error = track.travel_slip[part] - (1 - body[part] / rim[part])
     return Judged(
         true=float(1 - body[part].mean() / rim[part].mean()),
@@ -213,9 +219,27 @@ def _three_floors(robot: Robot, floors: Mapping[str, Mapping[int, Run]]) -> Iter
         told = slip_on_floors(robot, (learnt[name],), told=True)
         yield from _band(data, f"{method}, told the floor", judge(told, others))
         unseen = slip_on_floors(robot, tuple(floor for key, floor in learnt.items() if key != name))
-        yield from _band(
-            f"Robotino, {name}, only the two other floors learnt", method, judge(unseen, others), covered=0.85
-        )
+        data_unseen = f"Robotino, {name}, only the two other floors learnt"
+        yield from _band(data_unseen, method, judge(unseen, others), covered=0.85)
+        seen = "judged after half of the run, forward speed of the camera"
+        for of_data, estimator in ((data, known), (data_unseen, unseen)):
+            yield from _band(f"{of_data}, {seen} never", method, judge(estimator, others, held_back=True))
+            shown = {number: with_camera(run) for number, run in others.items()}
+            yield from _band(f"{of_data}, {seen} before", method, judge(estimator, shown, held_back=True))
+
+
+def half_time_s(run: Run) -> float:
+    """Middle [s] of the part of a run that is judged."""
+    return (START_S + float(run.drive.log.time_s[-1]) - STOP_S) / 2
+
+
+def with_camera(run: Run) -> Run:
+    """The run with the camera's forward speed as an outside speed, in the first half alone."""
+    log = run.drive.log
+    shown = (log.time_s > START_S) & (log.time_s < half_time_s(run))
+    speed = np.where(shown, run.drive.motion[:, 0], np.nan)
+    outside = replace(log, speed_m_s=speed, speed_std_m_s=np.full(len(log), CAMERA_STD_M_S))
+    return run._replace(drive=run.drive._replace(log=outside))
 
 
 def _every_other(of: Mapping[int, Run], first: int) -> dict[int, Run]:

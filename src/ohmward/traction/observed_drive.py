@@ -37,7 +37,7 @@ from ohmward.traction.terrain.file import Floors
 from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 
 #: Flags of learnt floors that mean a fault of the log.
-FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped")
+FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped", "speed_refused")
 
 
 class OnFloors(NamedTuple):
@@ -171,7 +171,7 @@ def observe_on_floors(
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
-    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
+    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on), *_outside_notes(log))
     path = Odometry(robot).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
@@ -215,6 +215,13 @@ def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]
     faults = {flag: count for flag, count in track.counts().items() if flag in FAULTS}
     notes += [Note(f"{count} samples with {flag.replace('_', ' ')}", "warning") for flag, count in faults.items()]
     return notes
+
+
+def _outside_notes(log: DriveLog) -> list[Note]:
+    """A sentence on the outside speed, where the log has one."""
+    if "speed_m_s" not in log.channels:
+        return []
+    return [Note("the outside speed shows slip: it tells which floor this may be, and narrows the band")]
 
 
 def drive_figures(observed: ObservedDrive) -> DriveFigures:

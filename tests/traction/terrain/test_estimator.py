@@ -45,7 +45,9 @@ def samples_of(log):
 def watch(samples, estimator=None):
     """Estimates (T, ...) of live samples."""
     estimator = estimator or live()
-    found = [estimator.step(WheelSample(*row)) for row in zip(*samples, strict=True)]
+    T = len(samples.dt_s)
+    columns = (values if np.ndim(values) else np.full(T, values) for values in samples)
+    found = [estimator.step(WheelSample(*row)) for row in zip(*columns, strict=True)]
     return FloorEstimate(*(np.array(values) for values in zip(*found, strict=True)))
 
 

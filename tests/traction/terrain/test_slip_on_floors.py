@@ -70,8 +70,8 @@ def test_the_slip_on_doubtful_floors_leans_to_the_likeliest_and_its_spread_is_ab
     floors, rng = on_floors((SMOOTH, SOFT)), np.random.default_rng(8)
     p = rng.dirichlet([1.0, 1.0, 1.0, 1.0, 4.0], 3)
     share, std = np.array([0.4, -0.3, 0.35]), np.array([0.02, 0.03, 0.01])
-    mean, cov = floors.mixture(share, std, p)
     beliefs = [curves.belief(share, std) for curves in floors.curves]
+    mean, cov = floors.mixture(beliefs, p)
     squares = p**2 / (p**2).sum(axis=1, keepdims=True)
     np.testing.assert_allclose(mean, sum(squares[:, k] * b.mean for k, b in enumerate(beliefs)), rtol=1e-12)
     drawn = np.array([rng.choice(5, 200_000, p=row) for row in p]).T

@@ -30,7 +30,7 @@ def whole_log(estimator, log):
     wheels, robot, t = estimator.wheels, estimator.wheels.robot, log.time_s
     dt = np.diff(t, prepend=t[0])
     samples = WheelSample(dt, log.wheel_speed_rad_s, log.motor_current_A)
-    first = WheelSample(0.0, *(values[0] for values in samples[1:]))
+    first = WheelSample(0.0, *(values[0] for values in samples[1:3]))
     _, belief = kernel_of(wheels, wheels.init(first), first).scan(wheels.init(first), samples)
     turning = belief.rim @ robot.rolling.T / robot.wheel.radius_m
     std = np.hypot(belief.force_std_N, undetermined_force_std(robot, turning))

@@ -65,7 +65,9 @@ def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     })  # fmt: skip
     speed_rad_s = where(np.array(used), sample.wheel_speed_rad_s, math.nan)
     current_A = where(np.array(current_credible), sample.current_A, math.nan)
-    return CleanFloorSample(WheelSample(time.dt_s, speed_rad_s, current_A), watch, flags)
+    return CleanFloorSample(
+        sample._replace(dt_s=time.dt_s, wheel_speed_rad_s=speed_rad_s, current_A=current_A), watch, flags
+    )
 
 
 def watched(speed_rad_s: np.ndarray, credible: Sequence[Scalar], before: EncoderWatch, dt_s: Scalar) -> EncoderWatch:

@@ -54,3 +54,4 @@ class FloorFlag(SampleFlag):
     ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
     MOTION_UNKNOWN = 32  # the wheels hardly turn, or their motion is uncertain: no slip ratio, no floor recognised
     RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample
+    SPEED_REFUSED = 128  # an outside speed that no slip of these wheels explains, or older than a second

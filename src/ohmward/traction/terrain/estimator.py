@@ -38,12 +38,22 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         super().__init__(floors, lowering)
         self.floors = floors
 
-    def update(self, time_s: float, wheel_speed_rad_s: PerWheel, current_A: PerWheel) -> FloorEstimate:
+    def update(
+        self,
+        time_s: float,
+        wheel_speed_rad_s: PerWheel,
+        current_A: PerWheel,
+        speed_m_s: float | None = None,
+        speed_std_m_s: float | None = None,
+        speed_age_s: float | None = None,
+    ) -> FloorEstimate:
         """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
             where it is earlier by more than a minute, the clock was set, and time goes on from there.
         wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
+        speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, where there is one; 0.05 m/s and 0 s unless
+            given. The slip that it shows tells floors apart that ask for like forces, and narrows the band.
 
         Raises:
             InputError: something else than a number, or not one for each driven wheel.
@@ -53,6 +63,9 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
             self._since_last(time_s),
             numbers("wheel_speed_rad_s", wheel_speed_rad_s, driven),
             numbers("current_A", current_A, driven),
+            number("speed_m_s", speed_m_s),
+            number("speed_std_m_s", speed_std_m_s),
+            number("speed_age_s", speed_age_s),
         )
         return self._advance(sample, self._clock(time_s))
 

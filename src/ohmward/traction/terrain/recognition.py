@@ -172,17 +172,26 @@ class Recognition:
         return RecognitionState(self.usual, self.usual, np.zeros(self.robot.driven), -SETTLING_S)
 
     def step(
-        self, state: RecognitionState, forces: FloorForces, alarm: Scalar, restart: Scalar, dt_s: Scalar
+        self,
+        state: RecognitionState,
+        forces: FloorForces,
+        alarm: Scalar,
+        restart: Scalar,
+        dt_s: Scalar,
+        slip_evidence: Sequence[Scalar] | None = None,
     ) -> RecognitionState:
         """State after a sample.
 
         alarm: the condition that a wheel has come to another floor.
         restart: the condition that the robot moves otherwise than before.
+        slip_evidence: (C,) log-likelihood of the slip that outside speeds have shown since the last event.
         """
         mean_N, averaged_s = self.averaged(state, forces.drag_N, alarm, restart, dt_s)
         ended = every([restart, state.averaged_s > 0])
         prior = self.prior(state, alarm, ended, dt_s)
         log_likelihood = self.log_likelihood(forces._replace(drag_N=mean_N), averaged_s)
+        if slip_evidence is not None:
+            log_likelihood = log_likelihood + np.array(slip_evidence)
         return RecognitionState(prior, self.posterior(prior, log_likelihood), mean_N, averaged_s)
 
     def averaged(

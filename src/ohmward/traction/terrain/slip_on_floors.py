@@ -25,6 +25,7 @@ from ohmward.errors import InputError
 from ohmward.filters.flags import flags_of
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
+from ohmward.filters.sanitize import every, some
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
@@ -40,7 +41,16 @@ from ohmward.traction.terrain.demand import (
     undetermined_force_std,
 )
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, SlipBelief
+from ohmward.traction.terrain.outside_speed import (
+    LossState,
+    averaged,
+    corrected,
+    log_likelihood,
+    loss_sample,
+    no_loss,
+    seen,
+)
 from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
 from ohmward.traction.terrain.slip_curves import SlipCurves
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
@@ -64,6 +74,7 @@ class FloorState(NamedTuple):
     recognised: belief in the floors.
     crossing: of the test.
     encoders: as watched.
+    loss: of the forward motion, as outside speeds have shown it since the last event.
     """
 
     wheels: WheelState
@@ -71,6 +82,7 @@ class FloorState(NamedTuple):
     recognised: RecognitionState
     crossing: CrossingState
     encoders: EncoderWatch
+    loss: LossState
 
 
 class FloorRun(Run[FloorEstimate]):
@@ -115,7 +127,9 @@ class SlipOnFloors:
         watch = new_watch(robot.driven)
         wheels = self.wheels.init(sanitize(first, watch).sample)
         rim = wheels.belief.mean[: robot.freedoms]
-        return FloorState(wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch)
+        return FloorState(
+            wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, no_loss()
+        )
 
     def step(self, state: FloorState, sample: WheelSample) -> tuple[FloorState, FloorEstimate]:
         """State and estimate after a sample."""
@@ -129,22 +143,43 @@ class SlipOnFloors:
         tested = self.crossing.sample(robot, belief.rim, drag_N, moving, clean.dt_s)
         crossing, result = self.crossing.step(state.crossing, tested)
         forces = FloorForces(belief.rim, drag_N, noise_N, standing_friction(robot, belief))
-        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s)
+        slips = self.slips(belief)
+        outside = loss_sample(clean, belief.rim, belief.rim_std, rate, maximum(travel_speed(belief.rim), SLOWEST_M_S))
+        unsettled = some([result.alarm, result.restart, logical_not(moving)])
+        loss = averaged(state.loss, outside, unsettled, clean.dt_s)
+        told = log_likelihood(seen(loss), self.recognition.combinations, slips, self.share_lost[0])
+        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s, told)
         probability = self.recognition.by_wheel(recognised.combinations)
-        estimate = self.conclude(belief, probability, moving)._replace(
+        slip = corrected(self.mixture(slips, probability), seen(loss), self.share_lost[0])
+        estimate = self.conclude(belief, slip, probability, moving)._replace(
             crossing=where(result.alarm, 1.0, 0.0),
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
             drag_after=drag_share(robot, belief.rim, drag_N),
             crossing_delay_s=result.delay_s,
-            flags=flags + flags_of({FloorFlag.MOTION_UNKNOWN: logical_not(moving)}),
+            flags=flags
+            + flags_of(
+                {
+                    FloorFlag.MOTION_UNKNOWN: logical_not(moving),
+                    FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
+                }
+            ),
         )
-        return FloorState(wheels, slow_rim, recognised, crossing, watch), estimate
+        return FloorState(wheels, slow_rim, recognised, crossing, watch, loss), estimate
 
     def recognise(
-        self, state: RecognitionState, forces: FloorForces, result: CrossingResult, moving: Scalar, dt_s: Scalar
+        self,
+        state: RecognitionState,
+        forces: FloorForces,
+        result: CrossingResult,
+        moving: Scalar,
+        dt_s: Scalar,
+        told: Sequence[Scalar],
     ) -> RecognitionState:
-        """Belief in the floors after a sample; forces of wheels that stand tell nothing."""
-        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s)
+        """Belief in the floors after a sample; forces of wheels that stand tell nothing.
+
+        told: (C,) logarithm of the likelihood of what outside speeds have shown.
+        """
+        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s, told)
         return RecognitionState(*(where(moving, new, old) for new, old in zip(after, state, strict=True)))
 
     @cached_property
@@ -168,20 +203,32 @@ class SlipOnFloors:
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
-    def conclude(self, belief: WheelBelief, probability: np.ndarray, moving: Scalar) -> FloorEstimate:
-        """Slip and speed from forces and floors, with u = |w| the travel speed of the rims and B = G_d^+.
+    @cached_property
+    def share_lost(self) -> np.ndarray:
+        """B (freedoms, driven): loss of each motion by each wheel's slip, over the rims' travel speed."""
+        return np.linalg.pinv(self.wheels.robot.rolling[: self.wheels.robot.driven])
+
+    def slips(self, belief: WheelBelief) -> list[SlipBelief]:
+        """Belief in the slip of the driven wheels on each of all floors, from their forces."""
+        load_N = static_loads(self.wheels.robot)[: self.wheels.robot.driven]
+        share, share_std = belief.force_N / load_N, belief.force_std_N / load_N
+        return [curves.belief(share, share_std) for curves in self.curves]
+
+    def conclude(
+        self, belief: WheelBelief, slips: SlipBelief, probability: np.ndarray, moving: Scalar
+    ) -> FloorEstimate:
+        """Slip and speed of the body, with u = |w| the travel speed of the rims and B = G_d^+.
 
         v = w - u B lambda,    var v_i = u^2 B_i C B_i' + var w_i
         |v| / u has the variance a C a' + |B lambda|^2 var u / u^2,   a = v' B / |v|, C the covariance of lambda
 
         belief: of the wheels.
+        slips: of the driven wheels.
         probability: (wheels, floors).
         moving: the condition that the motion of the rims is known.
         """
-        robot = self.wheels.robot
-        load_N = static_loads(robot)[: robot.driven]
-        slip, C = self.mixture(belief.force_N / load_N, belief.force_std_N / load_N, probability)
-        B = np.linalg.pinv(robot.rolling[: robot.driven])
+        robot, B = self.wheels.robot, self.share_lost
+        slip, C = slips
         u, var_u = travel_speed(belief.rim), travel_variance(belief)
         loss = B @ slip
         v = belief.rim - u * loss
@@ -209,23 +256,21 @@ class SlipOnFloors:
             flags=0.0,
         )
 
-    def mixture(
-        self, share: np.ndarray, share_std: np.ndarray, probability: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (driven,) and covariance (driven, driven) of the slip over the floors.
+    def mixture(self, slips: Sequence[SlipBelief], probability: np.ndarray) -> SlipBelief:
+        """Belief in the slip of the driven wheels over the floors.
 
         m_i = sum_f p_fi m_fi,   C_ii = sum_f p_fi (C_fii + (m_fi - m_i)^2),   C_ij = sum_f p_fi p_fj C_fij
 
-        share, share_std: (driven,) force over load, and its standard deviation.
+        slips: on each of all floors.
         probability: p (wheels, floors).
         """
-        slips = [curves.belief(share, share_std) for curves in self.curves]
-        floors = list(zip(probability[: len(share)].T, slips, strict=True))
-        weight = probability[: len(share)] ** LEANING
+        driven = self.wheels.robot.driven
+        floors = list(zip(probability[:driven].T, slips, strict=True))
+        weight = probability[:driven] ** LEANING
         mean = sum(w * slip.mean for w, slip in zip((weight.T / weight.sum(axis=1)), slips, strict=True))
         variance = sum(p * (np.diag(slip.cov) + (slip.mean - mean) ** 2) for p, slip in floors)
         common = sum(np.outer(p, p) * slip.cov for p, slip in floors)
-        return mean, np.where(np.eye(len(share), dtype=bool), np.diag(variance), common)
+        return SlipBelief(mean, np.where(np.eye(driven, dtype=bool), np.diag(variance), common))
 
     @cached_property
     def curves(self) -> tuple[SlipCurves, ...]:
@@ -283,9 +328,11 @@ def wheel_samples(log: DriveLog, driven: int, before_s: float = math.nan) -> Whe
         if values.shape[1] != driven or not np.isfinite(values).any(axis=0).all():
             raise InputError(f"log {log.name!r}: slip on floors needs the {name} of every driven wheel; one has none")
     start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    return WheelSample(np.diff(log.time_s, prepend=start_s), speed, current)
+    nothing = np.full(len(log), math.nan)
+    of_outside = (nothing if v is None else v for v in (log.speed_m_s, log.speed_std_m_s, log.speed_age_s))
+    return WheelSample(np.diff(log.time_s, prepend=start_s), speed, current, *of_outside)
 
 
 def first_of(samples: WheelSample) -> WheelSample:
     """The first of the samples (T, ...)."""
-    return WheelSample(0.0, samples.wheel_speed_rad_s[0], samples.current_A[0])
+    return WheelSample(0.0, *(values[0] for values in samples[1:]))

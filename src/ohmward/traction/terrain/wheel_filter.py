@@ -19,6 +19,7 @@ A missing number has a variance that leaves the belief as it was; its quantity w
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -53,11 +54,20 @@ _UNKNOWN_M_S = 1.0
 
 
 class WheelSample(NamedTuple):
-    """dt_s: since the sample before; wheel_speed_rad_s, current_A: (driven,), nan where nothing new was measured."""
+    """Numbers of the sensors, nan where nothing new was measured.
+
+    dt_s: since the sample before.
+    wheel_speed_rad_s, current_A: (driven,).
+    speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, its standard deviation, and the time for which it is
+        late.
+    """
 
     dt_s: Any
     wheel_speed_rad_s: np.ndarray
     current_A: np.ndarray
+    speed_m_s: Any = math.nan
+    speed_std_m_s: Any = math.nan
+    speed_age_s: Any = math.nan
 
 
 class WheelState(NamedTuple):
