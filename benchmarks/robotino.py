@@ -2,8 +2,8 @@
 
 Radius, motor and the table's floor are calibrated on the table; the gray floor is learnt from the gray runs of even
 number. What is judged: the gray runs of odd number, the runs along the seam of both floors, floors that were never
-met, and three floors of which each is learnt from every other run. Every constant is one of the package or a measured
-one of the robot (`README` of the data).
+met, three floors of which each is learnt from every other run, and a floor of an earlier campaign (`robotino_blue`).
+Every constant is one of the package or a measured one of the robot (`README` of the data).
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from ohmward.traction.calibration.stretches import rim_motion, travel_speed
 from ohmward.traction.calibration.truth import local_slope
 from ohmward.traction.terrain.floor import Floor
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, slip_on_floors
+from robotino_blue import FIRST_ROW, blue_drives
 from robotino_live import live
 
 FOLDER = "robotino_slip_tpu"
@@ -226,6 +227,21 @@ def _three_floors(robot: Robot, floors: Mapping[str, Mapping[int, Run]]) -> Iter
             yield from _band(f"{of_data}, {seen} never", method, judge(estimator, others, held_back=True))
             shown = {number: with_camera(run) for number, run in others.items()}
             yield from _band(f"{of_data}, {seen} before", method, judge(estimator, shown, held_back=True))
+    data = "Robotino, blue floor of 2021, time from the ticks, only the three other floors learnt"
+    yield from _band(data, method, judged_blue(known), covered=0.85)
+
+
+def judged_blue(estimator: SlipOnFloors) -> list[Judged]:
+    """Each straight drive of the campaign of 2021 against the way that the camera saw."""
+    found = []
+    for log, way_m in blue_drives(estimator.wheels.robot, PIXEL_M):
+        track = estimator.run(log)
+        time_s, part = log.time_s[FIRST_ROW:], slice(FIRST_ROW, None)
+        rim = rim_motion(estimator.wheels.robot, log.wheel_speed_rad_s[part])
+        true = 1 - way_m / float(np.trapezoid(travel_speed(rim), time_s))
+        slip, std = (float(np.nanmean(v[part])) for v in (track.travel_slip, track.travel_slip_std))
+        found.append(Judged(true, slip, std, abs(slip - true), len(track.crossings), log.duration_s))
+    return found
 
 
 def half_time_s(run: Run) -> float:

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from markdown_pages import ROOT
+from ohmward.traction import ROBOTINO
 from ohmward.traction.terrain.slip_on_floors import slip_on_floors
 from traction.terrain.drives import SMOOTH, SOFT
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
-robotino, robotino_live, figure = (import_module(name) for name in ("robotino", "robotino_live", "figure"))
+robotino, robotino_live, robotino_blue, figure = (
+    import_module(name) for name in ("robotino", "robotino_live", "robotino_blue", "figure")
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +41,8 @@ def test_slip_on_a_floor_learnt_from_other_runs_is_that_of_the_camera(recordings
     assert np.mean([abs(j.found - j.true) for j in judged]) < 0.03
     unseen = robotino.judge(slip_on_floors(robot, floors[:1]), others)
     assert np.mean([abs(j.found - j.true) < 1.96 * j.std for j in unseen]) > 0.85
+    blue = robotino.judged_blue(slip_on_floors(robot, floors))
+    assert np.mean([abs(j.found - j.true) < 1.96 * j.std for j in blue]) > 0.85
 
 
 def test_a_recorded_run_sample_by_sample_is_the_run_at_once_and_survives_what_is_lost(recordings):
@@ -54,6 +59,20 @@ def test_a_recorded_run_sample_by_sample_is_the_run_at_once_and_survives_what_is
     )
     assert np.nanmean(holed.travel_slip) == pytest.approx(np.nanmean(at_once.travel_slip), abs=0.01)
     assert holed.counts()["no_current"] == lost.any(axis=1).sum()
+
+
+def test_time_follows_from_ticks_and_speeds():
+    dt = np.array([0.4, 0.5, 0.45])
+    rpm = np.outer([200.0, 240.0, 260.0, 250.0], [-1.0, 0.0, 1.1])
+    turns = np.vstack([np.zeros(3), np.cumsum((rpm[1:] + rpm[:-1]) / 120 * dt[:, None], axis=0)])
+    np.testing.assert_allclose(robotino_blue.steps(turns * robotino_blue.TICKS_PER_TURN, rpm), dt)
+
+
+def test_a_file_without_a_time_column_is_read_by_its_ticks(recordings):
+    drives = list(robotino_blue.blue_drives(ROBOTINO, robotino.PIXEL_M))
+    assert len(drives) > 60
+    step_s = np.concatenate([np.diff(drive.log.time_s) for drive in drives])
+    assert 0.40 < np.median(step_s) < 0.50
 
 
 def test_a_wheel_has_crossed_once_it_stands_clearly_on_the_other_side():
