@@ -1,5 +1,6 @@
 """The script of continuous integration with stand-ins for commands: what it installs, and what it does without."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).parents[2] / ".ci" / "run"
-TOOLS = ("gcc", "cmake", "cppcheck", "arm-none-eabi-gcc", "qemu-system-arm", "java")
+TOOLS = re.findall(r"[\w-]+", re.findall(r"^tools=\((.*?)\)", SCRIPT.read_text(), re.MULTILINE | re.DOTALL)[0])
 MISSING = [tool for tool in ("bash", "dirname") if not shutil.which(tool)]
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"no shell here: {', '.join(MISSING)} missing")
 
