@@ -31,6 +31,7 @@ def test_it_is_short_and_has_a_program_commands_and_links():
     assert len(programs(README)) == 1
     assert [words[0] for words in command_lines(README, "ohmward")] == [
         "demo",
+        "run",
         "doctor",
         "identify",
         "learn",
@@ -58,7 +59,9 @@ def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch, c
     write_log(day.mission, "day.csv")
     for line in command_lines(README, "ohmward"):
         words, file = redirected(line)
-        assert words[0] == "demo" or main(words) == 0, words
+        if words[0] == "demo" or words == ["run", "--demo"]:
+            continue  # tests of their own run them: one takes a minute, one does not end
+        assert main(words) == 0, words
         printed = capsys.readouterr().out
         if file:
             (tmp_path / file).write_text(printed, encoding="utf-8")
