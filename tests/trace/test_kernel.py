@@ -1,6 +1,8 @@
 """Kernels: one call, one log, many logs; what they take and what they refuse."""
 
 import pickle
+import subprocess
+import sys
 import tracemalloc
 from functools import partial
 from typing import Any, NamedTuple
@@ -362,3 +364,23 @@ def test_machine_code_that_is_asked_for_is_not_replaced(monkeypatch):
         kernel.scan(0.0, np.ones(9))
     with pytest.raises(machine_code.NoMachineCodeError, match="llvmlite"):
         kernel.live(0.0)
+
+
+def test_a_live_step_outlives_its_kernel():
+    """In a process of its own: code that was freed ends it."""
+    code = """
+import gc
+import numpy as np
+from ohmward.trace import Kernel
+
+lives = []
+for k in range(20):
+    kernel = Kernel(lambda state, sample, k=k: (state + sample * k, state), 0.0, 1.0, lowering="machine")
+    lives.append(kernel.live(0.0).step)
+    del kernel
+    gc.collect()
+assert [step(1.0) for step in lives] == [0.0] * 20
+assert [step(1.0) for step in lives] == [float(k) for k in range(20)]
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

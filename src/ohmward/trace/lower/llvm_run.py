@@ -165,7 +165,7 @@ class OneStep:
             *map(ctypes.c_void_p, addresses),
             *map(ctypes.c_int64, (0, 1, 0, 1)),  # steps and lanes: from 0 to 1
         )
-        self.run.__dict__["memory"] = self.state, columns, results  # must live as long as whoever may call it
+        self.run.__dict__["memory"] = step, self.state, columns, results  # code and data live as long as whoever calls
 
 
 class _Arrays:
