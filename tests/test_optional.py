@@ -18,13 +18,22 @@ def test_a_package_that_is_there_is_imported():
     assert require("json.decoder", "this test").JSONDecoder
 
 
-@pytest.mark.parametrize(("module", "package"), [("scipy.optimize", "scipy"), ("tomli_w", "tomli-w")])
+@pytest.mark.parametrize(
+    ("module", "package"),
+    [("scipy.optimize", "scipy"), ("tomli_w", "tomli-w"), ("zenoh", "eclipse-zenoh"), ("foxglove", "foxglove-sdk")],
+)
 def test_a_package_that_is_missing_is_named_as_on_the_index(module, package, monkeypatch):
     monkeypatch.setitem(sys.modules, module.partition(".")[0], None)
     line = f"this test needs {package}, which is not installed: pip install {package}"
     with pytest.raises(MissingPackageError, match=re.escape(line)):
         require(module, "this test")
     assert issubclass(MissingPackageError, OhmwardError)
+
+
+def test_ros_itself_is_no_package_of_the_index(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    with pytest.raises(MissingPackageError, match=r"needs rclpy, which comes with ROS 2: source /opt/ros/"):
+        require("rclpy.context", "this test")
 
 
 def test_no_message_names_an_extra_of_a_package_that_is_not_on_the_index():

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
 from ohmward.toml_file import TomlFile, noun_of
@@ -117,9 +118,31 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     assert path.read_text() == TEXT and list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_files_of_windows_are_read(encoding, line_end, tmp_path):
+    """Notepad puts a mark before UTF-8, and the shell of Windows writes UTF-16."""
+    path = tmp_path / "a drawing.toml"
+    path.write_bytes(TEXT.replace("\n", line_end).encode(encoding))
+    assert FILE.load(path) == FILE.load(path) == DRAWING
+    assert noun_of(path) == "drawing"
+
+
+def test_a_file_in_another_encoding_is_named(tmp_path):
+    (tmp_path / "a.toml").write_bytes('title = "größer"'.encode("latin-1"))
+    with pytest.raises(InputError, match=r"is not text in UTF-8; is it a drawing file\? Save it as UTF-8"):
+        FILE.load(tmp_path / "a.toml")
+
+
 def test_a_file_says_what_it_holds(tmp_path):
     FILE.save(DRAWING, tmp_path / "a.toml")
     (tmp_path / "b.toml").write_text("title = 1")
     (tmp_path / "c.toml").write_bytes(b"\xff\xfe")
     assert noun_of(tmp_path / "a.toml") == "drawing"
     assert [noun_of(tmp_path / name) for name in ("b.toml", "c.toml", "none.toml")] == [None, None, None]
+
+
+@pytest.mark.parametrize("text", ['format.h = "ohmward-battery/3"', "format = [1]", "format = 3"])
+def test_a_format_that_is_no_text_is_refused(text):
+    with pytest.raises(InputError, match="format must be 'ohmward-battery/3', got "):
+        BATTERY_FILE.parse(text)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,3 +57,47 @@ def require_each_not_negative(prefix: str, owner: object, *names: str) -> None:
     """Raise InputError unless these attributes are finite and >= 0; the message has the prefix before the name."""
     for name in names:
         require_between(prefix + name, getattr(owner, name), 0.0, np.inf)
+
+
+#: Largest absolute value of a number in a file, by the unit at the end of its key, the longer end before the shorter
+#: one that it holds. Far beyond anything that runs on wheels: they catch slips of the hand and broken files, 1e298 V,
+#: before the numbers overflow where nobody would look for the cause.
+LARGEST = {
+    "_V_per_K": 10.0,
+    "_degC": 1e4,
+    "_ohm": 1e9,
+    "_std": 10.0,
+    "_share": 10.0,
+    "_kWh": 1e6,
+    "_Wh": 1e9,
+    "_Ah": 1e9,
+    "_kg": 1e7,
+    "_m": 1e9,
+    "_s": 1e11,
+    "_A": 1e9,
+    "_V": 1e9,
+    "_W": 1e9,
+    "_N": 1e9,
+    "_K": 1e5,
+}
+
+
+def require_credible(place: str, value: Any) -> None:
+    """Raise InputError where a number is beyond what its unit can be of; what is no finite number is left to others.
+
+    place: of the value, its key with its unit last, "thevenin.tau_s".  value: a number, or lists of numbers.
+    """
+    largest = next((size for end, size in LARGEST.items() if place.endswith(end)), None)
+    if largest is None:
+        return
+    for number in _numbers(value):
+        if largest < abs(number) < float("inf"):
+            raise InputError(f"{place} must be between {-largest:g} and {largest:g}, got {number:g}; correct it")
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, list | tuple):
+        for item in value:
+            yield from _numbers(item)
+    elif isinstance(value, int | float):
+        yield value

@@ -9,7 +9,19 @@ from typing import Any
 from ohmward.errors import OhmwardError
 
 #: Packages whose name on the index is not that of their import.
-_ON_THE_INDEX = {"tomli_w": "tomli-w", "can": "python-can", "serial": "pyserial", "paho": "paho-mqtt"}
+_ON_THE_INDEX = {
+    "tomli_w": "tomli-w",
+    "can": "python-can",
+    "serial": "pyserial",
+    "paho": "paho-mqtt",
+    "zenoh": "eclipse-zenoh",
+    "foxglove": "foxglove-sdk",
+    "psycopg": "psycopg[binary]",
+    "python_calamine": "python-calamine",
+}
+
+#: Packages that no index has, and the way to them.
+_ELSEWHERE = {"rclpy": "comes with ROS 2: source /opt/ros/DISTRO/setup.bash in the shell that starts ohmward"}
 
 
 class MissingPackageError(OhmwardError):
@@ -30,8 +42,11 @@ def require(module: str, user: str) -> Any:
         import_module(name)
         return import_module(module)
     except ImportError as error:
+        if name in _ELSEWHERE:
+            raise MissingPackageError(f"{user} needs {name}, which {_ELSEWHERE[name]}") from error
         package = _ON_THE_INDEX.get(name, name)
-        raise MissingPackageError(f"{user} needs {package}, which is not installed: pip install {package}") from error
+        command = f"pip install '{package}'" if "[" in package else f"pip install {package}"
+        raise MissingPackageError(f"{user} needs {package}, which is not installed: {command}") from error
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import reprlib
 import tomllib
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
 from ohmward.atomic import write_text
+from ohmward.checks import require_credible
 from ohmward.errors import InputError
 from ohmward.optional import require
 
@@ -83,7 +85,7 @@ class TomlFile(Generic[T]):
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"is not valid TOML: {error}; correct the line") from error
         found = data.pop("format", None)
-        if found in self.older:
+        if isinstance(found, str) and found in self.older:
             data = self.older[found](data)
         else:
             self._require_format(found)
@@ -166,6 +168,7 @@ def _converted(hint: Any, value: Any, place: str) -> Any:
     """The value as the type of its field; msgspec's message with the place first, "tau_s[0]: expected ..."."""
     msgspec = require("msgspec", "reading TOML")
 
+    require_credible(place, value)
     try:
         return msgspec.convert(value, hint)
     except msgspec.ValidationError as error:
@@ -222,19 +225,31 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
         InputError: the file cannot be read, or `parse` refuses; names the file.
     """
     try:
-        return parse(Path(path).read_text(encoding="utf-8"))
+        return parse(text_of(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not text in UTF-8; is it a {what}?") from error
+        raise InputError(f"{path}: is not text in UTF-8; is it a {what}? Save it as UTF-8") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def text_of(path: str | PathLike[str]) -> str:
+    """Text of a file in UTF-8, or in UTF-16 with its mark, as some editors and shells of Windows write it.
+
+    Raises:
+        OSError: it cannot be read.
+        UnicodeDecodeError: it is no such text.
+    """
+    data = Path(path).read_bytes()
+    encoding = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+    return data.decode(encoding).replace("\r\n", "\n")
 
 
 def noun_of(path: str | PathLike[str]) -> str | None:
     """Kind of a file by its key `format`, "battery" or "robot"; None for one that cannot be read or has no such key."""
     try:
-        return _noun(str(tomllib.loads(Path(path).read_text(encoding="utf-8"))["format"]))
+        return _noun(str(tomllib.loads(text_of(path))["format"]))
     except (OSError, ValueError, KeyError):
         return None
 

@@ -118,7 +118,7 @@ def test_a_table_that_is_none_is_refused():
 def test_files_that_cannot_be_read_are_named(tmp_path):
     with pytest.raises(InputError, match=r"none.toml: cannot be read .* check the path"):
         load_robot(tmp_path / "none.toml")
-    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")
+    (tmp_path / "binary.toml").write_bytes(b"\x80\xfe")
     with pytest.raises(InputError, match=r"binary.toml: is not text in UTF-8"):
         load_robot(tmp_path / "binary.toml")
 
