@@ -180,8 +180,8 @@ def test_a_terrain_that_is_not_in_the_table_keeps_its_prior(table, there, as_jso
 def test_the_file_is_read_once(there, as_json, monkeypatch):
     loads = []
 
-    def counted(source):
-        file = open_table(source)
+    def counted(*source):
+        file = open_table(*source)
 
         def load(*names):
             loads.append(names)

@@ -97,7 +97,7 @@ def test_missing_times_are_nan():
             ("2017-03-25", "yesterday"),
             r"f.csv, line 3, column 'time': 'yesterday' is not a time like '2017-03-25'; write seconds or ISO",
         ),
-        (("25.03.2017",), r"line 2, column 'time': '25.03.2017' is not a time"),
+        (("25.13.2017",), r"line 2, column 'time': '25.13.2017' is not a time"),
         (("2017-03-25", "12.5"), r"line 3, column 'time': '12.5' is not a time like '2017-03-25'"),
         (("0:00:01", "half past"), r"line 3.*'half past' is not a time"),
         (("0", "1", "x"), r"line 4, column 'time': 'x' is not a number"),

@@ -15,7 +15,7 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.reference import SocReference
 from ohmward.battery.soc.registry import EstimatorSettings
 from ohmward.battery.soc.sample import SocSample
-from ohmward.cli.options import UNKNOWN
+from ohmward.cli.options import UNKNOWN, file_hints
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
 from ohmward.cli.sensor import load_battery_with_sensor
@@ -72,6 +72,7 @@ def read_battery_log(
         extra=extra,
         sort_time=args.sort_time,
         progress=counting(report, f"reading {path.name}"),
+        hints=file_hints(args),
     )
     return replace(log, name=selected_name(log.name, where))
 
@@ -80,7 +81,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     """Battery, log and truth that the options of `add_soc_options` name."""
     battery, of_sensor = load_battery_with_sensor(args.battery, args)
     path, where = split_selection(args.log)
-    file = open_table(path).part("battery", dict(args.where) | where)
+    file = open_table(path, file_hints(args)).part("battery", dict(args.where) | where)
     cells_too = cell_names(file.names) if battery.n_series > 1 else ()
     extra = None if args.truth else (*cells_too, *charger_columns(file.names))
     log = check_log(read_battery_log(args.log, args, extra, report, file), battery)

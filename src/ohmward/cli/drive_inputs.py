@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.cli.options import BUILT_IN, TRUTHS
+from ohmward.cli.options import BUILT_IN, TRUTHS, file_hints
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.truth import truth_column
 from ohmward.errors import InputError
@@ -81,6 +81,7 @@ def read_drive_log(
         extra=extra,
         leave=leave,
         sort_time=args.sort_time,
+        hints=file_hints(args),
     )
     return replace(log, name=selected_name(log.name, where))
 

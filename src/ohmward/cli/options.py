@@ -6,6 +6,7 @@ import argparse
 
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.bags.choice import TOPIC
+from ohmward.logs.hints import FileHints
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino")
@@ -20,7 +21,7 @@ UNKNOWN = "unknown"
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Options of logs of batteries."""
-    group = parser.add_argument_group("reading logs (CSV, Parquet, BDF, rosbag, MCAP, ULog)")
+    group = parser.add_argument_group("reading logs (text tables, Parquet, BDF, Excel, MATLAB, HDF5, JSON, bags)")
     group.add_argument(
         "--current-sign",
         choices=("auto", "charge", "discharge"),
@@ -33,11 +34,16 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         unit="its unit, where the name is silent or wrong: current=mA",
     )
     _add_sort_option(group)
+    _add_hint_options(group)
+    _add_interval_option(group)
+    group.add_argument(
+        "--temperature", type=number, metavar="C", help="temperature of the battery [degC], where the log has none"
+    )
 
 
-def add_drive_options(parser: argparse.ArgumentParser) -> None:
-    """Options of logs of drives."""
-    group = parser.add_argument_group("reading logs of drives (CSV, Parquet, rosbag, MCAP, ULog)")
+def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
+    """Options of logs of drives; interval: that between their rows among them."""
+    group = parser.add_argument_group("reading logs of drives (text tables, Parquet, Excel, MATLAB, HDF5, JSON, bags)")
     _add_column_options(
         group,
         column="the column of front_left_wheel_speed, left_motor_current, yaw_rate, speed, ...",
@@ -50,6 +56,9 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         "--counts-per-turn", type=positive, metavar="N", help="of the encoders, where the columns hold their counts"
     )
     _add_sort_option(group)
+    _add_hint_options(group)
+    if interval:
+        _add_interval_option(group)
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +83,8 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "log",
         metavar="LOG",
-        help="a CSV, Parquet or BDF file, or a recording: .mcap, .bag, .db3, .ulg, a folder of `ros2 bag record`",
+        help="a text table, Parquet, BDF, Excel, MATLAB, HDF5 or JSON file, a recording (.mcap, .bag, .db3, .ulg), a "
+        "folder of files that are one log, or - for standard input",
     )
     parser.add_argument(
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
@@ -173,6 +183,43 @@ def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) 
         action="append",
         dest="where",
         help="topics of a recording of ROS or PX4, where their types do not tell, or several have one type",
+    )
+
+
+def _add_hint_options(group: argparse._ActionsContainer) -> None:
+    """Options of what a file does not tell of itself, and of the part of it that is wanted."""
+    for option, metavar, text in (
+        ("--names", "A,B,C", "names of all columns of a table without a header"),
+        ("--encoding", "NAME", "encoding of a text, where its bytes do not tell: cp1251, shift_jis"),
+        ("--time-format", "FORMAT", "notation of dates: '%%d/%%m/%%Y %%H:%%M:%%S', or excel for serial dates"),
+        ("--timezone", "ZONE", "zone of dates that name none: Europe/Berlin (UTC unless given)"),
+        ("--from", "TIME", "begin of the part that is wanted: seconds of the log, h:mm:ss, or a date"),
+        ("--to", "TIME", "its end, not included"),
+    ):
+        group.add_argument(option, metavar=metavar, dest=option.strip("-").replace("-", "_"), help=text)
+
+
+def _add_interval_option(group: argparse._ActionsContainer) -> None:
+    group.add_argument(
+        "--sample-time",
+        dest="row_interval_s",
+        type=positive,
+        metavar="S",
+        help="interval between rows [s], where the log has no time",
+    )
+
+
+def file_hints(args: argparse.Namespace) -> FileHints:
+    """Facts about a file that the options of `add_log_options` and `add_drive_options` tell."""
+    return FileHints(
+        names=tuple(name.strip() for name in args.names.split(",")) if args.names else None,
+        encoding=args.encoding,
+        time_format=args.time_format,
+        timezone=args.timezone,
+        start=vars(args)["from"],
+        stop=args.to,
+        sample_time_s=getattr(args, "row_interval_s", None),
+        temperature_degC=getattr(args, "temperature", None),
     )
 
 

@@ -18,6 +18,7 @@ from ohmward.battery.soc.score import score
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.logs import Log, read_log, write_table
+from ohmward.logs.hints import FileHints
 from ohmward.published.registry import make_estimator
 
 
@@ -29,12 +30,14 @@ class ReadOptions:
         current_sign: "auto", "charge" or "discharge".
         columns, units: quantity and column, quantity and unit.
         sort_time: sort rows that are out of order.
+        hints: what the files do not tell of themselves.
     """
 
     current_sign: str = "auto"
     columns: tuple[tuple[str, str], ...] = ()
     units: tuple[tuple[str, str], ...] = ()
     sort_time: bool = False
+    hints: FileHints = field(default_factory=FileHints)
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ class Job:
             units=dict(options.units),
             extra=(),
             sort_time=options.sort_time,
+            hints=options.hints,
         )
 
     def _write(self, path: str, log: Log, found: SocEstimate) -> None:

@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from ohmward.logs.doctor import examine as examine
     from ohmward.logs.drive_log import DriveLog as DriveLog
     from ohmward.logs.drive_log import read_drive as read_drive
+    from ohmward.logs.hints import FileHints as FileHints
     from ohmward.logs.log import Log as Log
     from ohmward.logs.log import read_log as read_log
     from ohmward.logs.note import Note as Note
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "DriveLog": "drive_log",
+    "FileHints": "hints",
     "Log": "log",
     "Note": "note",
     "examine": "doctor",

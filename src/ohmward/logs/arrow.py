@@ -34,3 +34,26 @@ def to_column(pyarrow: ModuleType, values: Any) -> Any:
     native = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     buffers = [None, pyarrow.py_buffer(native)]
     return pyarrow.Array.from_buffers(pyarrow.from_numpy_dtype(native.dtype), native.size, buffers)
+
+
+def table_of(table: Any) -> dict[str, np.ndarray]:
+    """Name -> (T,) of the columns of an Arrow table."""
+    return {name: values_of(table[name].combine_chunks()) for name in table.column_names}
+
+
+def values_of(column: Any) -> np.ndarray:
+    """Numbers as float64 or int64 (NaN for null), dates and durations as such, everything else as text."""
+    kind = str(column.type)
+    if kind.startswith(("timestamp", "date")):
+        return _numpy(column).astype("datetime64[ns]")
+    if kind.startswith(("int", "uint", "float", "double", "halffloat")):
+        return numbers_of(column)
+    if kind.startswith("duration"):
+        return _numpy(column).astype("timedelta64[ns]")
+    if kind.startswith(("decimal", "bool")):
+        return _numpy(column.cast("float64"))
+    return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
+
+
+def _numpy(column: Any) -> np.ndarray:
+    return column.to_numpy(zero_copy_only=False)

@@ -23,9 +23,13 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
+#: Between the words of `PackVoltage`; not of `mAmps`.
+_WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])")
+
+
 def letters(stem: str) -> list[str]:
-    """Words of letters in lower case: `T1_Batt` as t, batt."""
-    return re.findall(r"[^\W\d_]+", stem.lower())
+    """Words of letters in lower case: `T1_Batt` as t, batt; `PackVoltage` as pack, voltage."""
+    return re.findall(r"[^\W\d_]+", _WITHIN.sub(" ", stem).lower())
 
 
 def robot_words(stem: str) -> list[str]:
@@ -73,7 +77,7 @@ def _each(first: str, second: str) -> list[str]:
 
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
-    "battery batt bat pack terminal total measured meas test state field data main header stamp surface"
+    "battery batt bat bms pack terminal total measured meas test state field data main header stamp surface"
 )
 # Words of columns that serve where there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")
@@ -90,21 +94,29 @@ _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
 TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
     _words("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
-           "unix time", "relative time", "total time", "header stamp", "seconds", "epoch"),
+           "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch", "ts", "realtime",
+           "run time", "prog time", "program time", "date and time", "last changed", "last updated", "test", "x value",
+           "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 CURRENT = Channel(
-    "current", ("current",), UNITS["a"], "A or mA", _words("current", "i", "curr", "amps", "amperage", "ibat", "ibatt"),
+    "current", ("current",), UNITS["a"], "A or mA",
+    _words("current", "i", "curr", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente", "corrente",
+           "prąd", "ток", "电流", "電流", "전류"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 VOLTAGE = Channel(
     "voltage", ("voltage",), UNITS["v"], "V or mV",
-    _words("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe"),
+    _words("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
+           "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压", "電圧",
+           "電壓", "전압"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 TEMPERATURE = Channel(
     "temperature", ("temperature",), UNITS["degc"], "degC, K or degF",
-    _words("temperature", "temp", "t", "tbat", "tbatt", "temperature t"), _BESIDE_BATTERY, letters, first_of_many=True,
+    _words("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
+           "temperatur", "température", "temperatura", "температура", "温度", "溫度", "온도"),
+    _BESIDE_BATTERY, letters, first_of_many=True,
 )  # fmt: skip
 WHEEL_SPEED = Channel(
     "wheel_speed", ("rotation", "speed", "turn", "angle"), UNITS["rad/s"], "rad/s, rpm, m/s, counts or rad",

@@ -14,6 +14,8 @@ from ohmward.logs.table import Table, numbers
 
 # An interval that is longer than its neighbours and the median by this factor is a gap.
 _GAP_FACTOR = 10.0
+#: No instrument shows a larger number, in whatever unit; squares of it are finite.
+LARGEST = 1e18
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
 
@@ -38,10 +40,10 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
 
 
 def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The values (T,) of a column with NaN in place of infinite ones, and a note on their number."""
-    infinite = np.isinf(values)
-    if not infinite.any():
+    """The values (T,) of a column with NaN in place of infinite and of huge ones, and a note on their number."""
+    if not ((values > LARGEST).any() or (values < -LARGEST).any()):
         return values, ()
+    infinite = np.abs(values) > LARGEST
     note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
     return np.where(infinite, np.nan, values), (note,)
 

@@ -3,29 +3,57 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from datetime import UTC, datetime
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.channels import TIME, letters
 from ohmward.logs.columns import Column
+from ohmward.logs.dates import (
+    EXCEL_DAYS,
+    Dates,
+    duration_s,
+    from_compact,
+    from_excel,
+    has_date,
+    has_time_of_day,
+    is_duration,
+    read_dates,
+    text_of,
+    unreadable,
+)
+from ohmward.logs.hints import EXCEL, FileHints
 from ohmward.logs.note import Note
-from ohmward.logs.table import Table, number, numbers
+from ohmward.logs.table import Table, TableFile, number, numbers
 from ohmward.logs.units import UNITS
+from ohmward.logs.zones import require_no_change, to_utc
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.
 _UNIX_S = (946_684_800.0, 4_102_444_800.0)
-_DURATION = re.compile(r"^\s*(\d+):(\d\d):(\d\d(?:\.\d*)?)\s*$")
+#: Numbers like 20260328091500.
+_COMPACT = (2.0e13, 2.1e13)
+_DAY_S = 86400.0
+#: A time of day that falls by more than this has gone over midnight.
+_OVER_MIDNIGHT_S = 0.9 * _DAY_S
+#: Serial dates a hundred seconds apart at most; as seconds they would be a hundred thousandth of that.
+_SERIAL_STEP = 100.0 / _DAY_S
 
 
 class Clock(NamedTuple):
-    """time_s: (T,) float64 [s], NaN where the row has none; start_unix_s: Unix time of its zero, None if elapsed."""
+    """Seconds of each row.
+
+    time_s: (T,) float64 [s], NaN where the row has none.  start_unix_s: Unix time of its zero, None if elapsed.
+    guessed_unit: the column names no unit, and is no Unix time.
+    time_zone: of a wall clock's dates, "" where they name none and were taken as UTC.
+    """
 
     time_s: np.ndarray
     start_unix_s: float | None
     notes: tuple[Note, ...] = ()
+    guessed_unit: bool = False
+    time_zone: str = "UTC"
 
 
 def nanosecond_column(names: Sequence[str], name: str) -> str | None:
@@ -34,22 +62,62 @@ def nanosecond_column(names: Sequence[str], name: str) -> str | None:
     return next((n for n in names if n != name and n in (f"{stem}nanosec", f"{stem}nsecs", f"{stem}nsec")), None)
 
 
-def read_clock(table: Table, column: Column) -> Clock:
-    """Seconds from elapsed time, Unix time (s, ms, us or ns, told by magnitude), ISO 8601, h:mm:ss, dates, durations.
+def date_column(file: TableFile, name: str) -> str | None:
+    """The column that holds the date of the times of day in `name`, or the times of day of its dates; None for none."""
+    cells = [cell for cell in file.head.get(name, ()) if cell.strip()]
+    if not cells or has_date(cells[0]) == has_time_of_day(cells[0]):
+        return None
+    wanted = has_time_of_day if has_date(cells[0]) else has_date
+    named = (n for n in file.head if n != name and _TIME_WORDS & set(letters(n)) and "step" not in letters(n))
+    for other in named:
+        first = next((cell for cell in file.head[other] if cell.strip()), "")
+        if wanted(first) and not (has_date(first) and has_time_of_day(first)):
+            return other
+    return None
+
+
+_TIME_WORDS = frozenset(word for words in TIME.words for word in words) | {"uhrzeit", "hour", "day", "clock"}
+
+
+def read_clock(table: Table, column: Column, hints: FileHints | None = None, date: str | None = None) -> Clock:
+    """Seconds from elapsed time, Unix time (s, ms, us or ns, told by magnitude), dates, h:mm:ss, durations.
 
     Wall clocks become seconds since their first sample; elapsed times keep the file's own zero.
 
+    date: the column of `date_column`.
+
     Raises:
-        InputError: a cell is neither a number nor a date; names the line.
+        InputError: a cell is neither a number nor a date; names the line. Serial dates, or a change of clocks, that
+            the user must explain.
     """
+    hints = hints or FileHints()
     values = table.columns[column.name]
+    if date is not None and date in table.columns and values.dtype == object:
+        values = _joined(values, table.columns[date])
     if (nanoseconds := nanosecond_column(tuple(table.columns), column.name)) is not None:
-        values = (values.astype(np.int64) * 1_000_000_000 + table.columns[nanoseconds].astype(np.int64)).view("M8[ns]")
+        values = _with_nanoseconds(numbers(table, column.name), numbers(table, nanoseconds))
     if values.dtype.kind in "mM":
         return clock_of_dates(values)
     if values.dtype == object:
-        return _from_text(table, column, values)
-    return _from_numbers(column, values)
+        return _from_text(table, column, values, hints)
+    return _from_numbers(table, column, values, hints)
+
+
+def _with_nanoseconds(seconds: np.ndarray, nanoseconds: np.ndarray) -> np.ndarray:
+    """(T,) datetime64 of whole seconds and nanoseconds, NaT where one is missing or no time."""
+    known = (np.abs(nanoseconds) < 1e10) & (np.abs(seconds) < _UNIX_S[1])
+    stamps = np.full(seconds.size, "NaT", "M8[ns]")
+    whole = seconds[known].astype(np.int64) * 1_000_000_000 + nanoseconds[known].astype(np.int64)
+    stamps[known] = whole.view("M8[ns]")
+    return stamps
+
+
+def _joined(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(T,) date and time of two columns."""
+    pairs = zip(values, others, strict=True)
+    first = next((str(value) for value in values if str(value).strip()), "")
+    parts = (((b, a) if has_time_of_day(first) else (a, b)) for a, b in pairs)
+    return np.array([f"{day} {time}" if str(day).strip() and str(time).strip() else "" for day, time in parts], object)
 
 
 def clock_of_dates(values: np.ndarray) -> Clock:
@@ -62,19 +130,43 @@ def clock_of_dates(values: np.ndarray) -> Clock:
     return Clock(np.where(known, (nanoseconds - start) * 1e-9, np.nan), start * 1e-9)
 
 
-def _from_numbers(column: Column, values: np.ndarray) -> Clock:
+def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
     known = np.isfinite(values)
     first = values[np.argmax(known)] if known.any() else 0
+    if hints.time_format == EXCEL or (column.unit is None and _are_serial(table, column, values[known])):
+        return _from_dates(table, column, Dates(from_excel(values), False), hints, "serial dates of Excel")
+    if column.unit is None and _COMPACT[0] < first < _COMPACT[1] and (seconds := from_compact(values)) is not None:
+        return _from_dates(table, column, Dates(seconds, False), hints, "dates")
     unit = column.unit or next((UNITS[u] for u in ("s", "ms", "us", "ns") if _is_unix(first * UNITS[u].scale)), None)
     notes: tuple[Note, ...] = ()
     if unit is None:
         unit = UNITS["s"]
         notes = (Note(f"column {column.name!r} names no unit: taken as seconds"),)
     if not _is_unix(first * unit.scale):
-        return Clock(_scaled(values, unit.scale), None, notes)
+        return Clock(_scaled(values, unit.scale), None, notes, column.unit is None)
     if column.unit is None:
         notes = (Note(f"column {column.name!r} taken as Unix time in {unit.symbol}"),)
     return Clock(_scaled(values - first, unit.scale), float(first * unit.scale), notes)
+
+
+def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
+    """True for days since 1899 in a column that is named after dates.
+
+    Raises:
+        InputError: its name may be that of seconds.
+    """
+    if not values.size or not (values.min() > EXCEL_DAYS[0] and values.max() < EXCEL_DAYS[1]):
+        return False
+    steps = np.abs(np.diff(values.astype(float)))
+    rising = steps[steps > 0]
+    if not rising.size or np.median(rising) > _SERIAL_STEP:
+        return False
+    if {"date", "datum"} & set(letters(column.name)):
+        return True
+    raise InputError(
+        f"{table.source}: column {column.name!r} runs from {values[0]:.6f} in steps of {np.median(rising):.3g}: serial "
+        "dates of Excel, or seconds? say --time-format excel (FileHints(time_format='excel')) or --unit time=s"
+    )
 
 
 def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
@@ -85,41 +177,69 @@ def _is_unix(seconds: float) -> bool:
     return _UNIX_S[0] <= seconds <= _UNIX_S[1]
 
 
-def _from_text(table: Table, column: Column, values: np.ndarray) -> Clock:
+def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
     first = next((cell for cell in values if cell.strip()), "")
-    if _is_number(first):
-        return _from_numbers(column, numbers(table, column.name))
-    parse = _duration_s if _DURATION.match(first) else _unix_s
-    seconds = np.empty(values.size)
-    for row, cell in enumerate(values):
+    if hints.time_format is None and _is_number(first):
+        return _from_numbers(table, column, numbers(table, column.name), hints)
+    if hints.time_format is None and is_duration(first):
+        return _over_midnight(table, column, _each(table, column, values, duration_s, first))
+    if hints.time_format is None and has_time_of_day(first) and not has_date(first):
+        days = [f"1970-01-01 {cell}" if cell.strip() else "" for cell in values]
+        return _over_midnight(table, column, _dates(table, column, days, first, hints).seconds)
+    return _from_dates(table, column, _dates(table, column, values, first, hints), hints, "dates", first)
+
+
+def _dates(table: Table, column: Column, cells: Any, first: str, hints: FileHints) -> Dates:
+    try:
+        return read_dates(cells, hints.time_format)
+    except (ValueError, OverflowError):
+        _each(table, column, cells, lambda cell: float(read_dates([cell], hints.time_format).seconds[0]), first)
+        raise unreadable(table.source, table.place, column.name, str(first), "others in it") from None
+
+
+def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float], first: str) -> np.ndarray:
+    """(T,) the cells one by one; InputError for the first that is no time."""
+    seconds = np.empty(len(cells))
+    for row, cell in enumerate(cells):
         try:
-            seconds[row] = parse(cell) if cell.strip() else np.nan
-        except ValueError:
-            raise InputError(
-                f"{table.source}, {table.place} {table.line[row]}, column {column.name!r}: {cell!r} is not a time like "
-                f"{first!r}; write seconds or ISO 8601 (2026-01-31T12:00:00.5Z)"
-            ) from None
-    if parse is _duration_s:
+            seconds[row] = read(cell) if cell.strip() else np.nan
+        except (ValueError, OverflowError):
+            place = f"{table.place} {table.line[row]}"
+            raise unreadable(table.source, place, column.name, cell.removeprefix("1970-01-01 "), first) from None
+    return seconds
+
+
+def _over_midnight(table: Table, column: Column, seconds: np.ndarray) -> Clock:
+    """Seconds of durations, or of times of day; the next day where they fall by almost one."""
+    days = np.cumsum(np.concatenate([[0.0], np.diff(np.where(np.isfinite(seconds), seconds, 0.0)) < -_OVER_MIDNIGHT_S]))
+    if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= _DAY_S:
         return Clock(seconds, None)
-    start = seconds[np.isfinite(seconds)][0]
-    zone = "" if datetime.fromisoformat(first.strip()).tzinfo else "; no time zone given, taken as UTC"
-    note = Note(f"column {column.name!r} read as dates: time counts from {first.strip()}{zone}")
-    return Clock(seconds - start, float(start), (note,))
+    note = Note(f"column {column.name!r} holds times of day: it goes over midnight", "warning")
+    return Clock(seconds + _DAY_S * days, None, (note,))
 
 
-def _unix_s(cell: str) -> float:
-    moment = datetime.fromisoformat(cell.strip())
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    return moment.timestamp()
-
-
-def _duration_s(cell: str) -> float:
-    found = _DURATION.match(cell)
-    if not found:
-        raise ValueError(cell)
-    hours, minutes, seconds = found.groups()
-    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, what: str, first: object = None) -> Clock:
+    """Seconds since the first of dates, which are UTC, of the zone that was told, or taken as UTC."""
+    seconds = dates.seconds
+    zone, time_zone = "", "UTC"
+    if not dates.is_utc and hints.timezone:
+        seconds = to_utc(seconds, hints.timezone)
+        zone, time_zone = f", of {hints.timezone}", hints.timezone
+    elif not dates.is_utc:
+        require_no_change(table.source, column.name, seconds)
+        zone, time_zone = "; no time zone given, taken as UTC", ""
+    known = seconds[np.isfinite(seconds)]
+    start = float(known[0]) if known.size else 0.0
+    excerpt = str(first if first is not None else text_of(start)).strip()
+    note = Note(f"column {column.name!r} read as {what}: time counts from {excerpt}{zone}")
+    if dates.day_known:
+        return Clock(seconds - start, start, (note,), time_zone=time_zone)
+    unsure = Note(
+        f"column {column.name!r}: {excerpt} may name the day or the month first, so the date is left out; say it with "
+        "--time-format '%d/%m/%Y %H:%M:%S' (FileHints(time_format=...))",
+        "warning",
+    )
+    return Clock(seconds - start, None, (unsure,))
 
 
 def _is_number(cell: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import BATTERY, TEMPERATURE, TIME, Channel, channel_of, word_set
+from ohmward.logs.channels import BATTERY, TEMPERATURE, TIME, Channel, channel_of, letters, word_set
 from ohmward.logs.units import Unit, split_unit, unit_in_name, unit_of
 
 # Words that make a column something else than a measurement of the battery.
@@ -17,7 +17,9 @@ _OTHER_WORDS = word_set(
     "model step open circuit ocv delta offset bias nanosec nsecs nsec"
 )
 # Words of clocks that may be set while a log runs.
-_WALL_CLOCK = ("stamp", "date", "unix", "epoch")
+_WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
+# Words of the time since the start of a test, beside which `Time` is that of a step.
+_WHOLE_TIME = word_set("total test elapsed prog program run")
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 4, 99
 
@@ -54,7 +56,24 @@ def find_columns(
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
     found = {channel.name: find_column(source, names, channel, columns, units) for channel in BATTERY}
-    return {quantity: column for quantity, column in found.items() if column}
+    chosen = {quantity: column for quantity, column in found.items() if column}
+    require_own_columns(source, chosen)
+    return chosen
+
+
+def require_own_columns(source: str, columns: Mapping[str, Column]) -> None:
+    """Refuse a column that is to be two quantities.
+
+    Raises:
+        InputError: names both.
+    """
+    owner: dict[str, str] = {}
+    for quantity, column in columns.items():
+        if (other := owner.setdefault(column.name, quantity)) != quantity:
+            raise InputError(
+                f"{source}: column {column.name!r} cannot be both the {other} and the {quantity}; choose another with "
+                f"--column {quantity}=NAME (columns={{{quantity!r}: NAME}})"
+            )
 
 
 def find_column(
@@ -89,6 +108,7 @@ def named_column(source: str, names: Sequence[str], quantity: str, wanted: str) 
         InputError: there is none.
     """
     exact = [name for name in names if name == wanted] or [n for n in names if n.lower() == str(wanted).lower()]
+    exact = exact or [name for name in names if name.startswith(f"{wanted} [")]  # the unit stood in a row or in cells
     if not exact:
         raise InputError(
             f"{source}: there is no column {wanted!r} for the {quantity}{guess(str(wanted), names)}; "
@@ -131,6 +151,8 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     if best == _NEVER:
         return None
     fits = [column for rank, column in ranked if rank == best]
+    if channel is TIME:
+        fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
     return fits[0] if channel.first_of_many else only_one(source, channel.name, fits)
 
 
@@ -145,6 +167,9 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     words = channel.split(stem)
     # a bare `t` is a time; a temperature called `T` must carry its unit
     if channel is TEMPERATURE and unit is None and stem.lower() == "t":
+        return _NEVER
+    # `T1` is a temperature, a column `test` without a unit the number of one
+    if channel is TIME and unit is None and (re.fullmatch(r"[tT]\d+", stem) or words == ["test"]):
         return _NEVER
     for rank, beside in enumerate(channel.beside):
         naming = [word for word in words if word not in beside]
@@ -164,9 +189,14 @@ def _wall_clock(channel: Channel, stem: str) -> int:
 
 def _missing(source: str, names: Sequence[str], quantity: str) -> InputError:
     near = next((name for name in names if quantity[:3] in name.lower()), "NAME")
+    interval = (
+        ", or give the interval between rows with --sample-time 1 (FileHints(sample_time_s=1))"
+        if quantity == "time"
+        else ""
+    )
     return InputError(
         f"{source}: no column for the {quantity} found; it has: {listed(names)}; "
-        f"name it with --column {argument(f'{quantity}={near}')} (columns={{{quantity!r}: {near!r}}})"
+        f"name it with --column {argument(f'{quantity}={near}')} (columns={{{quantity!r}: {near!r}}}){interval}"
     )
 
 

@@ -78,7 +78,7 @@ def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[s
             column_types=dict.fromkeys(keys, arrow.float64()),
             include_columns=keys,
             null_values=missing,
-            decimal_point="," if layout.decimal_comma else ".",
+            decimal_point="," if layout.marks.decimal_comma else ".",
         ),
     )
 

@@ -15,42 +15,62 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import csv_arrow
-from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, open_text
-from ohmward.logs.note import Note
+from ohmward.logs.cells import Marks, is_value, parse_cells
+from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, lines_of, open_text, skip_preamble
+from ohmward.logs.header import is_data
+from ohmward.logs.hints import FileHints
+from ohmward.logs.known_tables import known_table
+from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Progress, Table, TableFile, number, row_numbers
+from ohmward.logs.units import Unit
 
 _BLOCK_ROWS = 50_000
 
 
-def open_csv(path: Path) -> TableFile:
-    """The columns of a text table: comma, semicolon or tab, decimal point or comma, plain or gzip.
+def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
+    """The columns of a text table, whatever its delimiter, encoding, notation of numbers and preamble; plain or gzip.
 
     Empty cells, `nan`, `NA`, `null` and `-` are NaN. A last line that was cut off is dropped and noted.
 
     Raises:
         InputError: not text, empty, no header, or (on loading) no rows or a row with the wrong number of cells.
     """
-    with _unpacking(path):
-        layout = find_layout(path)
+    hints = hints or FileHints()
+    with _readable(path):
+        layout = find_layout(path, hints)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        with _unpacking(path):
+        with _readable(path):
             return _load(path, layout, [name for name in layout.names if name in names], progress)
 
-    return TableFile(path.name, tuple(name for name in layout.names if name), load)
+    names = tuple(name for name in layout.names if name)
+    timeless = layout.interval_s is not None and not any(map(str.strip, next(iter(layout.head.values()), ("0",))))
+    hints = hints._replace(
+        timezone=hints.timezone or layout.timezone,
+        sample_time_s=hints.sample_time_s or (layout.interval_s if timeless else None),
+    )
+    file = TableFile(path.name, names, load, head=layout.head, hints=hints)
+    about = known_table(names)
+    if about is None:
+        return file
+    return file._replace(time=about.time, positive_current=about.positive_current, units=about.units)
 
 
 @contextmanager
-def _unpacking(path: Path) -> Iterator[None]:
-    """Turn the errors of a damaged gzip file into one that names the file."""
+def _readable(path: Path) -> Iterator[None]:
+    """Turn the errors of a damaged gzip file, of an endless cell and of an encoding into one that names the file."""
     try:
         yield
+    except csv.Error as error:
+        raise InputError(f"{path.name}: not a text table ({error}); export the log as CSV or Parquet") from error
+    except UnicodeError as error:
+        raise InputError(f"{path.name}: not in the encoding {error}; name another with --encoding") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack what is left of it") from error
 
 
 def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | None) -> Table:
-    if (plain := csv_arrow.read_numbers(path, layout, names, progress)) is not None:
+    if layout.plain and (plain := csv_arrow.read_numbers(path, layout, names, progress)) is not None:
         return Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     lines: list[np.ndarray] = []
@@ -59,7 +79,7 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
         lines.append(line)
         for name in names:
             cells = list(map(itemgetter(layout.names.index(name)), rows))
-            columns[name].append(_parse(cells, layout.decimal_comma))
+            columns[name].append(_parse(cells, layout.marks, layout.units.get(name)))
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
@@ -69,36 +89,54 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
 def _blocks(
     path: Path, layout: CsvLayout, notes: list[Note], progress: Progress | None
 ) -> Iterator[tuple[list[list[str]], np.ndarray]]:
-    """Rows of equal length and their line numbers; says in `notes` when the last line is cut off."""
+    """Rows of equal length and their line numbers; says in `notes` what was left out."""
     width = len(layout.names)
     size = path.stat().st_size
-    with open_text(path) as stream:
-        for _ in range(layout.skip_lines):
-            stream.readline()
-        reader = csv.reader(stream, delimiter=layout.delimiter, skipinitialspace=True)
+    stray: list[int] = []
+    with open_text(path, layout.encoding) as stream:
+        skip_preamble(stream, layout)
+        reader = csv.reader(lines_of(stream, layout, stray), delimiter=layout.delimiter, skipinitialspace=True)
         while rows := list(islice(reader, _BLOCK_ROWS)):
             last_line = layout.skip_lines + reader.line_num
             line = row_numbers(last_line - len(rows) + 1, len(rows))
-            if set(map(len, rows)) != {width} or "\0" in rows[-1][-1]:
+            if set(map(len, rows)) != {width} or "\0" in rows[-1][-1] or _has_header_again(rows, layout.names):
                 at_end = len(rows) < _BLOCK_ROWS
-                rows, line = _repair(path, rows, line, width, at_end, notes)
+                rows, line = _repair(path, layout, rows, line, at_end, notes)
             if rows:
                 yield rows, line
             if progress:
                 progress(bytes_read(stream), size)
+    if stray:
+        text = f"a quote that nothing closes in {counted(len(stray), 'line')} (first in line {stray[0]}): left out"
+        notes.append(Note(text, "warning"))
+
+
+def _has_header_again(rows: Sequence[Sequence[str]], names: Sequence[str]) -> bool:
+    """True where the last cell of some row is the name of its column; rows are of equal length."""
+    name = names[-1].partition(" [")[0]
+    return bool(name) and name in map(itemgetter(-1), rows)
 
 
 def _repair(
-    path: Path, rows: list[list[str]], line: np.ndarray, width: int, at_end: bool, notes: list[Note]
+    path: Path, layout: CsvLayout, rows: list[list[str]], line: np.ndarray, at_end: bool, notes: list[Note]
 ) -> tuple[list[list[str]], np.ndarray]:
-    """The rows without empty lines, comments, surplus empty cells and a last line that was cut off."""
+    """The rows without empty lines, comments, surplus empty cells, further headers, text at the end and a cut line."""
+    width = len(layout.names)
+    header = [name.partition(" [")[0] for name in layout.names]
     filled = [i for i, row in enumerate(rows) if any(row) and not row[0].startswith("#")]
+    headers = {i for i in filled if [cell.strip().partition(" [")[0] for cell in rows[i]][:width] == header}
+    if headers:
+        notes.append(Note(f"the header stands again in {counted(len(headers), 'line')}: left out", "warning"))
+    filled = [i for i in filled if i not in headers]
     rows = [_trimmed(rows[i], width) for i in filled]
     line = line[filled]
+    while at_end and len(rows) > 1 and len(rows[-1]) != width and _is_text(rows[-1]):
+        excerpt = layout.delimiter.join(rows[-1])[:40]
+        notes.append(Note(f"line {line[-1]} below the rows left out: {excerpt!r}"))
+        rows, line = rows[:-1], line[:-1]
     if at_end and rows and (len(rows[-1]) < width or "\0" in "".join(rows[-1])):
         notes.append(Note(f"the last line ({line[-1]}) is cut off: dropped", "warning"))
-        rows = rows[:-1]
-        line = line[:-1]
+        rows, line = rows[:-1], line[:-1]
     for row, at in zip(rows, line, strict=True):
         if len(row) != width:
             raise InputError(
@@ -108,23 +146,28 @@ def _repair(
     return rows, line
 
 
+def _is_text(row: Sequence[str]) -> bool:
+    """True for a remark below the rows; a row of numbers that was cut off is none."""
+    return not is_data(row) and not is_value(row[0])
+
+
 def _trimmed(row: list[str], width: int) -> list[str]:
     while len(row) > width and not row[-1].strip():
         row = row[:-1]
     return row
 
 
-def _parse(cells: Sequence[str], decimal_comma: bool) -> np.ndarray:
+def _parse(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:
     """(T,) float64 where every cell is a number or missing, else the text as dtype object."""
-    numbers = [cell.replace(",", ".") for cell in cells] if decimal_comma else cells
-    try:
-        return np.fromiter(map(float, numbers), float, len(numbers))
-    except ValueError:
-        pass
-    try:
-        return np.fromiter(map(number, numbers), float, len(numbers))
-    except ValueError:
-        return np.array(numbers, dtype=object)
+    if not marks.thousands:
+        numbers = [cell.replace(",", ".") for cell in cells] if marks.decimal_comma else cells
+        for read in (float, number):
+            try:
+                return np.fromiter(map(read, numbers), float, len(numbers))
+            except ValueError:
+                pass
+    values = parse_cells(cells, marks, unit)
+    return np.array(cells, dtype=object) if values is None else values
 
 
 def _join(blocks: list[np.ndarray]) -> np.ndarray:

@@ -1,52 +1,95 @@
-"""The layout of a text table: encoding, header, delimiter, decimal mark; found from its first lines."""
+"""The layout of a text table: encoding, header, delimiter, notation of numbers; found from its first lines."""
 
 from __future__ import annotations
 
-import codecs
 import csv
 import gzip
 import io
 import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from ohmward.errors import InputError
+from ohmward.logs.cells import Marks, find_marks, unit_in_cells
+from ohmward.logs.encoding import CODE_PAGES, find_encoding, is_wide
+from ohmward.logs.header import Header, ValueBlock, find_block, find_header
+from ohmward.logs.hints import FileHints
+from ohmward.logs.known_tables import names_without_header
+from ohmward.logs.units import Unit, split_unit
 
-_HEAD_LINES = 100
-_COMMENT = ("#", "%", "//")
-# Ties go to the first: a comma may also be a decimal mark.
+_HEAD_LINES = 400
+_HEAD_CHARACTERS = 1 << 20
+_HEAD_BYTES = 1 << 16
+_COMMENT = ("#", "%", "//", "~")
+# Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
 _DELIMITERS = "\t;,|"
-_TIMESTAMP = re.compile(r"^\d{4}-\d\d-\d\d")
-_DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
+_SEPARATOR_LINE = re.compile(r'^"?sep=(?P<mark>.)"?$', re.IGNORECASE)
+#: Interval of a LabVIEW measurement whose rows carry no time.
+_INTERVAL = re.compile(r"^Delta_X\s+(?P<seconds>[\d.,Ee+-]+)")
+#: Lines that are looked at together.
+_BLOCK_LINES = 5_000
+#: Marks win over spaces, which stand in dates and names, where they divide this share of the rows.
+_MOSTLY = 0.5
+#: Cells of each column that are looked at to tell its notation.
+_HEAD_ROWS = 200
 
 
 class CsvLayout(NamedTuple):
-    """Column names, delimiter and decimal mark of the rows, and the number of lines before the first one."""
+    """Column names and the rows of a text table.
+
+    delimiter: one character.  split: makes a line one of cells between delimiters, where it is not so.
+    marks: notation of the numbers.  units: column -> unit that stands in its cells.
+    skip_lines: lines before the first row.  encoding: of the text.
+    head: column -> its first cells.  timezone, interval_s: that the text names, or None.
+    leading: empty cells before each row, by which rows of steps and cycles between them are told.
+    """
 
     names: tuple[str, ...]
     delimiter: str
-    decimal_comma: bool
+    marks: Marks
     skip_lines: int
+    encoding: str = "utf-8-sig"
+    split: Callable[[str], str] | None = None
+    units: Mapping[str, Unit] = {}
+    head: Mapping[str, tuple[str, ...]] = {}
+    timezone: str | None = None
+    interval_s: float | None = None
+    leading: int = 0
+
+    @property
+    def plain(self) -> bool:
+        """True where the cells are numbers between delimiters in the bytes of ASCII."""
+        return (
+            self.split is None
+            and not self.leading
+            and not self.units
+            and not self.marks.thousands
+            and not is_wide(self.encoding)
+        )
 
 
-def open_text(path: Path) -> TextIO:
-    """The file as text; UTF-8, UTF-16 or Windows-1252, plain or gzip.
+class _Split(NamedTuple):
+    """A way to divide lines into cells, and the block of values that it finds."""
+
+    delimiter: str
+    split: Callable[[str], str] | None
+    rows: list[list[str]]
+    block: ValueBlock
+
+
+def open_text(path: Path, encoding: str | None = None) -> TextIO:
+    """The file as text, plain or gzip, in an encoding, or in the one that its first bytes tell.
 
     Raises:
         InputError: the file is not text.
     """
     with path.open("rb") as stream:
         opener = gzip.open if stream.read(2) == b"\x1f\x8b" else open
-    with opener(path, "rb") as stream:
-        head = stream.read(1 << 16)
-    encoding = _encoding(head)
-    # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
-    if encoding != "utf-16" and b"\0" in head.rstrip(b"\0\r\n"):
-        raise InputError(
-            f"{path.name}: not a text table (binary data in its first bytes); "
-            "ohmward reads CSV and Parquet: export the log to one of them"
-        )
+    if encoding is None:
+        with opener(path, "rb") as stream:
+            encoding = _encoding_of(path, stream.read(_HEAD_BYTES))
     return io.TextIOWrapper(opener(path, "rb"), encoding, errors="replace", newline="")
 
 
@@ -55,90 +98,236 @@ def bytes_read(stream: TextIO) -> int:
     return getattr(stream.buffer, "fileobj", stream.buffer).tell()
 
 
-def find_layout(path: Path) -> CsvLayout:
+def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     """Read the head of a text table.
 
-    Comment lines (`#`, `%`, `//`) and empty lines may stand before the header. Where the first row is numbers, the last
-    comment is the header, as `numpy.savetxt` and `rostopic echo -p` write it.
+    Comments (`#`, `%`, `//`, `~`), a preamble of any text and empty lines may stand before the header, a row of units
+    below it. Where there is none, the last comment is the header, as `numpy.savetxt` and `rostopic echo -p` write it.
 
     Raises:
         InputError: empty file, no header, one column only, a column name twice.
     """
-    with open_text(path) as stream:
-        lines = [line.rstrip("\r\n") for line in islice(stream, _HEAD_LINES)]
-    at = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENT)), len(lines))
-    if at == len(lines):
+    hints = hints or FileHints()
+    with open_text(path, hints.encoding) as stream:
+        encoding = stream.encoding
+        lines = _head(path, stream)
+    first, mark = _separator_line(lines)
+    numbered = [k for k in range(first, len(lines)) if lines[k].strip() and not lines[k].startswith(_COMMENT)]
+    if not numbered:
         raise InputError(f"{path.name}: the file is empty; a log needs a header line and rows below it")
-    comments = [line for line in lines[:at] if line.strip()]
-    rows = [line for line in lines[at:] if line.strip()]
-    delimiter = _delimiter(rows)
-    header = rows[0]
-    cells = _cells(header, delimiter)
-    without_header = any(cells) and all(map(_is_value, cells))
-    if without_header:
-        header = _header_in_comments(path, comments, rows[0], delimiter)
-    names = tuple(name.strip() for name in _cells(header, delimiter))
-    _check_names(path, names)
-    data = rows if without_header else rows[1:]
-    return CsvLayout(names, delimiter, _has_decimal_comma(data, delimiter), at + (not without_header))
+    text = [lines[k] for k in numbered]
+    found = _best_split(text, mark)
+    if found is None:
+        return _without_rows(path, text, numbered, encoding, mark)
+    header = _header(path, lines[: numbered[found.block.first]], found, hints)
+    _check_names(path, header.names, encoding)
+    data = [row for row in found.rows[header.first :] if len(row) >= len(header.names)][:_HEAD_ROWS]
+    skip = numbered[header.first] if header.first < len(numbered) else len(lines)
+    leading = _leading(header, found.rows)
+    data = [row for row in data if not any(row[:leading])]
+    layout = CsvLayout(header.names, found.delimiter, Marks(), skip, encoding, found.split, leading=leading)
+    return _with_notation(path, layout, data)._replace(timezone=header.timezone, interval_s=_interval(lines[:skip]))
 
 
-def _encoding(head: bytes) -> str:
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
+def _head(path: Path, stream: TextIO) -> list[str]:
+    """The first lines; InputError where they are none of a table."""
+    lines: list[str] = []
+    left = _HEAD_CHARACTERS
+    while len(lines) < _HEAD_LINES and (line := stream.readline(left)):
+        left -= len(line)
+        if left <= 0:
+            if not lines:
+                raise InputError(
+                    f"{path.name}: its first line has more than {_HEAD_CHARACTERS} characters: no text table; "
+                    "ohmward reads CSV, JSON, Parquet and others: export the log to one of them"
+                )
+            break
+        lines.append(line.rstrip("\r\n"))
+    return lines
 
 
-def _cells(line: str, delimiter: str) -> list[str]:
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-
-
-def _delimiter(rows: list[str]) -> str:
-    """The mark that splits the header into most cells, and the row below it into as many."""
-
-    def score(mark: str) -> tuple[bool, int]:
-        counts = [len(_cells(row, mark)) for row in rows[:2]]
-        return counts[0] == counts[-1], counts[0]
-
-    fitting = [mark for mark in _DELIMITERS if len(_cells(rows[0], mark)) > 1]
-    return max(fitting, key=score, default=",")
-
-
-def _is_value(cell: str) -> bool:
-    if not cell.strip() or _TIMESTAMP.match(cell) or _DECIMAL_COMMA.match(cell):
-        return True
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _header_in_comments(path: Path, comments: list[str], row: str, delimiter: str) -> str:
-    header = comments[-1].lstrip("#%/ ") if comments else ""
-    if len(_cells(header, delimiter) if header else []) != len(_cells(row, delimiter)):
+def _encoding_of(path: Path, head: bytes) -> str:
+    encoding = find_encoding(head)
+    # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
+    if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
         raise InputError(
-            f"{path.name}: no header line: the first row is numbers ({row[:60]!r}); "
-            "put the column names above it, for example time_s,current_A,voltage_V"
+            f"{path.name}: not a text table (binary data in its first bytes); if it is text, name its encoding with "
+            "--encoding utf-16 (FileHints(encoding='utf-16')), else export the log as CSV or Parquet"
         )
-    return header
+    return encoding
 
 
-def _check_names(path: Path, names: tuple[str, ...]) -> None:
-    if len([name for name in names if name]) < 2:
+def _separator_line(lines: Sequence[str]) -> tuple[int, str]:
+    """The number of lines to pass over and the delimiter that Excel's first line `sep=;` names, "" for none."""
+    found = _SEPARATOR_LINE.match(lines[0].strip()) if lines else None
+    return (1, found["mark"]) if found else (0, "")
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; a stray quote is a character like any other."""
+    if line.count('"') % 2:
+        line = line.replace('"', "")
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+
+
+def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
+    """The way to divide the lines by which most of them are rows of values."""
+    marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in mark or _DELIMITERS])
+    if mark or (marked is not None and marked.block.length >= _MOSTLY * len(lines)):
+        return marked
+    spaced = _heaviest([_split_by(lines, "\t", _at_spaces), _fixed_width(lines)])
+    if marked is None or spaced is None:
+        return marked or spaced
+    return marked if marked.block.length >= _MOSTLY * spaced.block.length else spaced
+
+
+def _heaviest(found: Sequence[_Split | None]) -> _Split | None:
+    fits = [one for one in found if one is not None]
+    return max(fits, key=lambda one: (round(one.block.weight, 6), -fits.index(one)), default=None)
+
+
+def _split_by(lines: Sequence[str], delimiter: str, split: Callable[[str], str] | None) -> _Split | None:
+    try:
+        rows = [split_cells(split(line) if split else line, delimiter) for line in lines]
+    except csv.Error:
+        return None
+    block = find_block(rows)
+    if block is None or block.width < 2:
+        return None
+    if split is _at_spaces and len({len(row) for row in rows[block.first :][: block.length]}) > 1:
+        return None  # of a table with holes spaces do not tell the columns
+    return _Split(delimiter, split, rows, block)
+
+
+def _at_spaces(line: str) -> str:
+    return "\t".join(line.split())
+
+
+def _fixed_width(lines: Sequence[str]) -> _Split | None:
+    """Columns between the places at which every line below the preamble has a space."""
+    width = max(map(len, lines))
+    alike = [line for line in lines if len(line) > 0.5 * width]
+    if len(alike) < 3 or any("\t" in line for line in alike):
+        return None
+    used = [any(k < len(line) and line[k] != " " for line in alike) for k in range(width)]
+    begins = [k for k in range(width) if used[k] and (k == 0 or not used[k - 1])]
+    if len(begins) < 2:
+        return None
+    bounds = list(zip(begins, [*begins[1:], None], strict=True))
+    return _split_by(lines, "\t", lambda line: "\t".join(line[a:b].strip() for a, b in bounds))
+
+
+def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) -> Header:
+    """The header of a block of values: of the user, the rows above, a comment, or a format without one."""
+    width = found.block.width
+    if hints.names is not None:
+        if len(hints.names) != width:
+            raise InputError(
+                f"{path.name}: --names has {len(hints.names)} names for {width} columns; the first row is "
+                f"{found.rows[found.block.first]}"
+            )
+        return Header(tuple(hints.names), None, found.block.first)
+    header = find_header(found.rows, found.block)
+    if header.row is not None:
+        return header
+    row = found.rows[found.block.first]
+    names = _names_in_comment(before, found, width) or names_without_header(row)
+    if names is None:
+        excerpt = found.delimiter.join(row)[:60]
         raise InputError(
-            f"{path.name}: only one column found ({names[0][:60]!r}); "
-            "columns must be separated by a comma, semicolon or tab and named in the first line"
+            f"{path.name}: no header line: the first row is numbers ({excerpt!r}); name its {width} columns in their "
+            "order with --names time_s,current_A,voltage_V,... (FileHints(names=[...])), or put such a line above it"
+        )
+    return Header(tuple(names), None, found.block.first)
+
+
+def _names_in_comment(before: Sequence[str], found: _Split, width: int) -> list[str] | None:
+    """The last comment above the rows, where it has as many cells."""
+    comments = [line.lstrip("#%/~ ") for line in before if line.strip()]
+    if not comments:
+        return None
+    line = found.split(comments[-1]) if found.split else comments[-1]
+    cells = [cell.strip() for cell in split_cells(line, found.delimiter)]
+    return cells if len(cells) == width else None
+
+
+def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]]) -> CsvLayout:
+    """The layout with what the first rows tell of numbers and units."""
+    columns = [[row[k] for row in data] for k in range(len(layout.names))]
+    marks = find_marks(columns, layout.delimiter)
+    if marks is None:
+        cell = next(cell for cells in columns for cell in cells if "," in cell)
+        raise InputError(
+            f"{path.name}: the comma in {cell!r} may stand before decimals or between thousands; write the numbers "
+            "without marks between thousands"
+        )
+    units = {name: unit for name, cells in zip(layout.names, columns, strict=True) if (unit := unit_in_cells(cells))}
+    named = {name: _named(name, units.get(name)) for name in layout.names}
+    return layout._replace(
+        names=tuple(named[name] for name in layout.names),
+        marks=marks,
+        units={named[name]: unit for name, unit in units.items()},
+        head={named[name]: tuple(cells) for name, cells in zip(layout.names, columns, strict=True) if name},
+    )
+
+
+def _named(name: str, unit: Unit | None) -> str:
+    """The name with the unit that stands in the cells, unless it has one."""
+    silent = unit is None or unit.dimension == "share" or any(found for _, found in split_unit(name))
+    return name if silent or unit is None else f"{name} [{unit.symbol}]"
+
+
+def _leading(header: Header, rows: Sequence[Sequence[str]]) -> int:
+    """Empty cells before the names of records, below names of steps with one less (Neware's layered export)."""
+    count = next((k for k, name in enumerate(header.names) if name), 0)
+    above = rows[header.row - 1] if header.row else []
+    return count if count > 1 and len(above) >= count and not any(above[: count - 1]) and above[count - 1] else 0
+
+
+def _interval(lines: Sequence[str]) -> float | None:
+    found = next((match for line in lines if (match := _INTERVAL.match(line))), None)
+    return float(found["seconds"].replace(",", ".")) if found else None
+
+
+def _without_rows(path: Path, lines: Sequence[str], numbered: Sequence[int], encoding: str, mark: str) -> CsvLayout:
+    """The layout of a file whose first lines hold no row of values: a header alone, or no table."""
+    marks = [mark] if mark else [one for one in _DELIMITERS if len(split_cells(lines[0], one)) > 1]
+    delimiter = max(marks, key=lambda one: len(split_cells(lines[0], one)), default=",")
+    names = tuple(name.strip() for name in split_cells(lines[0], delimiter))
+    _check_names(path, names, encoding)
+    return CsvLayout(names, delimiter, Marks(), numbered[0] + 1, encoding)
+
+
+def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
+    if len([name for name in names if name]) < 2:
+        excerpt = names[0][:60] if names else ""
+        other = f", or name another encoding than {encoding} with --encoding" if encoding in CODE_PAGES else ""
+        raise InputError(
+            f"{path.name}: only one column found ({excerpt!r}); "
+            f"columns must be separated by a comma, semicolon, tab or spaces and named in a line above the rows{other}"
         )
     if twice := sorted({name for name in names if name and names.count(name) > 1}):
-        raise InputError(f"{path.name}: more than one column is named {twice[0]!r}; rename them so that each is unique")
+        raise InputError(
+            f"{path.name}: more than one column is named {twice[0]!r}; rename them so that each is unique, or name all "
+            "with --names (FileHints(names=[...]))"
+        )
 
 
-def _has_decimal_comma(rows: list[str], delimiter: str) -> bool:
-    if delimiter == ",":
-        return False
-    return any(_DECIMAL_COMMA.match(cell) for row in rows for cell in _cells(row, delimiter))
+def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int]) -> Iterator[str]:
+    """The rows of a text, each in its line: a quote that nothing closes is left out, and its line noted in `stray`."""
+    first = layout.skip_lines + 1
+    while block := list(islice(stream, _BLOCK_LINES)):
+        if '"' in "".join(block):
+            stray += [first + k for k, line in enumerate(block) if line.count('"') % 2]
+            block = [line.replace('"', "") if line.count('"') % 2 else line for line in block]
+        if layout.leading:
+            empty = layout.delimiter * layout.leading
+            block = [line if line.startswith(empty) else "\n" for line in block]
+        yield from map(layout.split, block) if layout.split else block
+        first += len(block)
+
+
+def skip_preamble(stream: TextIO, layout: CsvLayout) -> None:
+    """Pass over the lines before the first row."""
+    for _ in islice(stream, layout.skip_lines):
+        pass

@@ -83,7 +83,7 @@ def _in_si(
     notes: list[Note] = []
     for quantity, column in columns.items():
         values, infinite = finite(column.name, table.columns[column.name])
-        unit = unit_of_channel(quantity, column)
+        unit = unit_of_channel(quantity, column, mechanics)
         notes += infinite
         if channel_of(quantity) is WHEEL_SPEED:
             channels[quantity], rolled = wheel_speed(table.source, column.name, unit, values, time_s, mechanics)

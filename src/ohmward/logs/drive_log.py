@@ -13,12 +13,14 @@ from ohmward.errors import InputError
 from ohmward.logs.clean import gap_notes
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
+from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics
+from ohmward.logs.window import window_s
 
 # Channel of the body -> its field in the log.
 _BODY = {
@@ -51,6 +53,7 @@ class DriveLog(TimeSeries):
         deviation; the time before `time_s` at which it was true.
     extra: further numeric columns by their name in the file, (T,) each: truths, for example.
     notes: everything that was assumed, converted or dropped on the way.
+    start_unix_s, time_zone: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`.
 
     Raises:
         InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
@@ -68,9 +71,13 @@ class DriveLog(TimeSeries):
     speed_age_s: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
+    start_unix_s: float | None = None
+    time_zone: str = "UTC"
 
     def __post_init__(self) -> None:
-        self._freeze(("wheel_speed_rad_s", "motor_current_A", *BODY))
+        start_unix_s = self._freeze(("wheel_speed_rad_s", "motor_current_A", *BODY))
+        if self.start_unix_s is None:
+            object.__setattr__(self, "start_unix_s", start_unix_s)
         self._require_lengths(BODY)
         for name in ("wheel_speed_rad_s", "motor_current_A"):
             shape = getattr(self, name).shape
@@ -121,6 +128,7 @@ def read_drive(
     extra: Collection[str] | None = None,
     leave: Collection[str] = (),
     sort_time: bool = False,
+    hints: FileHints | None = None,
 ) -> DriveLog:
     """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame of pandas.
 
@@ -138,6 +146,7 @@ def read_drive(
     extra: further columns to keep; None keeps every numeric one.
     leave: columns not to take for a sensor by their names: truths.
     sort_time: sort rows that are out of order, whatever the reason.
+    hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
 
     Raises:
         InputError: the file cannot be read as a drive; the message names the file, the place and the fix.
@@ -148,12 +157,14 @@ def read_drive(
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
     mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
-    file = open_table(source).part("drive", where)
+    file = with_sample_time(open_table(source, hints).part("drive", where))
     found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
     rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
     channels = drive_channels(rows.table, found, wheels, mechanics)
-    return _as_log(file, rows, channels, _order_notes(found, wheels))
+    log = _as_log(file, rows, channels, _order_notes(found, wheels))
+    part = window_s(log.name, rows.start_unix_s, file.hints)
+    return log if part is None else log.between(*part)
 
 
 def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
@@ -172,6 +183,8 @@ def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order
         **{_BODY[channel]: values for channel, values in channels.body.items() if channel in _BODY},
         extra={name: values for name, values in rows.table.columns.items() if name not in rows.own},
         notes=(*notes, *order, *channels.absent, *gap_notes(channels.time_s)),
+        start_unix_s=rows.start_unix_s,
+        time_zone=rows.time_zone,
     )
     return log.select(measured)
 

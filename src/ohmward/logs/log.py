@@ -13,13 +13,17 @@ from ohmward.logs import bdf
 from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
 from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
-from ohmward.logs.columns import find_columns
+from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import to_frame
+from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
-from ohmward.logs.read import Wanted, open_table, read_recording
+from ohmward.logs.plausible import require_plausible
+from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.sign import CurrentSign, charging_current
-from ohmward.logs.table import Progress
+from ohmward.logs.state_column import state_column, with_direction
+from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
+from ohmward.logs.window import window_s
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -38,6 +42,7 @@ class Log(TimeSeries):
     extra: further numeric columns by their name in the file, (T,) each, in the file's own units.
     notes: everything that was assumed, converted or dropped on the way.
     start_unix_s: Unix time [s] of time_s = 0, or None when the file has no wall clock.
+    time_zone: of the wall clock in the file; "" where its dates name none and were taken as UTC.
 
     Raises:
         InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
@@ -51,6 +56,7 @@ class Log(TimeSeries):
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     start_unix_s: float | None = None
+    time_zone: str = "UTC"
 
     def __post_init__(self) -> None:
         columns = ("current_A", "voltage_V", "temperature_degC")
@@ -119,10 +125,12 @@ def read_log(
     extra: Collection[str] | None = None,
     sort_time: bool = False,
     progress: Progress | None = None,
+    hints: FileHints | None = None,
 ) -> Log:
-    """The log in a CSV, Parquet or BDF file, a recording of ROS, a ULog of PX4, or in a DataFrame of pandas.
+    """The log in a text table, Parquet, BDF, Excel, MATLAB, HDF5, JSON, a recording of ROS, a ULog, or a DataFrame.
 
-    source: the path of the file, of any of these formats whatever its name; or the DataFrame.
+    source: the path of the file, of any of these formats whatever its name; `-` for standard input; a folder of files
+        that are one log; or the DataFrame of pandas.
     current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to tell from the voltage.
     columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
     units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.
@@ -131,6 +139,7 @@ def read_log(
     extra: further columns to keep; None keeps every numeric one.
     sort_time: sort rows that are out of order, whatever the reason.
     progress: called now and then with the amounts read and to read.
+    hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
 
     Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage.
 
@@ -138,27 +147,63 @@ def read_log(
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
-    file = with_pack_voltage(open_table(source).part("battery", where), columns)
+    file = with_sample_time(with_pack_voltage(open_table(source, hints).part("battery", where), columns))
     bdf.check_names(file.source, file.names)
-    chosen = find_columns(file.source, file.names, file.given(columns), units)
-    wanted = Wanted(where or {}, extra, sort_time, progress)
-    rows = read_recording(file, chosen, wanted, lambda table: to_si(table, chosen))
+    chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})})
+    state = state_column(file) if current_sign != "discharge" else None
+    columns_beside = extra if extra is None or state is None else {*extra, state}
+    wanted = Wanted(where or {}, columns_beside, sort_time, progress)
+    rows = read_recording(file, chosen, wanted, lambda table: _to_numbers(table, chosen, state))
+    left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
+    log = _as_log(file, rows, chosen, current_sign, left_out)
+    part = window_s(log.name, log.start_unix_s, file.hints)
+    return log if part is None else log.between(*part)
+
+
+def _as_log(
+    file: TableFile, rows: RecordedTable, chosen: Mapping[str, Column], current_sign: CurrentSign, left_out: set[str]
+) -> Log:
+    """The log of the rows of one recording, without the columns that are left out."""
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
+    require_plausible(file.source, chosen["time"], time_s, measured["current"], rows.guessed_unit)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
-    left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
+    temperature, told = _temperature(file, measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
         current_A=current_A,
         voltage_V=measured["voltage"],
-        temperature_degC=measured.get("temperature"),
+        temperature_degC=temperature,
         extra={name: column for name, column in table.columns.items() if name not in own},
-        notes=(*table.notes, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        notes=(*table.notes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
+        time_zone=rows.time_zone,
     )
+
+
+def _to_numbers(table: Table, chosen: Mapping[str, Column], state: str | None) -> Table:
+    """Current, voltage and temperature in SI units, the current with its sign."""
+    table = to_si(table, chosen)
+    if state is None or state not in table.columns:
+        return table
+    name = chosen["current"].name
+    current_A, notes = with_direction(table.columns[name], table.columns[state], state)
+    return table.with_columns({name: current_A}, *notes)
+
+
+def _temperature(
+    file: TableFile, measured: np.ndarray | None, samples: int
+) -> tuple[np.ndarray | None, tuple[Note, ...]]:
+    """The temperature (T,) [degC] that was measured, else the one that the user told; None for neither."""
+    told = file.hints.temperature_degC
+    if told is None:
+        return measured, ()
+    if measured is not None:
+        return measured, (Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),)
+    return np.full(samples, told), (Note(f"temperature of {told:g} degC throughout, as told"),)
 
 
 def _since_start(

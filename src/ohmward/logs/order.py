@@ -9,6 +9,11 @@ from ohmward.logs.note import Note, counted
 from ohmward.logs.selection import explain_recordings
 from ohmward.logs.table import Table
 
+
+class SeveralRecordingsError(InputError):
+    """A file holds several recordings, and one must be chosen."""
+
+
 # More rows than this fraction out of order are not a few that were written late.
 _MOST_LATE = 0.05
 
@@ -71,7 +76,7 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
     if restarts.size:
         before, after = time_s[restarts[0] - 1], time_s[restarts[0]]
         if before - after >= 0.5 * (before - time_s[0]):  # back over most of the time that had passed
-            raise InputError(explain_recordings(table, time, restarts))
+            raise SeveralRecordingsError(explain_recordings(table, time, restarts))
     if restarts.size or late.mean() > _MOST_LATE:
         raise InputError(_backwards(table, time_s, late))
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrow import numbers_of, to_column
+from ohmward.logs.arrow import to_column, values_of
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 from ohmward.optional import require
 
@@ -60,7 +60,7 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
     for batch in file.iter_batches(_BLOCK_ROWS, columns=names):
         last = first + batch.num_rows
         for name in names:
-            values = _values(batch[name])
+            values = values_of(batch[name])
             if name not in columns:
                 columns[name] = np.empty(rows, values.dtype)
             elif columns[name].dtype != values.dtype:  # whole numbers, until the first block that lacks one
@@ -94,21 +94,3 @@ def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progr
 
 def _pyarrow() -> tuple[ModuleType, ModuleType]:
     return require("pyarrow", "Parquet"), require("pyarrow.parquet", "Parquet")
-
-
-def _values(column: Any) -> np.ndarray:
-    """Numbers as float64 or int64 (NaN for null), dates and durations as such, everything else as text."""
-    kind = str(column.type)
-    if kind.startswith(("timestamp", "date")):
-        return _numpy(column).astype("datetime64[ns]")
-    if kind.startswith(("int", "uint", "float", "double", "halffloat")):
-        return numbers_of(column)
-    if kind.startswith("duration"):
-        return _numpy(column).astype("timedelta64[ns]")
-    if kind.startswith(("decimal", "bool")):
-        return _numpy(column.cast("float64"))
-    return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
-
-
-def _numpy(column: Any) -> np.ndarray:
-    return column.to_numpy(zero_copy_only=False)

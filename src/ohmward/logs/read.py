@@ -8,16 +8,31 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.arrays_file import (
+    FEATHER_MAGIC,
+    HDF5_MAGIC,
+    MATLAB_HDF5_MAGIC,
+    MATLAB_MAGIC,
+    ZIP_MAGIC,
+    open_feather,
+    open_hdf5,
+    open_matlab,
+    open_npz,
+)
 from ohmward.logs.bags.bag_table import open_bag
 from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.files import is_recording
 from ohmward.logs.clean import drop_text, drop_untimed
-from ohmward.logs.clock import nanosecond_column, read_clock
+from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column
 from ohmward.logs.csv_file import open_csv
+from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
-from ohmward.logs.order import find_restarts, merge_equal_times, sort_rows
+from ohmward.logs.hints import FileHints
+from ohmward.logs.long_table import as_wide
+from ohmward.logs.order import SeveralRecordingsError, find_restarts, merge_equal_times, sort_rows
 from ohmward.logs.parquet_file import open_parquet
+from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
 from ohmward.logs.table import Progress, Table, TableFile
 from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
@@ -38,24 +53,31 @@ class RecordedTable(NamedTuple):
     table: its time in seconds; its notes say what was done.
     start_unix_s: Unix time of the clock's zero, None where it is not a wall clock.
     own: the columns that are channels, labels or parts of the clock; all others are extra.
+    guessed_unit: nothing told the unit of the time.
+    time_zone: of the dates, see `Clock`.
     """
 
     table: Table
     start_unix_s: float | None
     own: frozenset[str]
+    guessed_unit: bool = False
+    time_zone: str = "UTC"
 
 
-def open_table(source: Any) -> TableFile:
+def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
     """The columns of a log or of a DataFrame, whatever they mean; a file that is open stays as it is.
 
+    source: a path, `-` for standard input, or a DataFrame.  hints: facts that the file does not tell.
+
     Raises:
-        InputError: neither a path nor a DataFrame; no such file, a folder without a recording, no permission, no log.
+        InputError: neither a path nor a DataFrame; no such file, a folder without a log, no permission, no log.
         OhmwardError: a package that the format needs is not installed.
     """
     if isinstance(source, TableFile):
-        return source
+        return source if hints is None else source._replace(hints=hints)
+    hints = (hints or FileHints()).checked()
     if is_frame(source):
-        return open_frame(source)
+        return as_wide(open_frame(source)._replace(hints=hints))
     if not isinstance(source, str | PathLike):
         raise InputError(
             f"the source of a log must be the path of a CSV, Parquet or BDF file or of a recording, or a DataFrame of "
@@ -63,20 +85,64 @@ def open_table(source: Any) -> TableFile:
             "DataFrame, or arrays a Log(name, time_s, ...)"
         )
     path = Path(source)
-    if path.is_dir() and not is_recording(path):
-        raise InputError(f"{path} is a folder; name one log file in it")
     try:
-        if path.is_dir() or is_recording(path):
-            return open_bag(path)
-        with path.open("rb") as stream:
-            head = stream.read(len(ULOG_MAGIC))
+        if is_stream(path):
+            path = stored(path)
+        if path.is_dir() and not is_recording(path):
+            return open_folder(path, LOG_ENDINGS, lambda file: _open_file(file, hints))
+        return open_bag(path) if is_recording(path) else _open_file(path, hints)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
-    if head == ULOG_MAGIC:
-        return open_ulog(path)
-    return open_parquet(path) if head.startswith(b"PAR1") else open_csv(path)
+
+
+def _open_file(path: Path, hints: FileHints) -> TableFile:
+    """The columns of one file, its format told by its first bytes."""
+    with path.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+    for magic, opener in OPENERS:
+        if head.startswith(magic):
+            return as_wide(opener(path, hints))
+    if HDF5_MAGIC in head:
+        return as_wide(open_hdf5(path, hints))
+    if is_json(head):
+        return as_wide(open_json(path, hints))
+    return as_wide(open_csv(path, hints))
+
+
+def _open_zip(path: Path, hints: FileHints) -> TableFile:
+    """A workbook, or the arrays of NumPy."""
+    return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
+
+
+def _open_parquet(path: Path, hints: FileHints) -> TableFile:
+    return open_parquet(path)._replace(hints=hints)
+
+
+def _open_ulog(path: Path, hints: FileHints) -> TableFile:
+    return open_ulog(path)._replace(hints=hints)
+
+
+#: First bytes of the formats that they tell.
+OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
+    (ULOG_MAGIC, _open_ulog),
+    (b"PAR1", _open_parquet),
+    (FEATHER_MAGIC, open_feather),
+    (HDF5_MAGIC, open_hdf5),
+    (MATLAB_HDF5_MAGIC, open_hdf5),
+    (MATLAB_MAGIC, open_matlab),
+    (ZIP_MAGIC, _open_zip),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", open_workbook),  # .xls
+)
+#: Enough to see that of HDF5 behind a block of the user, and the beginning of JSON.
+HEAD_BYTES = 1024
+#: Endings of logs in a folder.
+LOG_ENDINGS = (
+    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm"),
+    *(".parquet", ".feather", ".ulg", ".mat", ".h5", ".hdf5", ".npz"),
+    *(".jsonl", ".ndjson", ".json", *WORKBOOK_ENDINGS),
+)
 
 
 def read_recording(
@@ -91,21 +157,29 @@ def read_recording(
         InputError: a column, a label or a time that is not there, text among numbers, a time that does not increase.
     """
     time = columns["time"].name
-    own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time}
+    date = date_column(file, time)
+    own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
     table = file.load(_names(file, own, wanted), wanted.progress)
     labels = dict(wanted.where)
     if file.choose:
         labels.pop(TOPIC, None)
     number = labels.pop(RECORDING, None) if RECORDING not in table.columns else None
     table = select_rows(table, labels)
-    clock = read_clock(table, columns["time"])
+    clock = read_clock(table, columns["time"], file.hints, date)
     table = table._replace(notes=clock.notes).with_columns({time: clock.time_s}, *table.notes)
     table = drop_untimed(table, time)
     if number is not None:
         numbers = recording_numbers(find_restarts(table.columns[time]), table.line.size)
         table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
-    table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
-    return RecordedTable(merge_equal_times(drop_text(table), time), clock.start_unix_s, frozenset({*own, RECORDING}))
+    try:
+        table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
+    except SeveralRecordingsError:
+        if wanted.extra is None:
+            raise
+        # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
+        return read_recording(file, columns, wanted._replace(extra=None), to_numbers)
+    merged = merge_equal_times(drop_text(table), time)
+    return RecordedTable(merged, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone)
 
 
 def _names(file: TableFile, own: Collection[str], wanted: Wanted) -> set[str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note
 
 #: Called now and then with the amounts done and to do: rows, or bytes of a text file.
@@ -16,6 +17,13 @@ Progress = Callable[[int, int], None]
 
 #: Cells without a number, in small letters.
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
+
+
+#: Endings of logs, in the order in which they are taken off a name.
+_ENDINGS = (
+    *(".gz", ".csv", ".tsv", ".txt", ".mpt", ".lvm", ".parquet", ".bdf", ".mcap", ".db3", ".bag", ".ulg", ".feather"),
+    *(".mat", ".h5", ".hdf5", ".npz", ".jsonl", ".ndjson", ".json", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
+)
 
 
 class Table(NamedTuple):
@@ -65,6 +73,9 @@ class TableFile(NamedTuple):
     time: the column that is the time whatever its name, or None.
     choose: of a recording of ROS, the same with the topics of a battery or of a drive alone; see `part`.
     positive_current: "charge" or "discharge" where the format defines the effect of a positive current.
+    head: column -> its first cells, of a text.
+    hints: facts that the user or the file's preamble told.
+    units: quantity -> unit that the format defines.
     """
 
     source: str
@@ -73,6 +84,9 @@ class TableFile(NamedTuple):
     time: str | None = None
     choose: Callable[[str, Mapping[str, float | str]], TableFile] | None = None
     positive_current: str | None = None
+    head: Mapping[str, Sequence[str]] = {}
+    hints: FileHints = FileHints()
+    units: Mapping[str, str] = {}
 
     def part(self, kind: str, where: Mapping[str, float | str] | None = None) -> TableFile:
         """The columns of a "battery" or of a "drive", where the file keeps them apart; otherwise the file as it is.
@@ -89,7 +103,7 @@ class TableFile(NamedTuple):
     def stem(self) -> str:
         """The name without .csv, .bdf.csv, .csv.gz, .mcap and the like."""
         stem = self.source
-        for suffix in (".gz", ".csv", ".tsv", ".txt", ".parquet", ".bdf", ".mcap", ".db3", ".bag", ".ulg"):
+        for suffix in _ENDINGS:
             stem = stem.removesuffix(suffix)
         return stem
 
@@ -104,6 +118,23 @@ class TableFile(NamedTuple):
             return table._replace(columns={name: v for name, v in table.columns.items() if name in names})
 
         return self._replace(load=load)
+
+
+def with_sample_time(file: TableFile) -> TableFile:
+    """The file with the time of its rows, where only the interval between them is known."""
+    interval_s = file.hints.sample_time_s
+    if interval_s is None:
+        return file
+    time = "time of the row [s]"
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        table = file.load(names, progress)
+        if time not in names:
+            return table
+        note = Note(f"a row every {interval_s:g} s, without a time of its own")
+        return table.with_columns({time: interval_s * np.arange(table.line.size)}, note)
+
+    return file._replace(names=(*file.names, time), load=load, time=time)
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:

@@ -68,7 +68,8 @@ class TimeSeries:
         start_unix_s = None
         time_s = self._plain("time_s", self.time_s)
         if time_s.dtype.kind in "mM":
-            time_s, start_unix_s, _ = clock_of_dates(time_s)
+            clock = clock_of_dates(time_s)
+            time_s, start_unix_s = clock.time_s, clock.start_unix_s
         arrays = {"time_s": time_s} | {name: getattr(self, name) for name in names}
         frozen: dict[str, Any] = {name: self._numbers(name, v) for name, v in arrays.items() if v is not None}
         frozen["extra"] = {name: self._numbers(name, values) for name, values in self.extra.items()}

@@ -26,16 +26,16 @@ class Unit(NamedTuple):
 
 # Spelled in lower case. A slash stands for an underscore as well: `speed_m_s`.
 _SPELLINGS: dict[Unit, tuple[str, ...]] = {
-    Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes"),
-    Unit("mA", "current", 1e-3): ("ma", "milliamp", "milliamps", "milliampere", "milliamperes"),
+    Unit("A", "current", 1.0): ("a", "amp", "amps", "ampere", "amperes", "а"),
+    Unit("mA", "current", 1e-3): ("ma", "ма", "mamp", "mamps", "milliamp", "milliamps", "milliampere", "milliamperes"),
     Unit("uA", "current", 1e-6): ("ua", "µa", "μa", "microamp", "microamps", "microampere"),
     Unit("kA", "current", 1e3): ("ka", "kiloampere"),
-    Unit("V", "voltage", 1.0): ("v", "volt", "volts"),
-    Unit("mV", "voltage", 1e-3): ("mv", "millivolt", "millivolts"),
+    Unit("V", "voltage", 1.0): ("v", "volt", "volts", "в"),
+    Unit("mV", "voltage", 1e-3): ("mv", "мв", "mvolt", "mvolts", "millivolt", "millivolts"),
     Unit("uV", "voltage", 1e-6): ("uv", "µv", "μv", "microvolt", "microvolts"),
     Unit("kV", "voltage", 1e3): ("kv", "kilovolt"),
-    Unit("s", "time", 1.0): ("s", "sec", "secs", "second", "seconds"),
-    Unit("ms", "time", 1e-3): ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
+    Unit("s", "time", 1.0): ("s", "sec", "secs", "second", "seconds", "с", "сек"),
+    Unit("ms", "time", 1e-3): ("ms", "мс", "msec", "msecs", "millis", "millisecond", "milliseconds"),
     Unit("us", "time", 1e-6): ("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"),
     Unit("ns", "time", 1e-9): ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"),
     Unit("min", "time", 60.0): ("min", "mins", "minute", "minutes"),
@@ -82,6 +82,12 @@ _PARTS = "|".join(re.escape(spelling).replace("/", "[/_]") for spelling in _OF_P
 _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$", re.IGNORECASE)
 
 
+# `TimeUS` of ArduPilot
+_CAPITALS = re.compile(r"^(?P<stem>[Tt]ime)(?P<unit>US|MS|NS)(?P<rest>)$")
+#: A name that is itself a unit names the quantity: `Volts`, `millis`.
+_SHORTEST_UNIT_AS_NAME = 4
+
+
 def unit_of(spelling: str) -> Unit | None:
     """The unit with this spelling, or None."""
     return UNITS.get(_key(spelling))
@@ -89,9 +95,11 @@ def unit_of(spelling: str) -> Unit | None:
 
 def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
     """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name."""
-    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX):
+    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _CAPITALS):
         if (found := notation.match(name.strip())) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
+    if len(name) >= _SHORTEST_UNIT_AS_NAME and (unit := unit_of(name)):
+        yield unit.dimension, unit
     yield name, None
 
 

@@ -102,6 +102,12 @@ def find_drive_columns(
     return Found(chosen, speeds.by_number or currents.by_number)
 
 
+def wheel_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The columns that are speeds or positions of wheels by their names; () where they are not those of two wheels."""
+    found = tuple(name for name in names if _of_wheel(name, WHEEL_SPEED) or _of_wheel(name, WHEEL_COUNTS))
+    return found if len(found) > 1 else ()
+
+
 def _meant(quantity: str, wheels: Wheels) -> list[str]:
     """The channels that a name in --column stands for; InputError where this robot has no such channel."""
     if quantity in wheels.quantities:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
-from ohmward.logs.channels import WHEEL_SPEED, channel_of, robot_words
+from ohmward.logs.channels import WHEEL_COUNTS, WHEEL_SPEED, channel_of, robot_words
 from ohmward.logs.clean import find_gaps
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.note import Note
@@ -61,13 +61,23 @@ class EncoderSpeed(NamedTuple):
     rollovers: int
 
 
-def unit_of_channel(quantity: str, column: Column) -> Unit:
-    """The unit of a column; where nothing tells it, that of the channel, but m/s for a wheel's speed called `v`."""
+def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit:
+    """The unit of a column; where nothing tells it, that of the channel.
+
+    A wheel's speed called `v` is in m/s; counts are what `counts_per_turn` is given for, and the positions of a name.
+    """
     if column.unit:
         return column.unit
     channel = channel_of(quantity)
-    of_rim = channel is WHEEL_SPEED and "v" in robot_words(column.name)
-    return UNITS["m/s"] if of_rim else channel.default
+    if channel is not WHEEL_SPEED:
+        return channel.default
+    words = set(robot_words(column.name))
+    if mechanics.counts_per_turn is not None or words & _POSITION_WORDS:
+        return UNITS["counts"]
+    return UNITS["m/s"] if "v" in words else channel.default
+
+
+_POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
 
 
 def wheel_speed(
@@ -93,7 +103,7 @@ def wheel_speed(
     if mechanics.counts_per_turn is None:
         raise InputError(
             f"{source}: {name!r} counts the turns of a wheel; say how far with --counts-per-turn 4096 "
-            "(counts_per_turn=4096)"
+            "(counts_per_turn=4096), or of positions in rad --unit wheel_speed=rad"
         )
     encoder = speed_from_counts(values, time_s, mechanics.counts_per_turn)
     rolled = Note(f"{name!r}: a counter of {encoder.bits} bits rolled over {encoder.rollovers} times: undone")
@@ -154,7 +164,7 @@ def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note
     """Notes on the units of the channels of a drive, one for all columns of a kind that are read alike."""
     alike: dict[tuple[str, str, bool], list[str]] = {}
     for quantity, column in columns.items():
-        key = channel_of(quantity).name, unit_of_channel(quantity, column).symbol, column.unit is None
+        key = channel_of(quantity).name, unit_of_channel(quantity, column, mechanics).symbol, column.unit is None
         alike.setdefault(key, []).append(column.name)
     notes = []
     for (kind, symbol, guessed), names in alike.items():

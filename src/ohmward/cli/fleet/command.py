@@ -13,6 +13,7 @@ from typing import Any
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name
 from ohmward.cli import wording
+from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
 from ohmward.cli.sensor import load_battery_with_sensor
@@ -39,7 +40,7 @@ def run(args: argparse.Namespace) -> Outcome:
         filter=name,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
-        reading=ReadOptions(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time),
+        reading=ReadOptions(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time, file_hints(args)),
         estimates=str(folder / "estimates") if args.estimates else None,
     )
     with progress() as report:

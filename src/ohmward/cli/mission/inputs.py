@@ -9,13 +9,13 @@ import numpy as np
 
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.drive_inputs import make_terrain, read_drive_log
-from ohmward.cli.options import DEFAULT_TERRAIN
+from ohmward.cli.options import DEFAULT_TERRAIN, file_hints
 from ohmward.cli.parser import split_selection
 from ohmward.energy import Consumption, load_consumption, prior_from_mass, prior_from_robot, start
 from ohmward.energy.mission import MissionSettings
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, Log, Note
-from ohmward.logs.clock import nanosecond_column, read_clock
+from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import find_columns
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import select_rows
@@ -82,7 +82,7 @@ def read_logs(args: argparse.Namespace, robot: Robot | None) -> tuple[Log | None
     """Logs of battery and wheels and the ground, all from one file that is read once."""
     if args.log is None:
         return None, None, args.terrain
-    file = open_table(split_selection(args.log)[0]).read_once()
+    file = open_table(split_selection(args.log)[0], file_hints(args)).read_once()
     log, ground = read_battery(args, file)
     return log, read_wheels(args, file, robot, log), ground
 
@@ -116,9 +116,10 @@ def read_ground(args: argparse.Namespace, file: TableFile, log: Log) -> Ground:
     battery = _with_kinds(args, BATTERY_KINDS.__contains__)
     time = find_columns(file.source, file.names, dict(battery.column), dict(battery.unit))["time"]
     rows = dict(args.where) | split_selection(args.log)[1]
-    wanted = {time.name, TERRAIN_COLUMN, *rows, nanosecond_column(file.names, time.name) or ""}
+    beside = nanosecond_column(file.names, time.name), date_column(file, time.name)
+    wanted = {time.name, TERRAIN_COLUMN, *rows, *(name or "" for name in beside)}
     table = select_rows(file.load(wanted & set(file.names)), rows)
-    clock = read_clock(table, time)
+    clock = read_clock(table, time, file.hints, beside[1])
     time_s = clock.time_s if clock.start_unix_s is None else clock.time_s - np.nanmin(clock.time_s)
     order = np.argsort(time_s, kind="stable")
     names = np.array([_name(cell, args.terrain) for cell in table.columns[TERRAIN_COLUMN]], dtype=object)[order]

@@ -14,6 +14,7 @@ from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.energy.consumption_figures import expected_J_per_m, usual_speed_m_s
 from ohmward.energy.drive_record import DriveRecord, RecordedBalance
 from ohmward.energy.mission import MissionResult
+from ohmward.figures.parts import wall_clock
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series
 from ohmward.report.palette import Meaning
 
@@ -147,9 +148,10 @@ def _milestones(plan: Mapping[str, Any]) -> list[list[str]]:
 
 def _recorded(page: Page, record: DriveRecord, figures: Mapping[str, Any]) -> Page:
     page = page.heading("Where the energy went")
+    clock = wall_clock(record.log)
     if record.balance is None:
-        return page.plot(speed_figure(record))
-    page = page.plot(power_figure(record.balance), speed_figure(record))
+        return page.plot(speed_figure(record), clock=clock)
+    page = page.plot(power_figure(record.balance), speed_figure(record), clock=clock)
     return page.table(["Part", "Energy", "Share", "Std, at most"], split_rows(figures["drive"]))
 
 

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--initial-soc", type=share, metavar="S", help="of the start, if it takes one; default: that of the export"
     )
     group.add_argument("--initial-soc-std", type=positive, metavar="S", help="how sure that is; default: as above")
-    add_drive_options(parser)
+    add_drive_options(parser, interval=False)
     parser.add_argument(
         "--current-sign",
         choices=("auto", "charge", "discharge"),

@@ -1,0 +1,259 @@
+"""Dates and times of day as text, in the notations of the world, as seconds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import UTC, date, datetime, timedelta
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.hints import EXCEL
+
+_EPOCH = date(1970, 1, 1).toordinal()
+_DAY_S = 86400.0
+_TIME = re.compile(
+    r"(?:^|[\sT_,:])(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d(?:[.,:]\d+)?))?\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)"
+    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d)?(?=$|\s)"
+)
+_COMPACT = re.compile(r"^(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d(?:[.,]\d+)?)(Z?)$")
+_YEAR_FIRST = re.compile(r"^(\d{4})\s*[-/.年]\s*(\d{1,2})\s*[-/.月]\s*(\d{1,2})日?$")
+_YEAR_LAST = re.compile(r"^(\d{1,2})\s*[-/.]\s*(\d{1,2})\s*[-/.]\s*(\d{4}|\d\d)$")
+_NAMED = re.compile(r"^(\d{1,2})[-\s.]+([A-Za-z]{3,9})\.?[-\s,]+(\d{4}|\d\d)$")
+_NAMED_FIRST = re.compile(r"^([A-Za-z]{3,9})\.?\s+(\d{1,2}),?\s+(\d{4})$")
+_WEEKDAY = re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,?\s+", re.IGNORECASE)
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+#: 0d 00:00:01.00, 0.00:00:01.00, 1 day, 2:03:04, 27:00:00.5
+_DURATION = re.compile(
+    r"^\s*(?:(?P<d>\d+)(?:\s*d(?:ays?)?,?\s*|\.|\s+))?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)\s*$"
+)
+_ISO_DURATION = re.compile(r"^\s*P(?:(\d+)D)?(?:T(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?:\.\d*)?)S)?)?\s*$")
+#: Orders of three numbers; the year first only of two digits each, without points between them.
+_ORDERS = ("dmy", "mdy", "ymd")
+#: A column of days since this one holds serial dates of Excel, of the years 1955 to 2118.
+_EXCEL_ZERO_S = (date(1899, 12, 30).toordinal() - _EPOCH) * _DAY_S
+EXCEL_DAYS = (20_000.0, 80_000.0)
+
+
+class Moment(NamedTuple):
+    """A date and time: day as number since 1970 and as it is written, seconds of the day, whether they are UTC."""
+
+    day: str
+    second: float
+    is_utc: bool
+
+
+class Dates(NamedTuple):
+    """Dates as seconds.
+
+    seconds: (T,) since 1970, of UTC or of local clocks; nan for an empty cell.
+    is_utc: they name their zone.  day_known: it is certain which number is the day and which the month.
+    """
+
+    seconds: np.ndarray
+    is_utc: bool
+    day_known: bool = True
+
+
+def from_excel(days: np.ndarray) -> np.ndarray:
+    """(T,) seconds since 1970 of serial dates, to the millisecond."""
+    return np.round((days * _DAY_S + _EXCEL_ZERO_S) * 1e3) / 1e3
+
+
+def from_compact(values: np.ndarray) -> np.ndarray | None:
+    """(T,) seconds since 1970 of numbers like 20260328091500; None where one is none."""
+    known = np.isfinite(values)
+    try:
+        return _parsed([f"{value:.0f}" if ok else "" for value, ok in zip(values, known, strict=True)], _compact)
+    except ValueError:
+        return None
+
+
+def duration_s(cell: str) -> float:
+    """Seconds of h:mm:ss, of days before it, and of ISO 8601.
+
+    Raises:
+        ValueError: another notation.
+    """
+    if found := _DURATION.match(cell):
+        d, h, m, s = found.group("d", "h", "m", "s")
+        return _DAY_S * int(d or 0) + 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", "."))
+    if (found := _ISO_DURATION.match(cell)) and any(found.groups()):
+        d, h, m, s = (float(part or 0) for part in found.groups())
+        return _DAY_S * d + 3600.0 * h + 60.0 * m + s
+    raise ValueError(cell)
+
+
+def is_duration(cell: str) -> bool:
+    """True for a notation of `duration_s`."""
+    try:
+        duration_s(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def has_date(cell: str) -> bool:
+    """True where the cell names a day, with or without a time."""
+    try:
+        return bool(_moment(cell).day)
+    except ValueError:
+        return False
+
+
+def has_time_of_day(cell: str) -> bool:
+    """True where the cell names a time, with or without a day."""
+    return _TIME.search(cell) is not None or _COMPACT.match(cell.strip()) is not None
+
+
+def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
+    """Dates of all cells in one notation.
+
+    time_format: in the notation of `strptime`, where the notation is not left to the reader.
+
+    Raises:
+        ValueError: with the cell that is no date; see `unreadable`.
+        InputError: it may be day or month that stands first, and the dates do not tell.
+    """
+    if time_format is not None and time_format != EXCEL:
+        seconds = _parsed(cells, lambda cell: _formatted(cell, time_format))
+        return Dates(seconds, "%z" in time_format)
+    try:
+        moments = [datetime.fromisoformat(cell.strip()) if cell.strip() else None for cell in cells]
+    except ValueError:
+        return _read_any(cells)
+    zones = {moment.tzinfo is not None for moment in moments if moment}
+    times = [np.nan if m is None else (m if m.tzinfo else m.replace(tzinfo=UTC)).timestamp() for m in moments]
+    return Dates(np.array(times), zones == {True})
+
+
+def _read_any(cells: Sequence[str]) -> Dates:
+    moments = [_moment(cell) if cell.strip() else None for cell in cells]
+    known = [moment for moment in moments if moment]
+    days = dict.fromkeys(moment.day for moment in known)
+    halves = any(re.search(r"[AaPp]\.?[Mm]", cell) for cell in cells[:3])
+    number, certain = _day_numbers(list(days), halves, [(moment.day, moment.second) for moment in known])
+    seconds = [np.nan if m is None else _DAY_S * number[m.day] + m.second for m in moments]
+    return Dates(np.array(seconds), all(m.is_utc for m in known), certain)
+
+
+def _moment(cell: str) -> Moment:
+    """Day, as it is written, and time.
+
+    Raises:
+        ValueError: no date.
+    """
+    text = cell.strip()
+    if found := _COMPACT.match(text):
+        year, month, day, h, m, s, zone = found.groups()
+        return Moment(f"{year}-{month}-{day}", 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", ".")), bool(zone))
+    second, is_utc = 0.0, False
+    if found := _TIME.search(text):
+        second, is_utc = _second_of_day(found)
+        text = f"{text[: found.start()]} {text[found.end() :]}"
+    day = _WEEKDAY.sub("", " ".join(text.replace(",", ", ").split()).strip(" ,T"))
+    if not day or not any(notation.match(day) for notation in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _NAMED_FIRST)):
+        raise ValueError(cell)
+    return Moment(day, second, is_utc)
+
+
+def _second_of_day(found: re.Match[str]) -> tuple[float, bool]:
+    """Seconds, those of another zone carried over to UTC."""
+    hour = int(found["h"])
+    if found["half"]:
+        if not 1 <= hour <= 12:
+            raise ValueError(found[0])
+        hour = hour % 12 + 12 * (found["half"] in "Pp")
+    if hour > 24:
+        raise ValueError(found[0])
+    second = 3600.0 * hour + 60.0 * int(found["m"]) + float((found["s"] or "0").replace(",", ".").replace(":", "."))
+    zone = found["zone"]
+    if not zone or not zone[-1].isdigit():
+        return second, bool(zone)
+    sign = -1.0 if zone[0] == "-" else 1.0
+    return second - sign * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:])), True
+
+
+def _day_numbers(
+    days: Sequence[str], halves: bool, moments: Sequence[tuple[str, float]]
+) -> tuple[dict[str, int], bool]:
+    """Number of each day since 1970, and whether day, month and year are certain.
+
+    halves: times are written with AM and PM, as where the month comes first.
+    """
+    read = {order: number for order in _ORDERS if (number := _numbered(days, order)) is not None}
+    if not read:
+        raise ValueError(days[0])
+    if halves and "mdy" in read:
+        return read["mdy"], True
+    step = {order: _longest_step(number, moments) for order, number in read.items()}
+    best = [order for order in read if step[order] == min(step.values())]
+    first = read[best[0]]
+    return first, all(read[order] == first for order in best)
+
+
+def _numbered(days: Sequence[str], order: str) -> dict[str, int] | None:
+    """Number of each day, None where one does not exist."""
+    try:
+        return {day: _day_number(day, order) for day in days}
+    except ValueError:
+        return None
+
+
+@lru_cache(4096)
+def _day_number(text: str, order: str) -> int:
+    if found := _YEAR_FIRST.match(text):
+        year, month, day = map(int, found.groups())
+    elif found := _YEAR_LAST.match(text):
+        if order == "ymd" and not re.fullmatch(r"\d\d([-/])\d\d\1\d\d", text):
+            raise ValueError(text)
+        part = dict(zip(order, map(int, found.groups()), strict=True))
+        year, month, day = part["y"], part["m"], part["d"]
+    elif found := _NAMED.match(text):
+        day, month, year = int(found[1]), _month(found[2]), int(found[3])
+    elif found := _NAMED_FIRST.match(text):
+        month, day, year = _month(found[1]), int(found[2]), int(found[3])
+    else:
+        raise ValueError(text)
+    return date(year + 2000 * (year < 100), month, day).toordinal() - _EPOCH
+
+
+def _month(name: str) -> int:
+    return _MONTHS.index(name[:3].lower()) + 1
+
+
+def _longest_step(number: dict[str, int], moments: Sequence[tuple[str, float]]) -> float:
+    """The longest step, either way, between neighbours [s]."""
+    seconds = np.array([_DAY_S * number[day] + second for day, second in moments])
+    return float(np.abs(np.diff(seconds)).max(initial=0.0))
+
+
+def _parsed(cells: Sequence[str], read: Callable[[str], float]) -> np.ndarray:
+    return np.array([read(cell) if cell.strip() else np.nan for cell in cells])
+
+
+def _compact(cell: str) -> float:
+    moment = _moment(cell)
+    return _DAY_S * _day_number(moment.day, _ORDERS[0]) + moment.second
+
+
+def _formatted(cell: str, time_format: str) -> float:
+    moment = datetime.strptime(cell.strip(), time_format)
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:
+    """The error for a cell that is no time."""
+    return InputError(
+        f"{source}, {place}, column {column!r}: {cell!r} is not a time like {first!r}; write seconds or ISO 8601 "
+        "(2026-01-31T12:00:00.5Z), or say how it is written with --time-format '%d.%m.%Y %H:%M:%S' "
+        "(FileHints(time_format=...))"
+    )
+
+
+def text_of(seconds: float) -> str:
+    """Seconds since 1970 as a date for a message."""
+    return f"{datetime(1970, 1, 1) + timedelta(seconds=round(seconds)):%Y-%m-%d %H:%M:%S}"

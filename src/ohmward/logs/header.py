@@ -1,0 +1,143 @@
+"""The header of a table: rows of cells above the first rows of values, below whatever text a logger writes first."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ohmward.logs.cells import is_value
+from ohmward.logs.units import split_unit, unit_of
+
+Row = Sequence[str]
+
+#: The zone that Victron's portal writes below `timestamp`: "Europe/Berlin (+01:00)".
+_ZONE = re.compile(r"^(?P<zone>[A-Z]\w+/[\w/-]+) \([+-]\d\d:\d\d\)$")
+#: Longest unit that is not known, like "[Cnt]".
+_LONGEST_UNIT = 7
+
+
+class ValueBlock(NamedTuple):
+    """Rows of values: the first one, their number, the usual number of cells, the share of cells that are values."""
+
+    first: int
+    length: int
+    width: int
+    share: float
+
+    @property
+    def weight(self) -> float:
+        """Number of rows that are surely values."""
+        return self.length * self.share
+
+
+class Header(NamedTuple):
+    """Names of the columns, units among them in brackets; the row of the names, and the first row of values.
+
+    row: None where there is no header.  timezone: that the header names, or None.
+    """
+
+    names: tuple[str, ...]
+    row: int | None
+    first: int
+    timezone: str | None = None
+
+
+def find_block(rows: Sequence[Row]) -> ValueBlock | None:
+    """The longest run of rows of values; blank rows do not end one."""
+    best: ValueBlock | None = None
+    run: list[int] = []
+    for at, row in enumerate([*rows, ("end", "of", "rows")]):
+        if any(cell.strip() for cell in row) or at == len(rows):
+            if at < len(rows) and is_data(row):
+                run.append(at)
+            elif run:
+                block = _block(rows, run)
+                best = block if best is None or block.weight > best.weight else best
+                run = []
+    return best
+
+
+def is_data(row: Row) -> bool:
+    """True for a row of at least two cells with a value, and no more texts than values."""
+    filled = [cell for cell in row if cell.strip()]
+    values = sum(map(is_value, filled))
+    return len(row) > 1 and values > 0 and 2 * values >= len(filled)
+
+
+def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
+    """The header of a block of values.
+
+    Above it may stand rows of units and text that is no header; a row of values that a note interrupts goes on.
+    """
+    above = [at for at in range(block.first) if _may_be_header(rows[at], block.width)]
+    last = next((at for at in reversed(above) if not _is_unit_row(rows[at]) or not _names_above(above, rows, at)), None)
+    if last is None:
+        return Header((), None, block.first)
+    names = [name.strip() for name in rows[last]]
+    first_same = next(at for at in above if [name.strip() for name in rows[at]] == names)
+    units = rows[last + 1] if last + 1 in above and _is_unit_row(rows[last + 1]) else None
+    layered = rows[first_same - 1] if first_same - 1 in above else None
+    names, timezone = _with_devices(names, layered)
+    if units is not None:
+        names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
+    first = _first_data(rows, first_same)
+    return Header(tuple(names[: _width(names, block.width)]), first_same, first, timezone)
+
+
+def _block(rows: Sequence[Row], run: Sequence[int]) -> ValueBlock:
+    (width, _), *_ = Counter(len(rows[at]) for at in run).most_common(1)
+    cells = [cell for at in run for cell in rows[at] if cell.strip()]
+    return ValueBlock(run[0], len(run), width, sum(map(is_value, cells)) / len(cells))
+
+
+def _may_be_header(row: Row, width: int) -> bool:
+    """True for a row of texts that is as long as the rows of values, but for empty cells and a last remark."""
+    filled = [cell for cell in row if cell.strip()]
+    long = len(row) in (width, width + 1) or (len(row) > width and not any(cell.strip() for cell in row[width:]))
+    short = width > len(row) >= max(2, width - 1)
+    return (long or short) and len(filled) >= max(2, width // 2 - 1) and not is_data(row)
+
+
+def _is_unit_row(row: Row) -> bool:
+    filled = [_bare_unit(cell) for cell in row if cell.strip()]
+    known = [cell for cell in filled if unit_of(cell)]
+    return bool(known) and all(len(cell) <= _LONGEST_UNIT for cell in filled)
+
+
+def _names_above(above: Sequence[int], rows: Sequence[Row], at: int) -> bool:
+    """True where the row above a row of units may hold the names."""
+    return at - 1 in above and not _is_unit_row(rows[at - 1])
+
+
+def _bare_unit(cell: str) -> str:
+    return cell.strip().strip("[]()").strip()
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """The name with the unit of the row below in brackets, unless it has one."""
+    bare = _bare_unit(unit)
+    if not bare or unit_of(bare) is None or any(found for _, found in split_unit(name)):
+        return name
+    return f"{name} [{bare}]"
+
+
+def _with_devices(names: list[str], devices: Row | None) -> tuple[list[str], str | None]:
+    """The names, those of Victron's portal with the devices above where they are needed, and its time zone."""
+    if devices is None or not (zone := _ZONE.match(names[0])) or devices[0].strip() != "timestamp":
+        return names, None
+    whole = [
+        f"{device.strip()} {name}" if names.count(name) > 1 else name
+        for device, name in zip(devices, names, strict=False)
+    ]
+    return ["timestamp", *whole[1:]], zone["zone"]
+
+
+def _width(names: Sequence[str], width: int) -> int:
+    """The number of columns: a header may name a remark that the rows do not have."""
+    return width if len(names) == width + 1 and (not names[-1] or names[-1].lower() == "comment") else len(names)
+
+
+def _first_data(rows: Sequence[Row], header: int) -> int:
+    return next((at for at in range(header + 1, len(rows)) if is_data(rows[at])), header + 1)

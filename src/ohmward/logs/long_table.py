@@ -1,0 +1,107 @@
+"""Long tables, a row for each value: InfluxDB, Home Assistant and their kin, as tables with a column for each name."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.clock import read_clock
+from ohmward.logs.columns import Column
+from ohmward.logs.note import Note
+from ohmward.logs.plausible import LONGEST_S, YEAR_S
+from ohmward.logs.table import MISSING, Progress, Table, TableFile, row_numbers
+
+#: Words for a value that there is none, beside those of every table.
+_NO_VALUE = MISSING | {"unavailable", "unknown", "off", "on", "false", "true"}
+_TIME = "time"
+
+
+class LongColumns(NamedTuple):
+    """Columns of a long table: names of the quantities, their values, their times.
+
+    holds: a value is written where it changes, and holds until then.
+    """
+
+    name: str
+    value: str
+    time: str
+    holds: bool = False
+
+
+_NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag")
+_VALUES = ("value", "val", "reading")
+_TIMES = ("time", "timestamp", "ts", "date", "datetime")
+
+
+def as_wide(file: TableFile) -> TableFile:
+    """A long table with a column for each of its names; any other table as it is."""
+    columns = _long_columns(file.names)
+    if columns is None:
+        return file
+    table = _wide(file.load([columns.name, columns.value, columns.time]), columns, file)
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        return table._replace(columns={name: values for name, values in table.columns.items() if name in names})
+
+    return file._replace(names=tuple(table.columns), load=load, time=_TIME, head={})
+
+
+def _long_columns(names: Collection[str]) -> LongColumns | None:
+    if {"_time", "_value", "_field"} <= set(names):
+        return LongColumns("_field", "_value", "_time")
+    if {"entity_id", "state"} <= set(names):
+        changed = next((name for name in ("last_changed", "last_updated") if name in names), None)
+        return LongColumns("entity_id", "state", changed, holds=True) if changed else None
+    lower = {name.lower(): name for name in names}
+    found = [next((lower[word] for word in words if word in lower), None) for words in (_NAMES, _VALUES, _TIMES)]
+    name, value, time = found
+    return LongColumns(name, value, time) if name and value and time and len(names) <= 5 else None
+
+
+def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
+    """A row for each time at which something was written, in order of time."""
+    clock = read_clock(table, Column(columns.time, None), file.hints)
+    values = np.array([_number(cell) for cell in table.columns[columns.value]])
+    known = np.isfinite(clock.time_s)
+    names = np.array([str(cell).removeprefix("sensor.") for cell in table.columns[columns.name]])[known]
+    if not names.size:
+        raise InputError(f"{table.source}: column {columns.time!r} has no value; a log needs the time of its samples")
+    years = np.ptp(clock.time_s[known]) / YEAR_S
+    if years > LONGEST_S / YEAR_S:
+        raise InputError(
+            f"{table.source}: column {columns.time!r} gives a log of {years:,.0f} years; correct its cells"
+        )
+    time_s, row = np.unique(clock.time_s[known], return_inverse=True)
+    wide: dict[str, np.ndarray] = {_TIME: time_s}
+    if clock.start_unix_s is not None:
+        start = np.int64(round(clock.start_unix_s * 1e9))
+        nanoseconds = start + np.round(time_s * 1e9).astype(np.int64)
+        wide[_TIME] = nanoseconds.astype("M8[ns]")
+    for name in dict.fromkeys(names.tolist()):
+        of_name = names == name
+        column = np.full(time_s.size, np.nan)
+        column[row[of_name]] = values[known][of_name]
+        if np.isfinite(column).any():
+            wide[name] = _held(column) if columns.holds else column
+    held = ", each of which holds until the next" if columns.holds else ""
+    note = Note(f"a row for each value: columns made of the names in {columns.name!r}{held}")
+    return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, note))
+
+
+def _number(cell: object) -> float:
+    text = str(cell).strip()
+    if text.lower() in _NO_VALUE:
+        return np.nan
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """(T,) the last value that was known."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)

@@ -1,0 +1,72 @@
+"""Durations, intervals and charges that no log has, by which a unit that was guessed shows itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.columns import Column
+
+YEAR_S = 365.25 * 86400.0
+_HOUR_S = 3600.0
+#: No battery logs for longer.
+LONGEST_S = 50.0 * YEAR_S
+#: A battery that lets its largest current flow one way for longer than this is emptied by a thousandth of its capacity
+#: in an hour: no test and no robot is so slow, but milliseconds read as seconds are.
+LONGEST_FLOW_H = 1000.0
+#: The same where the unit of the time is a guess: curves of open-circuit voltage are taken in 50 h.
+LONGEST_FLOW_GUESSED_H = 60.0
+#: Shortest interval between samples of a time whose unit is a guess: 20 kHz.
+SHORTEST_S = 5e-5
+#: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
+CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
+#: Share of an interval by which loggers are late.
+_JITTER = 0.1
+#: So many intervals tell the usual one.
+_SAMPLES_LOOKED_AT = 10_000
+
+
+def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool) -> None:
+    """Refuse a log that cannot be.
+
+    time: its column.  time_s: (T,) [s], increasing.  current_A: (T,) [A], nan where it is not known.
+    guessed: nothing told the unit of the time.
+
+    Raises:
+        InputError: names the duration, the interval or the charge, and the options that set it right.
+    """
+    if time_s.size < 2:
+        return
+    some = np.arange(0, time_s.size - 1, -(-time_s.size // _SAMPLES_LOOKED_AT))
+    interval, duration = float(np.median(time_s[some + 1] - time_s[some])), float(time_s[-1] - time_s[0])
+    advice = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
+    what = f"{source}: column {time.name!r}"
+    if duration > LONGEST_S:
+        raise InputError(f"{what} gives a log of {duration / YEAR_S:,.0f} years; {advice}")
+    if guessed and not _is_interval(interval):
+        raise InputError(f"{what}, which names no unit, gives a sample every {interval:.3g} s; {advice}")
+    most_h = LONGEST_FLOW_GUESSED_H if guessed else LONGEST_FLOW_H
+    longest_h = _flow_h(np.diff(time_s), current_A) if duration > most_h * _HOUR_S else 0.0
+    if longest_h > most_h:
+        largest = float(np.nanmax(np.abs(current_A)))
+        raise InputError(
+            f"{what} gives a charge of {longest_h * largest:,.4g} Ah one way at {largest:.4g} A at most, "
+            f"{longest_h:,.0f} h of it; {advice}"
+        )
+
+
+def _is_interval(seconds: float) -> bool:
+    """True where people let a logger take a sample so often."""
+    if seconds < CHOSEN_FROM_S:
+        return seconds >= SHORTEST_S
+    return seconds <= _HOUR_S and abs(seconds / HALF_MINUTE_S - round(seconds / HALF_MINUTE_S)) < _JITTER
+
+
+def _flow_h(steps: np.ndarray, current_A: np.ndarray) -> float:
+    """Range of the charge over the largest current [h]."""
+    known = np.nan_to_num(current_A)
+    largest = float(np.abs(known).max())
+    if largest == 0.0:
+        return 0.0
+    charge = np.concatenate([[0.0], np.cumsum(known[1:] * steps)])
+    return float(np.ptp(charge)) / largest / _HOUR_S

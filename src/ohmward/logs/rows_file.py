@@ -1,0 +1,191 @@
+"""Tables that are held as rows of cells: workbooks of Excel and their kin; JSON, whose objects are rows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.arrays import plain_array
+from ohmward.logs.cells import Marks, parse_cells
+from ohmward.logs.columns import find_columns
+from ohmward.logs.header import Header, find_block, find_header
+from ohmward.logs.hints import FileHints
+from ohmward.logs.note import Note
+from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.optional import require
+
+#: Beginnings of a file of JSON.
+_JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
+WORKBOOK_ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+
+
+def is_json(head: bytes) -> bool:
+    """True where a file begins like objects of JSON."""
+    return _JSON.match(head) is not None
+
+
+def open_workbook(path: Path, hints: FileHints) -> TableFile:
+    """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows.
+
+    Raises:
+        InputError: damaged, or no sheet with rows of values.
+        OhmwardError: python-calamine is not installed.
+    """
+    calamine = require("python_calamine", "a workbook")
+    try:
+        book = calamine.CalamineWorkbook.from_path(str(path))
+        sheets = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names}
+    except Exception as error:  # of its parser, many kinds
+        raise InputError(f"{path.name}: no readable workbook ({error}); save it again, or as CSV") from error
+    found = []
+    for name, sheet in sheets.items():
+        rows = [[_text(cell) for cell in row] for row in sheet]
+        block = find_block(rows)
+        if block is not None:
+            header = find_header(rows, block)
+            names = tuple(hints.names) if hints.names and len(hints.names) == block.width else header.names
+            found.append((_has_log(names), block.weight, name, rows, header._replace(names=names)))
+    if not found:
+        raise InputError(f"{path.name}: no sheet has rows of numbers; its sheets are {', '.join(sheets) or 'none'}")
+    _, _, sheet_name, rows, header = max(found, key=lambda one: one[:2])
+    notes = (Note(f"sheet {sheet_name!r} of {len(sheets)}"),) if len(sheets) > 1 else ()
+    return _table_file(path.name, rows, header, hints, notes)
+
+
+def _has_log(names: Sequence[str]) -> bool:
+    try:
+        find_columns("", [name for name in names if name])
+    except InputError:
+        return False
+    return True
+
+
+def _table_file(
+    source: str, rows: Sequence[Sequence[str]], header: Header, hints: FileHints, notes: tuple[Note, ...]
+) -> TableFile:
+    """The table of rows of cells below a header."""
+    names = header.names
+    if len([name for name in names if name]) < 2:
+        raise InputError(
+            f"{source}: no header above the rows; name the columns with --names time_s,current_A,voltage_V"
+        )
+    if twice := sorted({name for name in names if name and names.count(name) > 1}):
+        raise InputError(
+            f"{source}: more than one column is named {twice[0]!r}; name all with --names (FileHints(names=[...]))"
+        )
+    data = [row for row in rows[header.first :] if any(row)]
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        columns = {}
+        for k, name in enumerate(header.names):
+            if name and name in names:
+                cells = [row[k] if k < len(row) else "" for row in data]
+                values = parse_cells(cells, Marks(), None)
+                columns[name] = np.array(cells, dtype=object) if values is None else values
+        return Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes)
+
+    head = {name: tuple(row[k] for row in data[:100] if k < len(row)) for k, name in enumerate(names) if name}
+    return TableFile(source, tuple(name for name in names if name), load, head=head, hints=hints)
+
+
+def _text(cell: Any) -> str:
+    """A cell of a workbook as text that the reader of text tables knows."""
+    if isinstance(cell, datetime):
+        return cell.isoformat(" ")
+    if isinstance(cell, date | time):
+        return cell.isoformat()
+    if isinstance(cell, timedelta):
+        return f"{cell.total_seconds():.6f}s"
+    if isinstance(cell, float) and cell.is_integer():
+        return str(int(cell))
+    return "" if cell is None else str(cell)
+
+
+def open_json(path: Path, hints: FileHints) -> TableFile:
+    """The columns of JSON: an object a line, an array of objects, or an object of columns; inner names after a point.
+
+    Raises:
+        InputError: no JSON, or no objects of one kind.
+    """
+    text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
+    columns = _columns(path.name, _content(path.name, text))
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        chosen = {name: values for name, values in columns.items() if name in names}
+        return Table(path.name, chosen, row_numbers(1, len(next(iter(columns.values())))), "object")
+
+    head = {name: tuple(map(str, values[:100])) for name, values in columns.items() if values.dtype == object}
+    return TableFile(path.name, tuple(columns), load, head=head, hints=hints)
+
+
+def _content(source: str, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        pass
+    objects = []
+    lines = [line for line in text.splitlines() if line.strip()]
+    for number, line in enumerate(lines, 1):
+        try:
+            objects.append(json.loads(line))
+        except (ValueError, RecursionError) as error:
+            if number == len(lines) and objects:
+                break  # cut off
+            raise InputError(f"{source}, line {number}: no JSON ({error}); repair or delete the line") from None
+    return objects
+
+
+def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
+    """Columns of equal length."""
+    if isinstance(content, Mapping):
+        lists = {name: value for name, value in content.items() if isinstance(value, list)}
+        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and _flat(lists):
+            return {name: plain_array(value) for name, value in lists.items()}
+        content = next(iter(lists.values()), [content])
+    while content and all(isinstance(one, list) for one in content):
+        content = [one for inner in content for one in inner]
+    rows = [dict(_flattened(one)) for one in content if isinstance(one, Mapping)] if isinstance(content, list) else []
+    names = dict.fromkeys(name for row in rows for name in row)
+    if not rows or len(names) < 2:
+        raise InputError(f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}')
+    return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
+
+
+def _flat(lists: Mapping[str, list]) -> bool:
+    return not any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
+
+
+def _alike(values: list[Any]) -> list[Any]:
+    """Numbers and what is missing as they are; text, where there is any, of all."""
+    if not any(isinstance(value, str) for value in values):
+        return [float(value) if isinstance(value, bool | int | float) else None for value in values]
+    numbers = [None if value is None else _number(value) for value in values]
+    if not any(isinstance(value, str) for value in numbers):
+        return numbers
+    return ["" if value is None else str(value) for value in values]
+
+
+def _number(value: Any) -> Any:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return str(value)
+
+
+def _flattened(one: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in one.items():
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{before}{name}.")
+        elif isinstance(value, list):
+            yield from (
+                (f"{before}{name}[{k}]", item) for k, item in enumerate(value) if not isinstance(item, list | dict)
+            )
+        else:
+            yield f"{before}{name}", value

@@ -1,0 +1,107 @@
+"""What cannot be is an error, and nothing is lost without a word."""
+
+import numpy as np
+import pytest
+
+from logs.formats.known import LOG, lines, rows_of
+from ohmward.errors import InputError
+from ohmward.logs import read_drive, read_log
+
+NAMES = ("time", "current_A", "voltage_V")
+
+
+def log_text(time, names=NAMES):
+    return lines(names, rows_of(LOG, lambda t, i, u, c, at: (time(t), i, u)))
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (1e3, "which names no unit, gives a sample every 1e"),
+        (1e2, "which names no unit, gives a sample every 100 s"),
+        (1e6, "which names no unit, gives a sample every 1e"),
+        (1e9, "which names no unit, gives a sample every 1e|gives a log of"),
+        (1e-6, "which names no unit, gives a sample every 1e-06 s"),
+    ],
+)
+def test_an_interval_that_no_log_has_asks_for_the_unit(write_text, scale, message):
+    with pytest.raises(InputError, match=message) as refused:
+        read_log(write_text(log_text(lambda t: scale * t + 5.2)))
+    assert "--unit time=ms" in str(refused.value)
+
+
+def test_a_unit_that_is_told_is_believed(write_text):
+    path = write_text(log_text(lambda t: 1e3 * t))
+    assert read_log(path, units={"time": "ms"}).duration_s == 299.0
+    assert read_log(path, units={"time": "s"}).duration_s == 299e3
+
+
+@pytest.mark.parametrize("interval_s", [0.001, 1.0, 60.0, 300.0, 900.0])
+def test_intervals_that_people_choose_are_read(write_text, interval_s):
+    assert read_log(write_text(log_text(lambda t: interval_s * t))).dt_s[0] == pytest.approx(interval_s)
+
+
+def test_a_charge_that_no_battery_holds_asks_for_the_unit(write_text):
+    """Twenty milliseconds a row, a discharge of an hour: as seconds it would be a thousand hours."""
+    k = np.arange(180_000)
+    rows = [f"{20 * n},{-5.0 if n % 100 else -1.0},{13.0 - 1e-6 * n + (0 if n % 100 else 0.1)}" for n in k]
+    with pytest.raises(InputError, match=r"gives a charge of .* Ah one way .* --unit time=ms"):
+        read_log(write_text("time,current_A,voltage_V\n" + "\n".join(rows)))
+
+
+def test_a_duration_of_centuries_is_refused_whatever_the_unit(write_text):
+    with pytest.raises(InputError, match=r"gives a log of [\d,]+ years"):
+        read_log(write_text(log_text(lambda t: t / 10, ("time_d", *NAMES[1:])).replace("29.9,", "40000,")))
+
+
+def test_one_column_cannot_be_two_quantities(write_text):
+    path = write_text(log_text(lambda t: t))
+    with pytest.raises(InputError, match="'current_A' cannot be both the current and the voltage"):
+        read_log(path, columns={"current": "current_A", "voltage": "current_A"})
+
+
+def test_a_stray_quote_loses_no_row(write_text):
+    text = log_text(lambda t: t).replace("\n100.0,", '\n"100.0,').replace("\n200.0,", '\n200.0",')
+    log = read_log(write_text(text))
+    np.testing.assert_array_equal(log.voltage_V, LOG.voltage_V)
+    assert any("a quote that nothing closes in 2 lines (first in line 102)" in str(note) for note in log.notes)
+
+
+def test_columns_that_are_not_wanted_may_tell_recordings_apart(write_text):
+    rows = rows_of(LOG, lambda t, i, u, c, at: (t % 100, i, u, int(t // 100)))
+    path = write_text(lines((*NAMES, "script"), rows))
+    for extra in (None, ()):
+        with pytest.raises(InputError, match=r"told apart by 'script' .*--where script=0"):
+            read_log(path, extra=extra)
+
+
+def test_t1_and_t2_are_temperatures(write_text):
+    rows = rows_of(LOG, lambda t, i, u, c, at: (at.strftime("%Y/%m/%d %H:%M:%S"), i, u, c, c))
+    log = read_log(write_text(lines(("Date", "current_A", "voltage_V", "T1", "T2"), rows)))
+    assert log.duration_s == 299.0
+
+
+@pytest.mark.parametrize("name", ["pos_left", "angle_l"])
+def test_positions_are_never_taken_for_speeds(write_text, name):
+    rows = rows_of(LOG, lambda t, i, u, c, at: (t, round(6 * t), round(6 * t)))
+    path = write_text(lines(("time_s", name, "other"), rows))
+    columns = {"left_wheel_speed": name, "right_wheel_speed": "other"}
+    with pytest.raises(InputError, match=r"--counts-per-turn 4096 .*--unit wheel_speed=rad"):
+        read_drive(path, ("left", "right"), 2, columns=columns)
+    drive = read_drive(path, ("left", "right"), 2, columns=columns, counts_per_turn=6)
+    np.testing.assert_allclose(drive.wheel_speed_rad_s[1:, :], 2 * np.pi)
+
+
+def test_day_or_month_first_is_left_open_where_nothing_tells(write_text):
+    rows = rows_of(LOG, lambda t, i, u, c, at: (f"03/05/2026 {at:%H:%M:%S}", i, u))
+    log = read_log(write_text(lines(NAMES, rows)))
+    assert log.start_unix_s is None
+    assert any(
+        "may name the day or the month first" in str(note) and "--time-format" in str(note) for note in log.notes
+    )
+
+
+def test_a_long_table_of_centuries_is_refused(write_text):
+    rows = "2026-01-01T00:00:00Z,current,1\n2026-01-01T00:00:00Z,voltage,12\n9999-12-31T00:00:00Z,voltage,12\n"
+    with pytest.raises(InputError, match=r"gives a log of 7,97\d years"):
+        read_log(write_text(f"time,name,value\n{rows}"))

@@ -1,0 +1,11 @@
+"""The tables of formats in docs/logs.md are those of the formats that the tests read."""
+
+from benchmarks.scripts import script
+
+fill_formats = script("fill_formats", "docs")
+
+
+def test_the_page_lists_the_formats_of_the_tests():
+    text = fill_formats.PAGE.read_text(encoding="utf-8")
+    assert fill_formats.filled(text) == text, "run `python docs/fill_formats.py`"
+    assert all(about.name in text for about in fill_formats.FORMATS)
