@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,3 +89,9 @@ def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
     main(["doctor", "careless.toml"])
     exact = "capacity_std, activation_std_K, ocv_std_V_per_K, hysteresis_std: 0 in [noise]"
     assert f"taken as exact  {exact}" in capsys.readouterr().out
+
+
+def test_a_drive_is_named_as_one(here, refused):
+    Path("drive.csv").write_text("time_s,velL,velR\n0,1,1\n1,1,1\n2,1,1\n", encoding="utf-8")
+    said = refused("doctor", "drive.csv")
+    assert "looks like a drive, with 'velL', 'velR'" in said and "ohmward slip drive.csv" in said

@@ -32,6 +32,15 @@ def test_json(identified):
     assert identified["seconds"] > 0
 
 
+def test_a_test_that_the_model_does_not_fit_ends_with_a_status_and_a_sentence(here, identified, capsys):
+    assert identified["fits"] is True
+    capsys.readouterr()
+    assert main([*IDENTIFY, "--chemistry", "nmc", "--current-sign", "discharge"]) == 1
+    text = capsys.readouterr().out
+    assert "The model does not fit these tests" in text
+    assert "does not fit 'test': its voltage is off by" in text
+
+
 def test_a_capacity_in_milliampere_hours_is_seen(here, refused):
     words = ["12000" if word == "12" else word for word in IDENTIFY]
     assert "is that in mAh? Then write 12" in refused(*words)

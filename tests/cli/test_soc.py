@@ -15,7 +15,7 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
-    "explanation", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
+    "explanation", "fits", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
 LATE = {f"{name}_after_1h" for name in SCORES}
@@ -196,3 +196,11 @@ def test_a_drive_has_no_event_that_tells_soc(here, as_json, capsys):
     assert as_json(*SOC)["anchors"] == []
     assert main(list(SOC)) == 0
     assert "Events" not in capsys.readouterr().out
+
+
+def test_a_log_that_the_file_does_not_fit_ends_with_a_status_and_a_sentence(here, as_json, capsys):
+    assert as_json(*SOC)["fits"] is True
+    assert main([*SOC, "--current-sign", "discharge"]) == 1
+    text = capsys.readouterr().out
+    assert "The battery file does not fit this log" in text
+    assert "does not fit the log: it would need" in text

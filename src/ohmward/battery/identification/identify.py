@@ -31,6 +31,7 @@ from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.edges import edge_notes
 from ohmward.battery.identification.first_ocv import FirstOcv, find_first_ocv, known_without_curve, usual_efficiency
+from ohmward.battery.identification.fit_check import fit_notes, reproduces
 from ohmward.battery.identification.fit_samples import FitSamples, thin, thin_branch
 from ohmward.battery.identification.label_check import label_notes
 from ohmward.battery.identification.load_temperature import load_temperature
@@ -72,6 +73,11 @@ class Identified(NamedTuple):
     logs: tuple[LogDetails, ...] = ()
     fit: CircuitFit | None = None
     rc: RcIdentification | None = None
+
+    @property
+    def fits(self) -> bool:
+        """True where the circuit reproduces every log that it was fitted to."""
+        return reproduces(self.battery)
 
 
 class Preparation(NamedTuple):
@@ -213,7 +219,6 @@ def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | No
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
     """The Thevenin circuit, its noise and its confidence, with the RC model of the same logs."""
-    Q, ocv = settings.capacity_Ah, prepared.ocv
     parts = [thin(r, a.soc) for r, a in zip(prepared.fast, prepared.axes, strict=True)]
     samples = tuple(part for parts_of_record in parts for part in parts_of_record)
     problem = _problem(prepared, samples, settings)
@@ -223,17 +228,16 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
     voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(samples))
     details = tuple(
-        details_of(r, a, own, tuple(islice(voltages, len(own))), Q)
+        details_of(r, a, own, tuple(islice(voltages, len(own))), model)
         for r, a, own in zip(prepared.fast, prepared.axes, parts, strict=True)
     )
-    hysteresis = any(ocv.hysteresis_V)
+    hysteresis, edges = any(prepared.ocv.hysteresis_V), [edge for d in details for edge in d.edges]
+    fits = *(d.quality for d in details), *branch_fits(prepared.branches)
     provenance = replace(
         _provenance(prepared, settings),
-        logs=(*(d.quality for d in details), *branch_fits(prepared.branches)),
+        logs=fits,
         confidence=confidence_intervals(fit, hysteresis, problem.fit_activation),
-        notes=tuple(
-            str(note) for note in (*prepared.notes, *choice, *edge_notes([e for d in details for e in d.edges]))
-        ),
+        notes=tuple(map(str, (*prepared.notes, *choice, *edge_notes(edges), *fit_notes(details, fits, model.ocv)))),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)
@@ -241,13 +245,13 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     noise = replace(noise, capacity_std=_capacity_std(prepared))
     missing = (
         *prepared.first.not_identified,
-        *not_identified(fit, samples, Q, hysteresis),
+        *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
         *untested_sentences(fit, problem, settings.chemistry),
     )
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     battery, found = _with_rc(battery, prepared, settings, model.ocv)
-    return Identified(battery, prepared.branches, ocv, details, fit, found)
+    return Identified(battery, prepared.branches, prepared.ocv, details, fit, found)
 
 
 def _fit(
@@ -348,8 +352,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
 
 def _capacity_std(prepared: Preparation) -> float:
     """Relative error of the capacity: less where a low-rate test from full to empty has measured it."""
-    measured = any(b.complete for b in prepared.branches)
-    return MEASURED_CAPACITY_STD if measured else AGED_CAPACITY_STD
+    return MEASURED_CAPACITY_STD if any(b.complete for b in prepared.branches) else AGED_CAPACITY_STD
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:

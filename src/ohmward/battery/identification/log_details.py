@@ -16,6 +16,7 @@ from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.relaxation import Relaxation, find_relaxations
 from ohmward.battery.identification.segments import Phase, find_pulses
 from ohmward.battery.identification.soc_axis import SocAxis
+from ohmward.battery.models.thevenin import Thevenin
 
 
 class LogDetails(NamedTuple):
@@ -23,6 +24,7 @@ class LogDetails(NamedTuple):
 
     axis: its state of charge and the anchors of that; pulses; edges; relaxations; rests: ends of long rests.
     parts: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each.
+    gassing_V: from this voltage on the battery gases, which no circuit models; None where it never does.
     """
 
     record: Record
@@ -33,6 +35,7 @@ class LogDetails(NamedTuple):
     rests: tuple[RestPoint, ...]
     parts: tuple[FitSamples, ...]
     simulated_V: tuple[np.ndarray, ...]
+    gassing_V: float | None
 
     @property
     def residual_V(self) -> tuple[np.ndarray, ...]:
@@ -41,13 +44,26 @@ class LogDetails(NamedTuple):
 
     @property
     def quality(self) -> LogFit:
-        """Range of SoC and residual of the fit; samples weigh as the time they stand for."""
-        residual_V = np.concatenate(self.residual_V)
-        measured = np.isfinite(residual_V)
-        weight = np.minimum(np.concatenate([s.dt_s for s in self.parts])[measured], COARSEST_S)
-        mean_square = weight @ residual_V[measured] ** 2 / max(weight.sum(), 1e-9)
-        largest_V = float(np.abs(residual_V[measured]).max())
+        """Range of SoC and residual of the fit below gassing; samples weigh as the time they stand for."""
+        residual_V, modelled = np.concatenate(self.residual_V), self._modelled
+        weight = np.minimum(np.concatenate([s.dt_s for s in self.parts])[modelled], COARSEST_S)
+        mean_square = weight @ residual_V[modelled] ** 2 / max(weight.sum(), 1e-9)
+        largest_V = float(np.abs(residual_V[modelled]).max(initial=0.0))
         return log_fit(self.record.log.name, self.record.test, self.axis.soc, float(np.sqrt(mean_square)), largest_V)
+
+    @property
+    def gassing_share(self) -> float:
+        """Share of the measured samples at which the battery gases."""
+        return 1.0 - int(np.count_nonzero(self._modelled)) / max(int(np.count_nonzero(self._measured)), 1)
+
+    @property
+    def _measured(self) -> np.ndarray:
+        return np.isfinite(np.concatenate(self.residual_V))
+
+    @property
+    def _modelled(self) -> np.ndarray:
+        voltage_V = np.concatenate([s.voltage_V for s in self.parts])
+        return self._measured & (voltage_V < (np.inf if self.gassing_V is None else self.gassing_V))
 
 
 def details_of(
@@ -55,9 +71,10 @@ def details_of(
     axis: SocAxis,
     parts: tuple[FitSamples, ...],
     simulated_V: tuple[np.ndarray, ...],
-    capacity_Ah: float,
+    model: Thevenin,
 ) -> LogDetails:
-    """Pulses, edges, relaxations and rests of a record beside its samples and the simulated voltage."""
+    """Pulses, edges, relaxations and rests of a record beside its samples and their voltage as simulated by a model."""
+    capacity_Ah = model.capacity_Ah
     return LogDetails(
         record,
         axis,
@@ -67,6 +84,7 @@ def details_of(
         rest_points(record, axis.soc),
         parts,
         simulated_V,
+        model.gassing_V,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from ohmward.battery.models.noise import HOUR_S, walk_variance
 from ohmward.checks import require_each_not_negative, require_finite
@@ -13,6 +14,9 @@ from ohmward.trace.expression import Scalar
 OFFSET_SHARE = 0.025
 OFFSET_WALK_SHARE = 0.001
 NOISE_SHARE = 0.002
+
+#: An offset of more standard deviations is none: something else is wrong.
+MOST_OFFSET = 3.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,10 @@ class CurrentSensor:
     def offset_walk_variance(self, dt_s: Scalar) -> Scalar:
         """Process variance [A^2] of the offset in one step."""
         return walk_variance(self.offset_walk_A, HOUR_S, dt_s)
+
+    def contradicts(self, offset_A: Scalar) -> Any:
+        """True where this sensor cannot have such an offset."""
+        return abs(offset_A - self.offset_A) > MOST_OFFSET * self.offset_std_A
 
     def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
         """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the noise."""

@@ -21,9 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
 from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.initial_soc import WRONG_SHARE, hypotheses
+from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.checks import require_between
@@ -73,6 +75,11 @@ class GaussianSumFilter:
         return self.member.system
 
     @property
+    def sensor(self) -> CurrentSensor:
+        """Current sensor, the same for every hypothesis."""
+        return self.member.sensor
+
+    @property
     def state_names(self) -> tuple[str, ...]:
         """Names of a member's mean, in order."""
         return self.member.state_names
@@ -111,7 +118,7 @@ class GaussianSumFilter:
             ]
         )
         after = GaussianSumState(tuple(step.state for step in steps), log_weights)
-        return after, mixed([step.estimate for step in steps], log_weights)
+        return after, with_misfit(mixed([step.estimate for step in steps], log_weights), self.sensor)
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:

@@ -25,6 +25,7 @@ from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory,
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
+from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
 from ohmward.filters import adaptive, extended, unscented
@@ -37,7 +38,6 @@ from ohmward.trace import clip, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
-
 #: The largest capacity that is told is ten times the file's: the gain is its inverse.
 LEAST_CHARGE_GAIN = 0.1
 
@@ -201,7 +201,7 @@ class TheveninFilter:
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
         done = self.advance(state, self.take_in(state, sample), self.has_diverged(state))
-        return done.state, done.estimate
+        return done.state, with_misfit(done.estimate, self.sensor)
 
     def has_diverged(self, state: FilterState) -> Any:
         """True where the voltage has contradicted the belief for too long."""

@@ -17,7 +17,10 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="a log (CSV, Parquet or BDF) or a battery file (.toml)"
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="a log (any format of docs/logs.md, - for standard input) or a battery file (.toml)",
     )
     add_log_options(parser)
     add_output_options(parser)

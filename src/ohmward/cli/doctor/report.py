@@ -9,6 +9,7 @@ from ohmward.cli.doctor.result import contents
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration, grouped, sentence
 from ohmward.figures import battery as pictures
+from ohmward.figures.parts import wall_clock
 from ohmward.logs import Log
 from ohmward.logs.doctor import Findings
 from ohmward.report import Figure, Page
@@ -40,7 +41,9 @@ def _section(page: Page, log: Log, found: Findings) -> Page:
     page = page.numbers(figures)
     for finding in found.findings:
         page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
-    page = page.plot(*_plots(log)).table(["Quantity", "Found"], list(contents(log, found).items()))
+    page = page.plot(*_plots(log), clock=wall_clock(log)).table(
+        ["Quantity", "Found"], list(contents(log, found).items())
+    )
     return with_assumptions(page, found.notes)
 
 

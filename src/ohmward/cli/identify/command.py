@@ -20,7 +20,7 @@ from ohmward.logs import Log
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Identify the battery, write its file."""
+    """Identify the battery, write its file; the exit status is 1 if the model does not fit its tests."""
     check_output("--output", args.output, (".toml",), [str(split_selection(text)[0]) for text in args.logs])
     logs = [read_battery_log(text, args) for text in args.logs]
     began = time.perf_counter()
@@ -31,7 +31,8 @@ def run(args: argparse.Namespace) -> Outcome:
     figures = summary(found, seconds)
     notes = _notes(logs) + figures["notes"]
     figures |= {"notes": notes, "output": args.output, "report": args.report}
-    return Outcome(figures, describe(found.battery, figures), notes, partial(make_page, found, notes))
+    page = partial(make_page, found, notes)
+    return Outcome(figures, describe(found.battery, figures), notes, page, status=int(not found.fits))
 
 
 def _identify(logs: Sequence[Log], args: argparse.Namespace) -> Identified:

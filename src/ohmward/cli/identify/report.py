@@ -9,9 +9,10 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification import Identified, LogDetails
 from ohmward.cli.identify.rc import HEADER, rc_rows, rc_summary
-from ohmward.cli.identify.result import FITS, PARAMETERS, fit_rows, parameter_rows
+from ohmward.cli.identify.result import FITS, MISFIT, PARAMETERS, fit_rows, parameter_rows
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
+from ohmward.figures.parts import wall_clock
 from ohmward.report import Page
 
 _MOST_RELAXATIONS = 6
@@ -21,6 +22,8 @@ def make_page(found: Identified, notes: Sequence[str]) -> Page:
     """The chain from top to bottom: result, open-circuit voltage, resistances, each log with its rests."""
     battery = found.battery
     page = Page(f"Battery {battery.name!r}", _subtitle(battery), FOOTER).numbers(_numbers(battery))
+    if not found.fits:
+        page = page.callout("warning", MISFIT)
     for text in battery.not_identified:
         page = page.callout("warning", f"Not identified: {text}")
     page = _circuit(page, found)
@@ -75,7 +78,9 @@ def _rc(page: Page, found: Identified) -> Page:
 
 def _log(page: Page, details: LogDetails) -> Page:
     """One log: fit and residuals, then how the voltage relaxes in some of its rests."""
-    page = page.heading(f"Fit of {details.record.log.name}").plot(*pictures.fit_figures(details))
+    page = page.heading(f"Fit of {details.record.log.name}").plot(
+        *pictures.fit_figures(details), clock=wall_clock(details.record.log)
+    )
     residual_mV = 1e3 * np.concatenate(details.residual_V)
     if np.isfinite(residual_mV).any():
         page = page.plot(pictures.histogram_figure(residual_mV, "Residuals", "Measured - simulated voltage [mV]"))

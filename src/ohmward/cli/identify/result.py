@@ -11,6 +11,7 @@ from ohmward.cli import wording
 from ohmward.cli.identify.rc import HEADER, rc_rows, rc_summary
 
 PARAMETERS = ["parameter", "value", "95 % interval"]
+MISFIT = "The model does not fit these tests, do not use the file: see the warnings below."
 FITS = ["log", "test", "SoC", "voltage error, RMS", "largest"]
 
 
@@ -28,6 +29,7 @@ def summary(found: Identified, seconds: float) -> dict[str, Any]:
         "sensor": asdict(battery.sensor),
         "capacity_measured_Ah": source.capacity_measured_Ah or None if source else None,
         "parameters": [asdict(c) for c in source.confidence] if source else [],
+        "fits": found.fits,
         "rc": rc_summary(found.rc) if found.rc else None,
         "logs": [asdict(fit) for fit in source.logs] if source else [],
         "not_identified": list(battery.not_identified),
@@ -46,6 +48,7 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
     )
     return wording.paragraphs(
         title,
+        "" if figures["fits"] else MISFIT,
         wording.table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
         wording.table(HEADER, rc_rows(figures["rc"])) if figures["rc"] and figures["model"] == "rc" else "",
         wording.table(FITS, fit_rows(battery)),

@@ -6,6 +6,7 @@ import argparse
 from functools import partial
 from pathlib import Path
 
+from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import chosen_name
 from ohmward.cli.battery_inputs import estimate, estimate_cells, make_soc_task
 from ohmward.cli.outcome import Outcome, check_output
@@ -17,7 +18,7 @@ from ohmward.logs.write import TABLES
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Estimate, compare with the truth, write the estimates."""
+    """Estimate, compare with the truth, write the estimates; the exit status is 1 if the battery file does not fit."""
     check_output("--output", args.output, TABLES, [args.log, args.battery])
     with progress() as report:
         task = make_soc_task(args, report)
@@ -25,10 +26,13 @@ def run(args: argparse.Namespace) -> Outcome:
         cells = estimate_cells(task, name, args, report)
         answer = cells.soc_run if cells else estimate(task, name, args, report)
         if args.output:
-            written = counting(report, f"writing {Path(args.output).name}")
-            write_table(estimate_table(task, answer, cells), args.output, written)
+            writing = counting(report, f"writing {Path(args.output).name}")
+            write_table(estimate_table(task, answer, cells), args.output, writing)
     if cells:
         task = task._replace(log=cells.log)
-    figures = summary(task, name, answer, cells)
+    wrong = misfits(answer)
+    task = task._replace(log=task.log.with_notes(*wrong))
+    figures = summary(task, name, answer, cells) | {"fits": not wrong}
     page = partial(make_page, task, name, (answer, cells), figures)
-    return Outcome(figures | {"output": args.output, "report": args.report}, describe(task, figures), task.notes, page)
+    written = {"output": args.output, "report": args.report}
+    return Outcome(figures | written, describe(task, figures), task.notes, page, status=int(bool(wrong)))

@@ -15,8 +15,9 @@ from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, headline, 
 from ohmward.cli.wording import duration, percent, quantity, sentence
 from ohmward.figures import battery as pictures
 from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
+from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
-from ohmward.report import Figure, Page
+from ohmward.report import Figure, Page, WallClock
 
 
 def make_page(task: SocTask, name: str, answers: tuple[SocRun, PackRun | None], figures: dict[str, Any]) -> Page:
@@ -29,25 +30,25 @@ def make_page(task: SocTask, name: str, answers: tuple[SocRun, PackRun | None], 
     what = f"State of charge by {name}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
     explanation = figures["explanation"]
     page = Page(task.log.name, what, FOOTER)
-    page = page.callout("info" if explanation["known"] else "warning", headline(figures))
-    page = page.numbers(_numbers(figures)).plot(*_plots(task, answer))
+    page = page.callout("info" if explanation["known"] and figures["fits"] else "warning", headline(figures))
+    page = page.numbers(_numbers(figures)).plot(*_plots(task, answer), clock=wall_clock(task.log))
     if figures["anchors"]:
         page = page.heading(TITLE).table(HEADER_OF_ANCHORS, anchor_rows(figures))
     if cells:
-        page = _cells(page, cells, figures)
+        page = _cells(page, cells, figures, wall_clock(task.log))
     if explanation["causes"]:
         page = page.heading("What makes the band wide").table(CAUSE_HEADER, cause_rows(figures), sentence(SQUARES))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
     return with_assumptions(page, task.notes)
 
 
-def _cells(page: Page, cells: PackRun, figures: dict[str, Any]) -> Page:
+def _cells(page: Page, cells: PackRun, figures: dict[str, Any], clock: WallClock | None) -> Page:
     """The page with the section on the cells of the pack."""
     page = page.heading("Cells")
     for warning in figures["cells"]["warnings"]:
         page = page.callout("warning", f"{warning['text']}.")
     page = page.table(["Quantity", "Value"], list(cells_result(figures).items()))
-    page = page.plot(cells_soc_figure(cells), cells_difference_figure(cells))
+    page = page.plot(cells_soc_figure(cells), cells_difference_figure(cells), clock=clock)
     return page.table(HEADER, cell_rows(figures), "Half widths are those of the 95 % bands.")
 
 

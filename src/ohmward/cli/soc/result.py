@@ -30,7 +30,7 @@ SQUARES = "the squares of the parts add up to that of the band"
 
 
 def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = None) -> dict[str, Any]:
-    """The object of --json."""
+    """The object of --json, but for `fits`."""
     log, estimates = task.log, answer.estimates
     voltage = voltage_score(log, estimates)
     explanation = answer.explain()
@@ -79,7 +79,8 @@ def describe(task: SocTask, figures: dict[str, Any]) -> str:
 
 def headline(figures: dict[str, Any]) -> str:
     """State of charge in a sentence, that of the pack first where the log has its cells."""
-    return cells_sentence(figures) + wording.sentence(figures["explanation"]["sentence"])
+    doubt = "" if figures["fits"] else "The battery file does not fit this log, do not trust the estimate. "
+    return doubt + cells_sentence(figures) + wording.sentence(figures["explanation"]["sentence"])
 
 
 def result(figures: dict[str, Any]) -> dict[str, str]:

@@ -1,0 +1,92 @@
+"""A battery file that does not fit the log is named, and one that fits is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ohmward import SocEstimator, generic_battery, identify, make_robot_day
+from ohmward.battery.battery import Battery
+from ohmward.battery.soc.fit_check import lasting_error, misfits
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.filters.run import Run
+from ohmward.logs.log import Log
+
+LABELS = {"lfp": generic_battery("lfp", 12.0, 4), "lead-acid": generic_battery("lead-acid", 12.0, 6)}
+
+
+@pytest.fixture(scope="module")
+def tested() -> Battery:
+    return identify(make_robot_day("lfp").pulse_test, capacity_Ah=12, chemistry="lfp", n_series=4)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("chemistry", LABELS)
+def test_the_file_of_the_battery_fits(chemistry, seed):
+    run = SocEstimator(LABELS[chemistry]).run(make_robot_day(chemistry, seed).mission)
+    assert misfits(run) == ()
+    assert "misfit" not in run.counts()
+
+
+def test_the_tested_battery_fits(tested):
+    assert misfits(SocEstimator(tested).run(make_robot_day("lfp").mission)) == ()
+
+
+def test_a_file_of_another_chemistry_does_not_fit(tested):
+    (note,) = misfits(SocEstimator(tested).run(make_robot_day("lead-acid").mission))
+    assert note.level == "warning"
+    assert "does not fit" in note.text
+
+
+def test_a_current_of_the_wrong_sign_does_not_fit(tested):
+    day = make_robot_day("lfp").mission
+    assert misfits(SocEstimator(tested).run(replace(day, current_A=-day.current_A)))
+
+
+def test_a_current_in_another_unit_does_not_fit(tested):
+    day = make_robot_day("lfp").mission
+    assert misfits(SocEstimator(tested).run(replace(day, current_A=3.0 * day.current_A)))
+
+
+def test_an_impossible_offset_is_flagged_live(tested):
+    estimator = SocEstimator(tested, 0.5, 0.01)
+    offset_A = 0.25 * tested.capacity_Ah
+    hours = _rest(tested, hours=3.0, current_A=offset_A)
+    flags = [
+        estimator.update(*sample).flags for sample in zip(hours.time_s, hours.current_A, hours.voltage_V, strict=True)
+    ]
+    assert flags[0] == 0
+    assert flags[-1] & SocFlag.MISFIT
+
+
+def test_errors_over_those_that_are_expected():
+    rng = np.random.default_rng(3)
+    white = rng.normal(size=6000)
+    assert lasting_error(_run(white, 1.0)) == pytest.approx(1.0, abs=0.03)
+    assert lasting_error(_run(white, 0.5)) == pytest.approx(2.0, abs=0.06)
+    assert lasting_error(_run(np.full(6000, 0.7), 1.0)) == pytest.approx(0.7)
+    assert np.isnan(lasting_error(_run(white[:99], 1.0)))
+
+
+def test_filters_without_errors_as_states_are_not_judged(tested):
+    day = make_robot_day("lead-acid").mission
+    assert misfits(SocEstimator(tested, filter="textbook-ukf").run(day)) == ()
+
+
+def _rest(battery: Battery, hours: float, current_A: float) -> Log:
+    """A battery at rest at half charge while its sensor shows a current."""
+    time_s = np.arange(0.0, 3600.0 * hours, 10.0)
+    assert battery.thevenin
+    voltage_V = float(
+        np.interp(0.5, np.linspace(0, 1, len(battery.thevenin.ocv.voltage_V)), battery.thevenin.ocv.voltage_V)
+    )
+    return Log("rest", time_s, np.full(len(time_s), current_A), np.full(len(time_s), voltage_V))
+
+
+def _run(innovation_V: np.ndarray, std_V: float) -> Run[SocEstimate]:
+    n = len(innovation_V)
+    columns = {name: np.ones(n) for name in SocEstimate._fields}
+    columns |= {"innovation_V": innovation_V, "voltage_std_V": np.full(n, std_V)}
+    return Run(10.0 * np.arange(n), SocEstimate(**columns), 0.0)
