@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.report.axis import (
+    WallClock,
     decimals,
     linear_ticks,
     log_ticks,
@@ -71,7 +72,18 @@ def test_figures_of_a_stack_share_their_extent_in_one_unit():
     x = np.array([0.0, 600.0])
     one = Figure("a", TIME, "y", [Series(x, x, "s")])
     two = Figure("b", TIME, "y", bands=[Band(x + 300, x, x, "b")])
-    assert shared_x([one, two]) == ("Time [min]", 0.0, 15.0, 60.0)
+    assert shared_x([one, two])[:4] == ("Time [min]", 0.0, 15.0, 60.0)
+
+
+def test_a_log_with_dates_has_an_axis_in_seconds_of_its_clock_and_names_the_zone():
+    x = np.array([0.0, 600.0])
+    figures = [Figure("a", TIME, "y", [Series(x, x, "s")])]
+    axis = shared_x(figures, WallClock(1.7e9, "Europe/Berlin"))
+    assert axis.place(60.0) == 1.7e9 + 60
+    assert tuple(axis) == ("Time (Europe/Berlin)", 1.7e9, 1.7e9 + 600, 1.0, 1.7e9, "Europe/Berlin")
+    assert shared_x(figures, WallClock(0.0, "")).label == "Time (as in the log, which names no time zone)"
+    other = [Figure("a", "Slip [-]", "y", [Series(x, x, "s")])]
+    assert shared_x(other, WallClock(1.7e9)).time_zone is None
 
 
 def test_a_stack_with_two_kinds_of_x_is_refused():

@@ -9,7 +9,9 @@ import numpy as np
 
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
-from ohmward.report import Band, Span
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Log
+from ohmward.report import Band, Span, WallClock
 from ohmward.report.palette import Meaning
 from ohmward.runs import runs
 
@@ -24,6 +26,11 @@ class Timed(Protocol):
     def time_s(self) -> np.ndarray:
         """(T,) of its samples."""
         ...
+
+
+def wall_clock(log: Log | DriveLog) -> WallClock | None:
+    """Clock of a log that has dates."""
+    return None if log.start_unix_s is None else WallClock(log.start_unix_s, log.time_zone)
 
 
 def band_95(

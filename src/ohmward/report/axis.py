@@ -19,17 +19,37 @@ class AxisUnit(NamedTuple):
     seconds: float
 
 
+class WallClock(NamedTuple):
+    """Clock of a log with dates.
+
+    start_unix_s: Unix time [s] of x = 0.
+    time_zone: name in the IANA database, to show the time in; "" where the log names none: its dates are shown.
+    """
+
+    start_unix_s: float
+    time_zone: str = "UTC"
+
+
 class XAxis(NamedTuple):
-    """X axis: its label, its extent in its own unit, and that unit in the unit of the data."""
+    """X axis: its label, its extent in its own unit, and that unit in the unit of the data.
+
+    start: added to the data in the unit of the axis.  time_zone: of a wall clock, None for every other axis.
+    """
 
     label: str
     low: float
     high: float
     unit: float
+    start: float = 0.0
+    time_zone: str | None = None
+
+    def place(self, x: float) -> float:
+        """A place of the data on the axis."""
+        return x / self.unit + self.start
 
 
-def shared_x(figures: Sequence[Figure]) -> XAxis:
-    """X axis of all figures; with `TIME`, in the unit that suits their duration.
+def shared_x(figures: Sequence[Figure], clock: WallClock | None = None) -> XAxis:
+    """X axis of all figures; with `TIME`, the wall clock where there is one, else the unit that suits their duration.
 
     Raises: InputError when there are no figures, or when they do not have one x_label.
     """
@@ -41,6 +61,10 @@ def shared_x(figures: Sequence[Figure]) -> XAxis:
     low, high = _extent(figures)
     if labels != {TIME}:
         return XAxis(labels.pop(), low, high, 1.0)
+    if clock is not None:
+        start, zone = clock
+        label = f"Time ({zone})" if zone else "Time (as in the log, which names no time zone)"
+        return XAxis(label, low + start, high + start, 1.0, start, zone or "UTC")
     name, seconds = time_unit(high - low)
     return XAxis(f"Time [{name}]", low / seconds, high / seconds, seconds)
 

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
-from typing import Final, Literal, get_args
+from typing import Final, Literal, NamedTuple, get_args
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
+from ohmward.report.axis import WallClock
 from ohmward.report.figure import Figure
 from ohmward.report.payload import stack
 
 Level = Literal["info", "warning", "error"]
-Cell = str | int | float | None
+
+
+class HeatCell(NamedTuple):
+    """A cell of a heat map: its text, and how dark it is, 0 to 4."""
+
+    text: str
+    level: int
+
+
+Cell = str | int | float | HeatCell | None
 
 _LEADING_NUMBER: Final = re.compile(r"([+\-−]?\d[\d.,]*(?:e[+-]?\d+)?\s?%?)(.*)", re.DOTALL)
 
@@ -59,17 +69,37 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = 
     head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))
     body = "".join(f"<tr>{_row(row, classes)}</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return f'<div class="scroll"><table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    scroll = f'<div class="scroll" tabindex="0" role="group" aria-label="Table: {escape(", ".join(header))}">'
+    return f"{scroll}<table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
 
 
 def _row(row: Sequence[Cell], classes: Sequence[str]) -> str:
-    return "".join(f"<td{c}>{escape(_text(cell))}</td>" for cell, c in zip(row, classes, strict=True))
+    return "".join(_cell(cell, c) for cell, c in zip(row, classes, strict=True))
 
 
-def plot(figures: Sequence[Figure]) -> str:
+def _cell(cell: Cell, column_class: str) -> str:
+    if isinstance(cell, HeatCell):
+        return f'<td class="number heat-{cell.level}">{escape(cell.text)}</td>'
+    return f"<td{column_class}>{escape(_text(cell))}</td>"
+
+
+def plot(figures: Sequence[Figure], clock: WallClock | None = None) -> str:
     """Figures above each other on one x axis; `assets/plots.js` draws them from the embedded data."""
     captions = "".join(f"<figure><figcaption>{escape(f.title)}</figcaption></figure>" for f in figures)
-    return f'<div class="stack">{captions}<script type="application/json">{embed(stack(figures))}</script></div>'
+    data = embed(stack(figures, clock))
+    return f'<div class="stack">{captions}<script type="application/json">{data}</script></div>'
+
+
+def folded(blocks: Iterable[str]) -> Iterator[str]:
+    """The blocks, each heading with those below it as a section that can be folded away."""
+    within = False
+    for block in blocks:
+        if block.startswith("<h2"):
+            yield f"{'</details>' * within}<details open><summary>{block}</summary>"
+            within = True
+        else:
+            yield block
+    yield "</details>" * within
 
 
 def embed(data: object) -> str:

@@ -6,15 +6,16 @@ VLDB 2014: the first, last, lowest and highest sample of each pixel column draw 
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 DOT_PX: Final = 4
 """Diameter of a sample drawn as a point."""
-FINEST: Final = 8000
-"""Columns for which a figure keeps the samples of a long line: more than any page or picture shows."""
+FINEST: Final = 256_000
+"""Columns for which a figure keeps the samples of a long line: a million samples stay whole, and may be zoomed into."""
+_COLUMNS_AT_ONCE: Final = 20_000
+"""Columns decimated at once: bounds the memory that ten million samples take."""
 
 
 def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
@@ -25,8 +26,9 @@ def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     """
     if x.size <= 4 * columns:
         return np.arange(x.size)
-    edges = pairwise(column_edges(x, columns).tolist())
-    return np.array([i + k for i, j in edges if i < j for k in _column_samples(y[i:j])])
+    edges = np.unique(column_edges(x, columns))
+    blocks = (edges[k : k + _COLUMNS_AT_ONCE + 1] for k in range(0, edges.size - 1, _COLUMNS_AT_ONCE))
+    return np.concatenate([block[0] + _column_samples(y[block[0] : block[-1]], block - block[0]) for block in blocks])
 
 
 def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -52,10 +54,9 @@ def envelope(
     """
     if x.size <= 2 * columns:
         return x, low, high
-    boxes = [(i, j) for i, j in pairwise(column_edges(x, columns)) if i < j]
-    ends = np.array([x[[i, j - 1]] for i, j in boxes]).ravel()
-    lowest = np.array([np.fmin.reduce(low[i:j]) for i, j in boxes])
-    highest = np.array([np.fmax.reduce(high[i:j]) for i, j in boxes])
+    edges = np.unique(column_edges(x, columns))
+    ends = x[np.stack([edges[:-1], edges[1:] - 1], axis=1)].ravel()
+    lowest, highest = np.fmin.reduceat(low, edges[:-1]), np.fmax.reduceat(high, edges[:-1])
     return ends, np.repeat(lowest, 2), np.repeat(highest, 2)
 
 
@@ -78,17 +79,21 @@ def column_edges(x: np.ndarray, columns: int) -> np.ndarray:
     return np.concatenate([[0], np.searchsorted(x, inner), [x.size]])
 
 
-def _column_samples(y: np.ndarray) -> list[int]:
-    """Indices of the first, last, lowest and highest sample, and of the first gap."""
-    gaps = np.isnan(y)
-    if not gaps.any():
-        return sorted({0, y.size - 1, int(y.argmin()), int(y.argmax())})
-    finite = np.flatnonzero(~gaps)
-    if finite.size == 0:
-        return [0]
-    known = y[finite]
-    ends = finite[[0, -1, int(known.argmin()), int(known.argmax())]]
-    return sorted({int(gaps.argmax()), *ends.tolist()})
+def _column_samples(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Indices of the first, last, lowest and highest sample and the first gap of each column; edges: (columns + 1,)."""
+    gap = np.isnan(y)
+    column = np.repeat(np.arange(edges.size - 1), np.diff(edges))
+    lowest, highest = np.fmin.reduceat(y, edges[:-1])[column], np.fmax.reduceat(y, edges[:-1])[column]
+    rows = [_firsts(chosen, column) for chosen in (gap, ~gap, y == lowest, y == highest)]
+    known = np.flatnonzero(~gap)
+    rows.append(known[np.diff(column[known], append=-1) != 0])
+    return np.unique(np.concatenate(rows))
+
+
+def _firsts(chosen: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Index of the first chosen sample of each column that has one."""
+    rows = np.flatnonzero(chosen)
+    return rows[np.diff(column[rows], prepend=-1) != 0]
 
 
 def _cells(values: np.ndarray, count: int) -> np.ndarray:

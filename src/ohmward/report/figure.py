@@ -95,7 +95,7 @@ class Band:
         gap = np.isnan(low) | np.isnan(high)
         if gap.any():
             low, high = np.where(gap, np.nan, low), np.where(gap, np.nan, high)
-        for name, values in zip(("x", "low", "high"), envelope(x, low, high, FINEST), strict=True):
+        for name, values in zip(("x", "low", "high"), envelope(x, low, high, 2 * FINEST), strict=True):
             object.__setattr__(self, name, values)
 
 

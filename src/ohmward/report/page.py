@@ -22,12 +22,15 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Protocol
+from typing import Final, Protocol
 
 from ohmward.atomic import write_text
 from ohmward.report import blocks
+from ohmward.report.axis import WallClock
 from ohmward.report.figure import Figure
 from ohmward.report.palette import css_variables
+
+_CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
 
 
 class Block(Protocol):
@@ -89,9 +92,12 @@ class Page:
         """A table of texts and numbers; None is shown as a dash."""
         return self._with(blocks.table(header, rows, caption))
 
-    def plot(self, *figures: Figure) -> Page:
-        """Figures above each other on one x axis: they zoom and scroll together."""
-        return self._with(blocks.plot(figures))
+    def plot(self, *figures: Figure, clock: WallClock | None = None) -> Page:
+        """Figures above each other on one x axis: they zoom and scroll together.
+
+        clock: of a log with dates: figures over `TIME` are drawn on it.
+        """
+        return self._with(blocks.plot(figures, clock))
 
     def map(self, plane: Block) -> Page:
         """Lines from above, such as a `Map`."""
@@ -99,14 +105,14 @@ class Page:
 
     def html(self) -> str:
         """The whole page."""
-        code = f"{_asset('vendor/uplot/uPlot.iife.min.js')}\n{_asset('assets/plots.js')}"
+        code = "\n".join(map(_asset, _CODE))
         style = f"{_asset('vendor/uplot/uPlot.min.css')}\n{_theme()}\n{_asset('assets/report.css')}"
         return Template(_asset("assets/page.html")).substitute(
             policy=_content_policy(code),
             title=escape(self.title),
             subtitle=f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
             contents=_contents(self.headings),
-            body="\n".join(self.body),
+            body="\n".join(blocks.folded(self.body)),
             footer=f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
             style=style,
             licence=_asset("vendor/uplot/LICENSE"),

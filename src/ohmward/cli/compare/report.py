@@ -11,6 +11,7 @@ from ohmward.cli.compare.result import tables_of
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
 from ohmward.figures import battery as pictures
+from ohmward.figures.parts import wall_clock
 from ohmward.published.registry import title_of
 from ohmward.report import Page
 
@@ -26,6 +27,6 @@ def make_page(task: SocTask, answers: Mapping[str, SocRun], figures: Mapping[str
     plots = [pictures.soc_comparison_figure(log, estimates, task.truth.soc if task.truth else None)]
     if task.truth:
         plots.append(pictures.soc_errors_figure(log, estimates, task.truth.soc))
-    page = page.plot(*plots, pictures.current_figure(log), pictures.voltage_figure(log))
+    page = page.plot(*plots, pictures.current_figure(log), pictures.voltage_figure(log), clock=wall_clock(log))
     page = page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in answers])
     return with_assumptions(page, task.notes)

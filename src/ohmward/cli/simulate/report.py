@@ -8,7 +8,7 @@ import numpy as np
 
 from ohmward.cli.report_parts import FOOTER
 from ohmward.cli.simulate.result import ENERGY, result, summary
-from ohmward.cli.wording import duration
+from ohmward.cli.wording import duration, quantity
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import TIME, Band, Figure, Page, Series
 from ohmward.simulate.closed_loop import ClosedLoopRun
@@ -29,8 +29,11 @@ def make_page(run: ClosedLoopRun) -> Page:
         page = page.callout("warning", warning)
     page = page.plot(*plots(run))
     page = page.heading("Result").table(["Quantity", "Value"], [list(row) for row in values.items()])
-    split = [[ENERGY[name], value] for name, value in found["energy_split_J"].items()]
-    return page.heading("Energy").table(["Where the energy went", "J"], split)
+    split = [
+        [ENERGY[name], quantity(value, "J", digits=4), quantity(value, "Wh", 1 / 3600)]
+        for name, value in found["energy_split_J"].items()
+    ]
+    return page.heading("Energy").table(["Where the energy went", "Energy", "the same"], split)
 
 
 def plots(run: ClosedLoopRun) -> list[Figure]:

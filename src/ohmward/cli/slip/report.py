@@ -12,6 +12,7 @@ from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.slip.result import SlipTask, errors, result
 from ohmward.cli.wording import duration, percent, quantity
 from ohmward.figures.odometry import path_map
+from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import ground_figures, speed_figure
 from ohmward.figures.terrain import run_figures as floor_figures
 from ohmward.report import Figure, Page
@@ -25,7 +26,8 @@ def make_page(task: SlipTask, observed: ObservedDrive, figures: Mapping[str, Any
     figures: summary of the drive.
     """
     what = f"Speed and slip by {figures['filter']}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
-    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures)).plot(*_plots(task, observed))
+    page = Page(task.log.name, what, FOOTER).numbers(_numbers(figures))
+    page = page.plot(*_plots(task, observed), clock=wall_clock(task.log))
     page = page.map(path_map(observed.path))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(figures).items()))
     if task.reference:

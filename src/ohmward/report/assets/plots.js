@@ -5,9 +5,21 @@
   "use strict";
 
   const PRINT_WIDTH = 660;
+  const PIXELS = 2000;
   const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif";
   const Y_AXIS_SIZE = 48;
   const Y_LABEL_SIZE = 20;
+  const MIDNIGHTS = ["\n{D} {MMM} {YYYY}", null, "\n{D} {MMM}", null, null, null, 1];
+  const DATES = [
+    [31536000, "{YYYY}", null, null, null, null, null, null, 1],
+    [2419200, "{MMM}", "\n{YYYY}", null, null, null, null, null, 1],
+    [86400, "{D} {MMM}", "\n{YYYY}", null, null, null, null, null, 1],
+    [60, "{HH}:{mm}", ...MIDNIGHTS],
+    [1, "{HH}:{mm}:{ss}", ...MIDNIGHTS],
+    [0.001, "{ss}.{fff}", "\n{D} {MMM} {YYYY} {HH}:{mm}", null, "\n{D} {MMM} {HH}:{mm}", null, "\n{HH}:{mm}", null, 1],
+  ];
+  const SECOND = uPlot.fmtDate("{YYYY}-{MM}-{DD} {HH}:{mm}:{ss}");
+  const MILLISECOND = uPlot.fmtDate("{YYYY}-{MM}-{DD} {HH}:{mm}:{ss}.{fff}");
   const STEPS = Array.from({ length: 36 }, (_, k) => [1, 2, 5].map((m) => Number(`${m}e${k - 18}`))).flat();
   const plots = [];
 
@@ -18,17 +30,12 @@
 
   /* ---- data: one table [x, y1, y2, ...] per figure; null is a gap, undefined a sample of another series ---- */
 
-  function unpack(differences, perUnit) {
-    let sum = 0;
-    return differences.map((d) => (sum += d) / perUnit);
-  }
+  const parts = (figure) => [...figure.bands, ...figure.series];
 
-  function table(figure, perUnit) {
-    const parts = [
-      ...figure.bands.map((b) => [unpack(b.x, perUnit), b.low, b.high]),
-      ...figure.series.map((s) => [unpack(s.x, perUnit), s.y]),
-    ];
-    return parts.length ? uPlot.join(parts, parts.map((p) => p.map(() => 2))) : [[]];
+  /* What can be seen between min and max: the samples themselves as soon as they are few enough. */
+  function table(figure, min, max) {
+    const tables = parts(figure).map((part) => columns.shown(part, min, max, PIXELS));
+    return tables.length ? uPlot.join(tables, tables.map((t) => t.map(() => 2))) : [[]];
   }
 
   /* Samples between gaps, where no line is drawn. */
@@ -37,7 +44,7 @@
     return seen.filter((i, k) => ys[i] !== null && ys[seen[k - 1]] == null && ys[seen[k + 1]] == null);
   }
 
-  const hasValues = (parts) => parts.some((part) => (part.y ?? part.low).some((y) => y !== null));
+  const hasValues = (some) => some.some((part) => part.y[0].some((y) => y === y));
 
   /* ---- options of uPlot ---- */
 
@@ -79,25 +86,31 @@
     return text.replace("e+", "e").replaceAll("-", "−");
   }
 
+  function xAxis(stack, last) {
+    const common = { size: stack.time_zone ? 40 : 26, labelSize: last ? 22 : 0, grid: { stroke: () => css("grid"), width: 1 } };
+    const axis = { ...yAxis("x", 2, last ? stack.x_label : undefined), ...common };
+    if (!stack.time_zone) return axis;
+    return { ...axis, incrs: undefined, values: DATES, space: 70 };
+  }
+
+  /* A moment on the clock of the log's time zone. */
+  const onClock = (stack) => (unix) => uPlot.tzDate(new Date(unix * 1000), stack.time_zone === "UTC" ? "Etc/UTC" : stack.time_zone);
+
   function options(stack, figure, last) {
     const noLeft = !hasValues([...figure.bands, ...figure.series.filter((s) => s.axis === "left")]);
     const rightOfOthers = stack.figures.some((f) => f.right_label) ? Y_AXIS_SIZE + Y_LABEL_SIZE : 14;
     const left = { distr: figure.log_y ? 3 : 1, ...(figure.y_limits && { range: figure.y_limits }) };
     return {
       width: 600,
-      height: figure.height_px + (last ? 22 : 0),
+      height: figure.height_px + (last ? 22 : 0) + (stack.time_zone ? 14 : 0),
       padding: [8, figure.right_label ? 0 : rightOfOthers, 0, noLeft ? Y_AXIS_SIZE + Y_LABEL_SIZE : 0],
       legend: { show: false },
-      scales: { x: { time: false, auto: false, min: stack.extent[0], max: stack.extent[1] }, left, right: {} },
+      tzDate: onClock(stack),
+      scales: { x: { time: stack.time_zone !== null, auto: false, min: stack.extent[0], max: stack.extent[1] }, left, right: {} },
       series: [{}, ...figure.bands.flatMap((b) => [bandEdge(b), bandEdge(b)]), ...figure.series.map(lineOptions)],
       bands: figure.bands.map((b, i) => ({ series: [2 * i + 2, 2 * i + 1], fill: () => colour(b.colour, "2b") })),
       axes: [
-        {
-          ...yAxis("x", 2, last ? stack.x_label : undefined),
-          size: 26,
-          labelSize: last ? 22 : 0,
-          grid: { stroke: () => css("grid"), width: 1 },
-        },
+        xAxis(stack, last),
         yAxis("left", 3, figure.y_label),
         { ...yAxis("right", 1, figure.right_label), show: figure.right_label !== "" },
       ],
@@ -105,7 +118,7 @@
         y: false,
         points: { size: 7, width: 2 },
         drag: { x: true, y: false, dist: 4 },
-        sync: { key: stack.key, scales: ["x", null], filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
+        sync: { key: `${stack.x_label} ${stack.extent}`, scales: ["x", null], filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
         bind: {
           dblclick: () => () => stack.zoom(...stack.extent),
           mousedown: (u, _target, handler) => (e) => (e.shiftKey ? pan(stack, u, e) : handler(e)),
@@ -206,15 +219,18 @@
 
   /* Room for the longest value, so that nothing moves while values change. */
   function reserve(stack, figure, items) {
-    const longest = (texts) => Math.max(...texts.map((text) => text.length));
     figure.place.style.minWidth = `${placeText(stack, stack.extent[1]).length}ch`;
-    for (const { value, decimals, low, high, y } of items) {
-      const widths = [low, high, y].filter(Boolean).map((ys) => longest(ys.map((v) => (v === null ? "" : valueText(v, decimals)))));
+    for (const { value, decimals, extremes } of items) {
+      const widths = extremes.map((both) => Math.max(...both.map((v) => valueText(v, decimals).length)));
       value.style.minWidth = `${widths.reduce((a, b) => a + b + 3)}ch`;
     }
   }
 
-  const placeText = (stack, x) => `${stack.x_name} ${x.toFixed(stack.decimals)} ${stack.x_unit}`;
+  function placeText(stack, x) {
+    if (stack.time_zone) return (stack.decimals > 0 ? MILLISECOND : SECOND)(onClock(stack)(x));
+    return `${stack.x_name} ${x.toFixed(stack.decimals)} ${stack.x_unit}`;
+  }
+
   const valueText = (y, decimals) => (decimals === null ? y.toPrecision(4) : y.toFixed(Math.max(decimals - 1, 0))).replace("-", "−");
 
   function showValues(u, stack, figure, items) {
@@ -237,7 +253,11 @@
     return (min, max) => {
       if (busy || !(max > min)) return;
       busy = true;
-      stack.figures.forEach(({ plot }) => plot.setScale("x", { min, max }));
+      stack.decimals = decimalsOf((max - min) / 1000);
+      stack.figures.forEach((figure) => {
+        figure.plot.setData(table(figure, min, max), false);
+        figure.plot.setScale("x", { min, max });
+      });
       reset.hidden = min <= stack.extent[0] && max >= stack.extent[1];
       queueMicrotask(() => (busy = false));
     };
@@ -296,38 +316,78 @@
 
   /* ---- the page ---- */
 
-  function build(node, number) {
+  async function build(node) {
     const stack = JSON.parse(node.querySelector("script").textContent);
+    const unpacked = await Promise.all(stack.columns.map(columns.unpack));
     const reset = Object.assign(element("button", "reset", "Reset zoom"), { type: "button", hidden: true });
     const [, name, unit] = stack.x_label.match(/^(.*?)\s*(?:\[(.*)\])?$/);
-    Object.assign(stack, { key: `stack-${number}`, x_name: name, x_unit: unit ?? "" });
+    Object.assign(stack, { x_name: name, x_unit: unit ?? "" });
     stack.decimals = decimalsOf((stack.extent[1] - stack.extent[0]) / 1000);
     stack.zoom = zoomer(stack, reset);
     reset.onclick = () => stack.zoom(...stack.extent);
     node.append(reset);
     node.querySelectorAll("figure").forEach((holder, i) => {
       const figure = stack.figures[i];
-      const canvas = element("div");
-      holder.append(legend(stack, figure), canvas);
-      const u = (figure.plot = new uPlot(options(stack, figure, i === stack.figures.length - 1), table(figure, stack.per_unit), canvas));
-      u.over.addEventListener("wheel", (e) => onWheel(stack, u, e), { passive: false });
-      onTouch(stack, u);
-      plots.push({ u, canvas });
+      parts(figure).forEach((part) => {
+        const logarithmic = figure.log_y && part.axis === "left";
+        const extremes = part.y.map((k) => stack.columns[k].extremes);
+        Object.assign(part, { x: unpacked[part.x], y: part.y.map((k) => unpacked[k]), extremes, logarithmic });
+      });
+      draw(stack, figure, holder, i === stack.figures.length - 1);
     });
+  }
+
+  /* Buttons that save the figure. */
+  function saving(stack, figure) {
+    const bar = element("span", "save");
+    const dateOf = stack.time_zone ? (x) => MILLISECOND(onClock(stack)(x)) : (x) => +x.toFixed(stack.decimals + 3);
+    const add = (kind, text, action) => {
+      const button = Object.assign(element("button", "", kind), { type: "button", title: `${text}: ${figure.title}`, onclick: action });
+      button.ariaLabel = `${kind} of ${figure.title}`;
+      bar.append(button);
+    };
+    add("CSV", "Save the samples that are seen", () => {
+      const { min, max } = figure.plot.scales.x;
+      save.csv(figure, stack.x_label, min, max, dateOf);
+    });
+    add("PNG", "Save the picture", () => save.png(figure, css));
+    return bar;
+  }
+
+  function draw(stack, figure, holder, last) {
+    const canvas = element("div");
+    holder.querySelector("figcaption").append(saving(stack, figure));
+    holder.append(legend(stack, figure), canvas);
+    const u = (figure.plot = new uPlot(options(stack, figure, last), table(figure, ...stack.extent), canvas));
+    u.over.addEventListener("wheel", (e) => onWheel(stack, u, e), { passive: false });
+    onTouch(stack, u);
+    plots.push({ u, canvas });
+    resized.observe(canvas);
   }
 
   const fit = ({ u, canvas }, width = canvas.clientWidth) => width && u.setSize({ width, height: u.height });
   const redraw = () => plots.forEach(({ u }) => u.redraw(false));
 
-  document.querySelectorAll(".stack").forEach(build);
   const resized = new ResizeObserver(() => plots.forEach((p) => fit(p)));
-  plots.forEach(({ canvas }) => resized.observe(canvas));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   matchMedia("print").addEventListener("change", redraw);
   addEventListener("beforeprint", () => plots.forEach((p) => fit(p, PRINT_WIDTH)));
   addEventListener("afterprint", () => plots.forEach((p) => fit(p)));
-  if (plots.length) {
+
+  const sections = [...document.querySelectorAll("main > details")];
+  const narrow = matchMedia("(max-width: 640px)");
+  const reveal = () => document.getElementById(location.hash.slice(1))?.closest("details")?.setAttribute("open", "");
+  if (narrow.matches) sections.slice(1).forEach((section) => (section.open = false));
+  addEventListener("hashchange", reveal);
+  addEventListener("beforeprint", () => sections.forEach((section) => (section.open = true)));
+  reveal();
+
+  const main = document.querySelector("main");
+  const stacks = [...document.querySelectorAll(".stack")];
+  main.ariaBusy = "true";
+  Promise.all(stacks.map(build)).finally(() => (main.ariaBusy = "false"));
+  if (stacks.length) {
     const hint = "Drag to zoom, shift-drag to scroll, double-click to reset; click a name to hide its line.";
-    document.querySelector("main").append(element("p", "hint", hint));
+    main.append(element("p", "hint", hint));
   }
 })();
