@@ -1,14 +1,9 @@
-"""What docs/dissertation-figures.md says of adaptive filters, on one drive."""
-
-import sys
-from importlib import import_module
-from pathlib import Path
+"""Adaptive filters of docs/dissertation-figures.md, on one drive."""
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-bench = import_module("dissertation")
+from ohmward.reproduce import thesis_observer as bench
 
 RIGHT, R_TOO_SMALL = bench.STARTS[:2]
 

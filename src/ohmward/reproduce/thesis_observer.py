@@ -1,21 +1,21 @@
-"""[T]'s observer again: UKF and AUKF of four states, a drive forward, and one forward and backward (figures 4.7-4.16).
+"""Observer of [T], figures 4.7 to 4.16: UKF and AUKF of four states, a drive forward, and one forward and backward.
 
-`python benchmarks/dissertation.py` draws docs/pictures/dissertation-*.svg and writes benchmarks/dissertation.md, which
-docs/dissertation-figures.md shows. The robot is our own plant at 1 kHz, its sensors are ours: encoders of 4096 counts
-read every 10 ms, currents with 0.1 A of noise. The filters know robot and ground, as in [T], and start from a noise
-that is right, or wrong by a factor of 100.
+The robot is our own plant at 1 kHz, its sensors are ours: encoders of 4096 counts read every 10 ms, currents with 0.1 A
+of noise. The filters know robot and ground, as in [T], and start from a noise that is right, or wrong by a factor of
+100.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.filters import Belief, adaptive
 from ohmward.report import TIME, Figure, Series
+from ohmward.reproduce.row import Result, ResultRow
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
@@ -24,10 +24,7 @@ from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
-from svg import to_svg
 
-HERE = Path(__file__).resolve().parent
-PICTURES = HERE.parent / "docs" / "pictures"
 WET = scene(RLMA, Terrain("wet tiles", WardIagnemma(0.4, 8.0), RollingResistance(), "assumed"))
 LAYOUT = StateLayout(RLMA, KNOWN_GROUND)
 CONSTANT, RADIUS = RLMA.motor.torque_constant_Nm_per_A, RLMA.wheel.radius_m
@@ -37,7 +34,7 @@ R = quantisation_std_rad_s(COUNTS, DT_S) ** 2 * np.eye(2)
 FLOOR = 1e-6
 
 
-class Drive(NamedTuple):
+class CurrentDrive(NamedTuple):
     """Currents of the motors over time.
 
     title: in words.
@@ -51,12 +48,12 @@ class Drive(NamedTuple):
 
 
 DRIVES = {
-    "forward": Drive("Forward", lambda t: 0.3 - 0.2 * np.cos(1.5 * t), lambda t: 0.4 * np.sin(0.8 * t)),
-    "backward": Drive("Forward and backward", lambda t: 0.4 * np.sin(0.9 * t), lambda t: 0.4 * np.sin(0.8 * t)),
+    "forward": CurrentDrive("Forward", lambda t: 0.3 - 0.2 * np.cos(1.5 * t), lambda t: 0.4 * np.sin(0.8 * t)),
+    "backward": CurrentDrive("Forward and backward", lambda t: 0.4 * np.sin(0.9 * t), lambda t: 0.4 * np.sin(0.8 * t)),
 }
 
 
-class Recorded(NamedTuple):
+class RecordedDrive(NamedTuple):
     """A drive as it was and as the sensors saw it: time_s (T,), truth (T, 4), speeds and currents (T, 2)."""
 
     time_s: np.ndarray
@@ -65,7 +62,7 @@ class Recorded(NamedTuple):
     current_A: np.ndarray
 
 
-class Filter(NamedTuple):
+class MatchingFilter(NamedTuple):
     """A filter of the table: its name, and which noise it matches."""
 
     name: str
@@ -73,7 +70,7 @@ class Filter(NamedTuple):
     match_R: bool = False
 
 
-class Wrong(NamedTuple):
+class WrongNoise(NamedTuple):
     """By which factors the noise is wrong that a filter starts with."""
 
     name: str
@@ -82,18 +79,18 @@ class Wrong(NamedTuple):
 
 
 STARTS = (
-    Wrong("right"),
-    Wrong("R / 100", R=0.01),
-    Wrong("R x 100", R=100.0),
-    Wrong("Q / 100", Q=0.01),
-    Wrong("Q x 100", Q=100.0),
+    WrongNoise("right"),
+    WrongNoise("R / 100", R=0.01),
+    WrongNoise("R x 100", R=100.0),
+    WrongNoise("Q / 100", Q=0.01),
+    WrongNoise("Q x 100", Q=100.0),
 )
-UKF = Filter("UKF")
-AUKF = Filter("AUKF, R matched", match_R=True)
-AUKF_T = Filter("AUKF of [T], Q and R matched", match_Q=True, match_R=True)
+UKF = MatchingFilter("UKF")
+AUKF = MatchingFilter("AUKF, R matched", match_R=True)
+AUKF_T = MatchingFilter("AUKF of [T], Q and R matched", match_Q=True, match_R=True)
 
 
-def record(drive: Drive, rng: np.random.Generator) -> Recorded:
+def record(drive: CurrentDrive, rng: np.random.Generator) -> RecordedDrive:
     """The drive, from its first speed on."""
     every = round(DT_S / PLANT_S)
     time_s = PLANT_S * np.arange(round(DURATION_S / PLANT_S))
@@ -107,15 +104,16 @@ def record(drive: Drive, rng: np.random.Generator) -> Recorded:
     measured_A = current_A.reshape(-1, every, 2).mean(axis=1)
     measured_A = measured_A + CURRENT_STD_A * rng.standard_normal(measured_A.shape)
     speeds = wheel_speeds(counts, time_s[sampled], COUNTS)
-    return Recorded(time_s[sampled][1:], truth[sampled][1:], speeds[1:], measured_A[1:])
+    return RecordedDrive(time_s[sampled][1:], truth[sampled][1:], speeds[1:], measured_A[1:])
 
 
 def plant(x: np.ndarray, current_A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step of the plant: the state (4,) after a millisecond, twice."""
     x = next_state(x, RobotInput(current_A), WET, PLANT_S)
     return x, x
 
 
-def currents(drive: Drive, time_s: np.ndarray) -> np.ndarray:
+def currents(drive: CurrentDrive, time_s: np.ndarray) -> np.ndarray:
     """Currents (T, 2) of the motors: what a robot without slip needs, and the steering."""
     speed = drive.speed(time_s)
     mass_kg = RLMA.inertia[0] + 2 * RLMA.inertia[2] / RADIUS**2
@@ -123,14 +121,14 @@ def currents(drive: Drive, time_s: np.ndarray) -> np.ndarray:
     return (push_N * RADIUS / (2 * CONSTANT))[:, None] + drive.steer_A(time_s)[:, None] * np.array([-0.5, 0.5])
 
 
-class Found(NamedTuple):
+class FilteredDrive(NamedTuple):
     """Estimates of a drive by a filter: mean (T, 4) and variance (T, 4) of the state."""
 
     mean: np.ndarray
     variance: np.ndarray
 
 
-def observer(kind: Filter, wrong: Wrong) -> Kernel:
+def observer(kind: MatchingFilter, wrong: WrongNoise) -> Kernel:
     """The filter, compiled; its samples are the wheels' speeds and the currents, each (2,)."""
 
     def one(packed: adaptive.PackedAdaptiveState, sample: tuple) -> tuple:
@@ -140,22 +138,24 @@ def observer(kind: Filter, wrong: Wrong) -> Kernel:
         floors = Q, R * (FLOOR if kind.match_R else wrong.R)
         matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
         state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, step), lambda x: x[2:], y, matching)
-        return adaptive.pack(state), Found(state.belief.mean, np.diag(state.belief.cov))
+        return adaptive.pack(state), FilteredDrive(state.belief.mean, np.diag(state.belief.cov))
 
     return Kernel(one, start(np.zeros(4), wrong), (np.zeros(2), np.zeros(2)))
 
 
-def start(x: np.ndarray, wrong: Wrong) -> adaptive.PackedAdaptiveState:
+def start(x: np.ndarray, wrong: WrongNoise) -> adaptive.PackedAdaptiveState:
     """State before the first sample of a drive that starts at x (4,)."""
     first = Belief(x, np.diag([0.02, 0.05, 0.1, 0.1]) ** 2)
     return adaptive.pack(adaptive.init(first, wrong.Q * np.diag([1e-6, 1e-6, 1e-5, 1e-5]), wrong.R * R))
 
 
-def estimate(filter_: Kernel, drive: Recorded, wrong: Wrong) -> Found:
+def estimate(filter_: Kernel, drive: RecordedDrive, wrong: WrongNoise) -> FilteredDrive:
+    """Estimates along a drive, from its first state."""
     return filter_.scan(start(drive.truth[0], wrong), (drive.speed_rad_s, drive.current_A))[1]
 
 
 def follow(x: np.ndarray, current_A: np.ndarray, mean: SlipStep) -> np.ndarray:
+    """State (4,) after a step, with the slip of the mean as the start of its own."""
     step = slip_step(LAYOUT.split(x), RobotInput(current_A), WET, DT_S, mean.slip_m_s)
     return np.array([*step.motion, *step.omega])
 
@@ -166,7 +166,7 @@ def process_noise(torque_response: np.ndarray) -> np.ndarray:
     return B @ B.T + DT_S * np.diag([0.003, 0.03, 0.03, 0.03]) ** 2
 
 
-class Errors(NamedTuple):
+class ObserverErrors(NamedTuple):
     """RMS errors of a filter over its drives, and the mean NEES of the speed."""
 
     speed_mm_s: float
@@ -176,13 +176,14 @@ class Errors(NamedTuple):
     nees: float
 
 
-def errors(drives: list[Recorded], kind: Filter, wrong: Wrong) -> Errors:
+def errors(drives: list[RecordedDrive], kind: MatchingFilter, wrong: WrongNoise) -> ObserverErrors:
+    """Errors of a filter over several drives."""
     filter_ = observer(kind, wrong)
     found = [estimate(filter_, d, wrong) for d in drives]
     e = np.concatenate([f.mean - d.truth for f, d in zip(found, drives, strict=True)])
     slip = np.concatenate([slip_speed(f.mean) - slip_speed(d.truth) for f, d in zip(found, drives, strict=True)])
     nees = e[:, 0] ** 2 / np.concatenate([f.variance for f in found])[:, 0]
-    return Errors(1e3 * rms(e[:, 0]), rms(e[:, 2:]), 1e3 * rms(slip), 1e3 * rms(e[:, 1]), float(nees.mean()))
+    return ObserverErrors(1e3 * rms(e[:, 0]), rms(e[:, 2:]), 1e3 * rms(slip), 1e3 * rms(e[:, 1]), float(nees.mean()))
 
 
 def slip_speed(x: np.ndarray) -> np.ndarray:
@@ -191,10 +192,11 @@ def slip_speed(x: np.ndarray) -> np.ndarray:
 
 
 def rms(error: np.ndarray) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(error**2)))
 
 
-def pictures(title: str, drive: Recorded, wrong: Wrong) -> tuple[Figure, ...]:
+def pictures(title: str, drive: RecordedDrive, wrong: WrongNoise) -> tuple[Figure, ...]:
     """Speed, wheel speed, slip, yaw rate and the error of the speed, of UKF and AUKF with the same wrong start."""
     t = drive.time_s
     found = {kind: estimate(observer(kind, wrong), drive, wrong).mean for kind in (UKF, AUKF)}
@@ -208,8 +210,8 @@ def pictures(title: str, drive: Recorded, wrong: Wrong) -> tuple[Figure, ...]:
         return Figure(heading, TIME, label, lines, height_px=170)
 
     wrongly = [
-        Series(t, 1e3 * (found[kind] - drive.truth)[:, 0], kind.name.split(",")[0], role=role)
-        for kind, role in ((UKF, "comparison"), (AUKF, "estimate"))
+        Series(t, 1e3 * (found[UKF] - drive.truth)[:, 0], "UKF", role="comparison"),
+        Series(t, 1e3 * (found[AUKF] - drive.truth)[:, 0], "AUKF", role="estimate"),
     ]
     return (
         figure(f"{title}, started with {wrong.name}: speed", "v [m/s]", lambda x: x[:, 0]),
@@ -220,26 +222,43 @@ def pictures(title: str, drive: Recorded, wrong: Wrong) -> tuple[Figure, ...]:
     )
 
 
-TABLE = """| drive | noise at first | filter | v [mm/s] | omega [rad/s] | slip [mm/s] | yaw rate [mrad/s] | NEES of v |
-|---|---|---|---|---|---|---|---|
-"""
+def observers() -> Result:
+    """Figures 4.7 to 4.16: both drives."""
+    parts = [_result(name) for name in DRIVES]
+    return Result(tuple(r for part in parts for r in part.rows), tuple(f for part in parts for f in part.figures))
 
 
-def main() -> None:
-    """Draw the pictures and write the table."""
-    lines = []
-    for name, drive in DRIVES.items():
-        drives = [record(drive, np.random.default_rng(seed)) for seed in range(RUNS)]
-        svg = to_svg(*pictures(drive.title, drives[0], STARTS[1]))
-        (PICTURES / f"dissertation-{name}.svg").write_text(svg, encoding="utf-8")
-        lines += [line(drive, wrong, kind, drives) for wrong in STARTS for kind in (UKF, AUKF, AUKF_T)]
-    (HERE / "dissertation.md").write_text(TABLE + "".join(lines), encoding="utf-8")
+@cache
+def drives_of(name: str) -> list[RecordedDrive]:
+    """The runs of a drive."""
+    return [record(DRIVES[name], np.random.default_rng(seed)) for seed in range(RUNS)]
 
 
-def line(drive: Drive, wrong: Wrong, kind: Filter, drives: list[Recorded]) -> str:
-    values = " | ".join(f"{value:.2g}" for value in errors(drives, kind, wrong))
-    return f"| {drive.title.lower()} | {wrong.name} | {kind.name} | {values} |\n"
+@cache
+def errors_of(name: str, wrong: WrongNoise, kind: MatchingFilter) -> ObserverErrors:
+    """Errors over all runs of a drive."""
+    return errors(drives_of(name), kind, wrong)
 
 
-if __name__ == "__main__":
-    main()
+_WHY = (
+    "[T] shows pictures in which the AUKF is nearer to the truth than the UKF, without a number. `as printed` is the "
+    "AUKF that matches Q and R (3.49, 3.50), `corrected` the one that matches R alone"
+)
+
+
+def _result(name: str) -> Result:
+    """Errors of UKF and AUKF for each noise at first; figures of a run with R / 100."""
+    title = DRIVES[name].title
+    rows = []
+    for wrong in STARTS:
+        ukf, matched, both = (errors_of(name, wrong, kind) for kind in (UKF, AUKF, AUKF_T))
+        what = f"{title}, noise at first: {wrong.name}"
+        rows += [
+            ResultRow(f"{what}: speed, UKF", "mm/s", None, ukf.speed_mm_s, ukf.speed_mm_s),
+            ResultRow(f"{what}: speed, AUKF", "mm/s", None, both.speed_mm_s, matched.speed_mm_s, None, _WHY),
+            ResultRow(f"{what}: slip speed, UKF", "mm/s", None, ukf.slip_mm_s, ukf.slip_mm_s),
+            ResultRow(f"{what}: slip speed, AUKF", "mm/s", None, both.slip_mm_s, matched.slip_mm_s),
+            ResultRow(f"{what}: NEES of the speed, UKF", "", None, ukf.nees, ukf.nees),
+            ResultRow(f"{what}: NEES of the speed, AUKF", "", None, both.nees, matched.nees),
+        ]
+    return Result(tuple(rows), pictures(title, drives_of(name)[0], STARTS[1]))

@@ -1,0 +1,29 @@
+"""An error in a publication, with a check that computes both what is printed and what it must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Erratum(NamedTuple):
+    """An error in the text we worked from.
+
+    text: "[T]" or "[P]".
+    place: number of the equation.
+    printed: what stands there.
+    correct: what it must be.
+    check: True where the correct form holds and the printed one does not.
+    """
+
+    text: str
+    place: str
+    printed: str
+    correct: str
+    check: Callable[[], bool]
+
+
+def differs(printed: float, correct: float, true: float, tolerance: float) -> bool:
+    """True where `correct` is the true value within a relative tolerance and `printed` is not, by ten times it."""
+    scale = max(abs(true), 1e-300)
+    return bool(abs(correct - true) <= tolerance * scale and abs(printed - true) > 10 * tolerance * scale)

@@ -1,0 +1,87 @@
+"""A result of a publication beside those of the methods here, and the tables and figures it stands in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.report import Figure
+
+
+class ResultRow(NamedTuple):
+    """One number of a table or figure; None where there is none.
+
+    quantity: in words.
+    unit: of all the numbers.
+    printed: in the publication.
+    as_printed: by its method with its equations as they are printed.
+    corrected: by its method with the corrected equations.
+    default: by the method that this package chooses.
+    why: reason of the difference.
+    """
+
+    quantity: str
+    unit: str
+    printed: float | None = None
+    as_printed: float | None = None
+    corrected: float | None = None
+    default: float | None = None
+    why: str = ""
+
+
+class Result(NamedTuple):
+    """Rows and figures of an item."""
+
+    rows: tuple[ResultRow, ...]
+    figures: tuple[Figure, ...] = ()
+
+
+class Item(NamedTuple):
+    """A table or some figures of a publication that show the same.
+
+    numbers: as printed, such as "3.2"; any of them selects the item.
+    title: in words.
+    make: computes it.
+    """
+
+    numbers: tuple[str, ...]
+    title: str
+    make: Callable[[], Result]
+
+
+class Errors(NamedTuple):
+    """Largest and mean absolute error; nan where the method ended in no number."""
+
+    largest: float
+    mean: float
+
+
+def errors(error: np.ndarray) -> Errors:
+    """Errors of a series (T,); of one that is no number in some samples nan."""
+    size = np.abs(error)
+    return Errors(float(size.max()), float(size.mean()))
+
+
+def error_rows(
+    what: str,
+    unit: str,
+    printed: Errors | None,
+    as_printed: Errors,
+    corrected: Errors,
+    default: Errors | None,
+    why: str = "",
+) -> list[ResultRow]:
+    """Rows of the largest and of the mean error; the reason stands beside the first."""
+
+    def row(which: str) -> ResultRow:
+        p, a, c, d = (getattr(of, which) if of else None for of in (printed, as_printed, corrected, default))
+        return ResultRow(f"{what}: {which}", unit, p, a, c, d)
+
+    return [row("largest")._replace(why=why), row("mean")]
+
+
+def mean_errors(parts: list[Errors]) -> Errors:
+    """The mean over several runs."""
+    return Errors(*(float(np.mean(column)) for column in zip(*parts, strict=True)))
