@@ -6,10 +6,19 @@ Least squares from every start of a family. Confidence intervals are those of th
 scale of the search), cut at the limits of the parameters: that of an unidentified one reaches from limit to limit. They
 hold as far as the law does: look at `lack_of_fit`. A law is judged, and chosen, by its errors on data that it was not
 fitted to: whole groups (slips, runs, days) are left out, because repetitions of a measurement are not independent.
+
+Where slips are about as few as parameters, least squares alone takes resistance and stiffness to any value, and a slip
+that was left out is missed by the whole force. A fit with a prior minimises
+
+    sum(errors^2) / sigma^2 + sum(departures^2)
+
+with the variance sigma^2 that least squares leave, and the departures from published grounds (`published_grounds`):
+data with little scatter or many slips overrule it. `select_law` fits so; intervals leave the prior out.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import product
 from typing import NamedTuple
@@ -21,6 +30,14 @@ from ohmward.optional import require
 from ohmward.traction.friction.families import RESISTANCE, Family, Free
 from ohmward.traction.friction.law import Contact, TractionLaw
 from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.published_grounds import departures
+
+#: Starts that a fit with a prior follows to their end, the most promising ones.
+_FOLLOWED = 2
+#: Speed [m/s] that a wheel at rest counts with in the mean.
+_LEAST_SPEED_M_S = 1e-6
+#: Load [N] at which a wheel that carries nothing is compared.
+_LEAST_LOAD_N = 1e-3
 
 
 class ForceSlip(NamedTuple):
@@ -78,40 +95,32 @@ def drawbar_N(law: TractionLaw, resistance_coefficient: float, contact: Contact)
     return law.force_N(contact) - resistance_coefficient * direction * contact.load_N
 
 
-def fit_law(data: ForceSlip, family: Family) -> LawFit:
+def fit_law(data: ForceSlip, family: Family, *, prior: bool = False) -> LawFit:
     """The law of the family that fits best, by least squares.
+
+    prior: True also weighs how far the law is from published grounds, which matters where slips are few.
 
     Raises:
         InputError: fewer measurements than parameters, or one that is not finite.
     """
-    least_squares = require("scipy.optimize", "a fit of slip laws").least_squares
-
-    free = (*family.free, RESISTANCE)
-    _check(data, family, len(free))
-    scale = [_Scale(f) for f in free]
-
-    def errors_N(z: np.ndarray) -> np.ndarray:
-        *values, share = (s.value(x) for s, x in zip(scale, z, strict=True))
-        return drawbar_N(family.make(*values), share, data.contact) - data.force_N
-
-    limits = [s.low for s in scale], [s.high for s in scale]
-    starts = product(*([s.search(start) for start in s.free.starts] for s in scale))
-    fits = [least_squares(errors_N, start, bounds=limits) for start in starts]
-    best = min(fits, key=lambda fit: fit.cost)
-    values = [s.value(x) for s, x in zip(scale, best.x, strict=True)]
-    rmse_N = float(np.sqrt(np.mean(best.fun**2)))
-    return LawFit(family.name, family.make(*values[:-1]), values[-1], _intervals(scale, best), rmse_N)
+    scale = [_Scale(f) for f in (*family.free, RESISTANCE)]
+    _check(data, family, len(scale))
+    search = _LawSearch(data, family, scale)
+    best = search.with_prior() if prior else search.least_squares()
+    law, share = search.law(best.x)
+    errors_N = search.errors_N(best.x)
+    return LawFit(family.name, law, share, _intervals(scale, best, len(errors_N)), float(np.sqrt(np.mean(errors_N**2))))
 
 
 def select_law(data: ForceSlip, families: Sequence[Family], groups: np.ndarray) -> LawFit:
-    """Fit of the family that predicts a left-out group best; groups: (n,) labels."""
+    """Fit, with a prior, of the family that predicts a left-out group best; groups: (n,) labels."""
     if not families:
         raise InputError("families must hold at least one family")
 
     def unseen_N(family: Family) -> float:
-        return float(np.sum(left_out_errors_N(data, groups, lambda seen, _: fit_law(seen, family)) ** 2))
+        return float(np.sum(left_out_errors_N(data, groups, lambda seen, _: fit_law(seen, family, prior=True)) ** 2))
 
-    return fit_law(data, min(families, key=unseen_N))
+    return fit_law(data, min(families, key=unseen_N), prior=True)
 
 
 def left_out_errors_N(
@@ -172,11 +181,58 @@ class _Scale:
         return float(np.clip(np.exp(z) if self.logarithmic else z, self.free.low, self.free.high))
 
 
-def _intervals(scale: Sequence[_Scale], best) -> tuple[Interval, ...]:
+class _LawSearch:
+    """Search for the parameters of a law, on the scale of each."""
+
+    def __init__(self, data: ForceSlip, family: Family, scale: Sequence[_Scale]) -> None:
+        self.data, self.family, self.scale = data, family, scale
+        self.limits = [s.low for s in scale], [s.high for s in scale]
+        self.starts = [np.array(z) for z in product(*([s.search(start) for start in s.free.starts] for s in scale))]
+
+    def law(self, z: np.ndarray) -> tuple[TractionLaw, float]:
+        """Law and resistance coefficient."""
+        *values, share = (s.value(x) for s, x in zip(self.scale, z, strict=True))
+        return self.family.make(*values), share
+
+    def errors_N(self, z: np.ndarray) -> np.ndarray:
+        """Errors (n,) of the force."""
+        return drawbar_N(*self.law(z), self.data.contact) - self.data.force_N
+
+    def least_squares(self):
+        """Best fit of all starts."""
+        return self._best(self.errors_N, self.starts)
+
+    def with_prior(self):
+        """Best fit with the departures from published grounds, at the scatter that least squares leave."""
+        closest = self.least_squares()
+        sigma_N = math.sqrt(2 * closest.cost / (len(closest.fun) - len(self.scale)))
+        typical = _typical_contact(self.data.contact)
+
+        def costs(z: np.ndarray) -> np.ndarray:
+            return np.concatenate([self.errors_N(z), sigma_N * departures(*self.law(z), typical)])
+
+        ordered = sorted(self.starts, key=lambda z: float(np.sum(costs(z) ** 2)))
+        return self._best(costs, [closest.x, *ordered[:_FOLLOWED]])
+
+    def _best(self, costs: Callable[[np.ndarray], np.ndarray], starts: Sequence[np.ndarray]):
+        solve = require("scipy.optimize", "a fit of slip laws").least_squares
+        return min((solve(costs, start, bounds=self.limits) for start in starts), key=lambda fit: fit.cost)
+
+
+def _typical_contact(at: Contact) -> Contact:
+    """Geometric mean of the faster of rim and travel, without slip, at the mean load."""
+    fastest_m_s = np.maximum(np.maximum(np.abs(at.rim_speed_m_s), np.abs(at.travel_speed_m_s)), _LEAST_SPEED_M_S)
+    speed_m_s = float(np.exp(np.mean(np.log(fastest_m_s))))
+    return Contact(0.0, speed_m_s, speed_m_s, max(float(np.mean(at.load_N)), _LEAST_LOAD_N))
+
+
+def _intervals(scale: Sequence[_Scale], best, n: int) -> tuple[Interval, ...]:
+    """Of the n measurements alone, about the values found."""
     t = require("scipy.stats", "a fit of slip laws").t
 
-    n, p = best.jac.shape
-    half = t.ppf(0.975, n - p) * np.sqrt(2 * best.cost / (n - p) * _inverse_diagonal(best.jac))
+    p, jac = len(scale), best.jac[:n]
+    variance = float(np.sum(best.fun[:n] ** 2)) / (n - p)
+    half = t.ppf(0.975, n - p) * np.sqrt(variance * _inverse_diagonal(jac))
     low = np.maximum(best.x - half, [s.low for s in scale])
     high = np.minimum(best.x + half, [s.high for s in scale])
     inside = (low > [s.low for s in scale]) & (high < [s.high for s in scale])
