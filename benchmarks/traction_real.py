@@ -11,11 +11,12 @@ import real_car
 import real_husky
 import real_sand
 import real_warthog
+import real_warthog_pose
 from figure import Figure, verdict
 
 
 def rows() -> Iterator[Figure]:
-    for part in (real_car, real_warthog, real_husky, real_sand):
+    for part in (real_car, real_warthog, real_warthog_pose, real_husky, real_sand):
         yield from part.rows()
 
 

@@ -19,11 +19,13 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import (
     CURVATURE,
     GYRO_SCALE,
+    NAMES,
     OFFSET,
     SIDE_SLIP,
     SLIP,
     TURN_SCALE,
     TURN_SLIP,
+    YAW,
     MotionInput,
     twist,
 )
@@ -42,6 +44,9 @@ LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
 
 #: A robot whose wheels moved less than this [m] stood: its encoders have no error of counting.
 STOOD_M = 1e-6
+
+#: A robot that stands turns by so much [rad] unseen: a hundredth of a count; keeps its yaw's variance above rounding.
+UNSEEN_TURN_RAD = 1e-5
 
 #: Least and longest length [s] of a pose increment.
 INCREMENT_S = (1e-3, 10.0)
@@ -68,6 +73,7 @@ class TurnSums(NamedTuple):
     time_s: time.
     wheels_rad, gyro_rad: angles that they show.
     path_m, rim_m: signed way of the rims forward, and the way of the wheels whatever its direction.
+    gyro_variance: of the gyro's angle by its noise [rad2].
     slip_rad: angle of one standard deviation of the wheels' correlated error.
     start_rad_s, end_rad_s: yaw rate of the gyro at the start and at the end.
     rejected_s: time for which the comparison has been outside its gate.
@@ -78,6 +84,7 @@ class TurnSums(NamedTuple):
     gyro_rad: Any = 0.0
     path_m: Any = 0.0
     rim_m: Any = 0.0
+    gyro_variance: Any = 0.0
     slip_rad: Any = 0.0
     start_rad_s: Any = 0.0
     end_rad_s: Any = 0.0
@@ -108,6 +115,7 @@ def add_turn(sums: TurnSums, u: MotionInput, rim_m_s: Scalar, comparable: Scalar
         sums.gyro_rad + u.gyro_rad_s * u.dt_s,
         sums.path_m + u.motion[0] * u.dt_s,
         sums.rim_m + rim_m_s * u.dt_s,
+        sums.gyro_variance + u.gyro_variance * u.dt_s,
         sums.slip_rad + u.motion_std[2] * u.dt_s,
         where(sums.time_s > 0.0, sums.start_rad_s, u.gyro_rad_s),
         u.gyro_rad_s,
@@ -128,6 +136,9 @@ def use_turn(
 
     0 = theta_w (1 + k_w) + q s + sigma z_w - (theta_g - b T)(1 + k_g) + noise
 
+    The noise of the gyro over that time is in the yaw too: Cov(yaw, noise) = -N^2 T, so that the wheels take back from
+    the yaw what a bad gyro has turned it by.
+
     Where a robot that stands has turned by its gyro for longer than `reset_after_s`, the offset has changed.
 
     encoder_turn_rad: error of the wheels' angle by counting.
@@ -136,7 +147,8 @@ def use_turn(
     stood = sums.rim_m <= STOOD_M
     lag_rad = noise.turn_lag_s * (sums.end_rad_s - sums.start_rad_s)
     of_wheels = where(stood, 0.0, encoder_turn_rad**2 + lag_rad * lag_rad)
-    variance = noise.gyro_walk**2 * sums.time_s + of_wheels
+    variance = sums.gyro_variance + of_wheels + UNSEEN_TURN_RAD**2
+    shared = np.array([-sums.gyro_variance if i == YAW else 0.0 for i in range(len(NAMES))])
 
     def difference(x: np.ndarray) -> np.ndarray:
         return turned_apart(x, sums)
@@ -145,7 +157,7 @@ def use_turn(
     diverged = due & stood & (sums.rejected_s > reset_after_s)
     rate = nu / maximum(sums.time_s, COMPARED_S)
     prior = choose(diverged, inflate(body.belief, OFFSET, rate * rate), body.belief)
-    belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate)
+    belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate, shared)
     rejected = due & logical_not(accepted)
     belief = choose(rejected, scrubbing(belief, sums), belief)
     rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
@@ -246,13 +258,17 @@ def use_motion(
     return choose(rejected, inflate(belief, state, slip * slip), after), rejected
 
 
-def correct_scalar(belief: Belief, y: Scalar, h: Function, variance: Scalar, gate: float) -> tuple[Belief, Scalar]:
+def correct_scalar(
+    belief: Belief, y: Scalar, h: Function, variance: Scalar, gate: float, shared: np.ndarray | float = 0.0
+) -> tuple[Belief, Scalar]:
     """The belief after y = h(x) (1,) with noise of this variance where nu^2 / S passes the gate, and that condition.
 
-    P - C C'/S with C = P H', in a third of the operations of Joseph's form.
+    P - C C'/S with C = P H' + M, in a third of the operations of Joseph's form. S = H C + R where H M = 0.
+
+    shared: M (n,), covariance of the state's error and the noise, zero where h depends on the state.
     """
     y_hat, H = linearize(h, belief.mean)
-    C = belief.cov @ H[0]
+    C = belief.cov @ H[0] + shared
     S = maximum(H[0] @ C + variance, TINY)
     nu = where(isfinite(y), y, y_hat[0]) - y_hat[0]
     accepted = isfinite(y) & (nu * nu <= gate * S)

@@ -64,6 +64,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         self._driven = settings.robot.driven
         self._wheels = len(settings.robot.places)
         self._passive = passive_wheels(settings.robot)
+        self._left = settings.rims[1].tolist()
 
     def update(
         self,
@@ -111,9 +112,24 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             NO_INCREMENT if increment_std is None else numbers("increment_std", increment_std, 3),
             number("increment_s", increment_s),
             number("increment_age_s", increment_age_s),
-            *(() if observed is None else motion_of_observer(self.settings, observed)),
+            *(() if observed is None else self._motion_of(observed)),
         )
         return self._advance(sample, self._clock(time_s))
+
+    def _motion_of(self, estimate: SlipEstimate) -> tuple[float, ...]:
+        """`motion_of_observer` of one estimate, on floats: an eighth of the time of as many arrays of two."""
+        radius_m, most_std = self.settings.robot.wheel.radius_m * estimate.radius_ratio, self.settings.noise.radius_std
+        wheels = zip(self._left, estimate.wheel_speed_rad_s.tolist(), estimate.slip_speed_m_s.tolist(), strict=True)
+        radius_std = float(estimate.radius_std)
+        return (
+            estimate.speed_m_s,
+            estimate.speed_std_m_s,
+            sum(left * (radius_m * speed_rad_s - slip_m_s) for left, speed_rad_s, slip_m_s in wheels),
+            estimate.yaw_rate_rad_s,
+            estimate.yaw_rate_std_rad_s,
+            (min(radius_std / most_std, 1.0) if most_std else 0.0) if radius_std > 0.0 else 1.0,
+            min(estimate.grip.tolist()),
+        )
 
     def run(self, log: DriveLog, observed: SlipEstimate | None = None, progress: Progress | None = None) -> OdometryRun:
         """Pose and twist at every sample of a log, from this odometry's state on; a new one starts at the log's start.

@@ -52,6 +52,7 @@ class MotionInput(NamedTuple):
     motion_std: (3,) standard deviations of its correlated errors.
     scale: share of the radius's standard deviation that is in its speed.
     gyro_rad_s: yaw rate of the gyro.
+    gyro_variance: of its angle over time [rad2/s].
     by_gyro: the condition that it tells the turn.
     unseen_s: (3,) time for which nothing has shown each motion.
     """
@@ -61,6 +62,7 @@ class MotionInput(NamedTuple):
     motion_std: np.ndarray
     scale: Scalar
     gyro_rad_s: Scalar
+    gyro_variance: Scalar
     by_gyro: Any
     unseen_s: np.ndarray
 
@@ -110,7 +112,7 @@ def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.nda
     drift = unseen_variance(u)
     c, s = cos(x[YAW]), sin(x[YAW])
     along, across = drift[0], drift[1]
-    turned = drift[2] + where(u.by_gyro, noise.gyro_walk**2 * u.dt_s, 0.0)
+    turned = drift[2] + where(u.by_gyro, u.gyro_variance * u.dt_s, 0.0)
     pose = np.array([
         [along * c * c + across * s * s, (along - across) * c * s, 0.0],
         [(along - across) * c * s, along * s * s + across * c * c, 0.0],

@@ -29,6 +29,7 @@ from ohmward.traction.odometry.corrections import (
     use_turn,
 )
 from ohmward.traction.odometry.grip import lever_m
+from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
 from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
@@ -46,6 +47,7 @@ from ohmward.traction.odometry.model import (
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.odometry.shown_motion import (
+    GYRO,
     WHEELS,
     MotionState,
     ShownMotion,
@@ -66,6 +68,7 @@ class PoseState(NamedTuple):
 
     belief: packed, of `model.NAMES`.
     motion: last values of the sensors.
+    gyro: its noise as learnt so far.
     sums: angles of gyro and wheels since they were last compared.
     history: changes of the speed, for speeds that come late.
     trail: the last steps, for pose increments.
@@ -75,6 +78,7 @@ class PoseState(NamedTuple):
 
     belief: PackedBelief
     motion: MotionState
+    gyro: GyroNoise
     sums: TurnSums
     history: History
     trail: Trail
@@ -125,7 +129,9 @@ class PoseFilter:
         """State before the first sample: the origin of the frame `odom`."""
         belief = first_belief(self.noise, self.turn_per_slip)
         steps = self.late_steps
-        return PoseState(pack(belief), no_motion(self.robot), TurnSums(), empty_history(steps), empty_trail(steps))
+        gyro = of_sheet(self.noise.gyro_walk)
+        history, trail = empty_history(steps), empty_trail(steps)
+        return PoseState(pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail)
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
@@ -133,7 +139,9 @@ class PoseFilter:
         before = unpack(state.belief)
         sensors, jump = sense(state.motion, sample, time, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + time.dt_s
-        motion = show(sensors, jump, time.dt_s, since_s, self.robot, self.noise)
+        gyro = self.hear(state.gyro, sensors, time)
+        walk = walk_variance(gyro, self.noise.gyro_walk)
+        motion = show(sensors, jump, time.dt_s, since_s, walk, self.robot, self.noise)
         sensors = sensors._replace(followed_m_s=motion.grip.followed_m_s)
         reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
@@ -144,8 +152,13 @@ class PoseFilter:
         distance_m = state.distance_m + travelled(body.belief, motion.input)
         estimate = self.conclude(body.belief, motion, distance_m)
         flags = self.flags(before, time, motion, body)
-        after = PoseState(pack(body.belief), sensors, sums, history, trail, speed_m_s, distance_m)
+        after = PoseState(pack(body.belief), sensors, gyro, sums, history, trail, speed_m_s, distance_m)
         return after, estimate._replace(flags=flags)
+
+    def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
+        """Noise of the gyro after the step, which ended with a sample of it where that is of no age."""
+        new = sensors.intervals.age_s[GYRO] <= 0.0
+        return learn(known, sensors.gyro_rad_s, new, time.dt_s, self.noise.gyro_walk)
 
     def predict(self, before: Belief, u: MotionInput) -> Belief:
         """Belief at the end of a step by dead reckoning."""

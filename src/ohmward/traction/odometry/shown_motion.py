@@ -165,24 +165,29 @@ def passive_rolled(before: MotionState, sample: OdometrySample, time: CleanStep,
 
 
 def show(
-    now: MotionState, jump: Scalar, dt_s: Scalar, since_s: Scalar, robot: Robot, noise: OdometryNoise
+    now: MotionState,
+    jump: Scalar,
+    dt_s: Scalar,
+    since_s: Scalar,
+    gyro_variance: Scalar,
+    robot: Robot,
+    noise: OdometryNoise,
 ) -> ShownMotion:
     """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
 
     since_s: time since the wheels were last measured, at its end.
+    gyro_variance: of the gyro's angle over time.
     """
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
     count_m_s = counting_m_s(dt_s, robot, noise)
-    grip = speed_by_grip(
-        rims_m_s, driven[0], now.gyro_rad_s, by_gyro, now.followed_m_s, since_s, count_m_s, robot, noise
-    )  # fmt: skip
+    followed = now.gyro_rad_s, by_gyro, now.followed_m_s
+    grip = speed_by_grip(rims_m_s, driven[0], *followed, since_s, count_m_s, robot, noise)
     rim = where(free, free_motion(now, robot), driven)
     forward_m_s = where(free, rim[0], (1.0 - noise.creep) * grip.forward_m_s)
     rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
     o = now.observed
-    speed_std_m_s = where(observed, o.speed_std_m_s, noise.slip_share * rim_m_s)
     turn_observed = observed & logical_not(by_gyro)
     u = MotionInput(
         dt_s=dt_s,
@@ -191,22 +196,39 @@ def show(
             where(observed, o.left_m_s, rim[1]),
             where(turn_observed, o.yaw_rate_rad_s, rim[2]),
         ]),
-        motion_std=np.array([
-            speed_std_m_s,
-            side_std(speed_std_m_s, rim_m_s, rim[2], robot, noise),
-            where(turn_observed, o.yaw_rate_std_rad_s, turn_std(rim_m_s, rim[2], robot, noise)),
-        ]),
+        motion_std=motion_std(now, observed, turn_observed, rim_m_s, rim[2], robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
+        gyro_variance=gyro_variance,
         by_gyro=by_gyro,
         unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
     )  # fmt: skip
-    grips = rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP))
-    comparable = by_gyro & (free | grips)
+    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP)))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
-    white = white_variance(dt_s, observed, by_gyro, robot, noise)
+    white = white_variance(u, observed, robot, noise)
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     return ShownMotion(u, white, rim_m_s, grip, by_driven, comparable, no_wheels, no_gyro, jump)
+
+
+def motion_std(
+    now: MotionState,
+    observed: Scalar,
+    turn_observed: Scalar,
+    rim_m_s: Scalar,
+    yaw_rate_rad_s: Scalar,
+    robot: Robot,
+    noise: OdometryNoise,
+) -> np.ndarray:
+    """Standard deviations (3,) of the motion: an observer's where it tells, else those of slip and scrub."""
+    speed_std_m_s = where(observed, now.observed.speed_std_m_s, noise.slip_share * rim_m_s)
+    by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
+    return np.array(
+        [
+            speed_std_m_s,
+            side_std(speed_std_m_s, rim_m_s, yaw_rate_rad_s, robot, noise),
+            where(turn_observed, now.observed.yaw_rate_std_rad_s, by_wheels),
+        ]
+    )
 
 
 def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
@@ -216,11 +238,11 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
     return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
-def white_variance(dt_s: Scalar, observed: Scalar, by_gyro: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
+def white_variance(u: MotionInput, observed: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
     """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in."""
-    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counting_m_s(dt_s, robot, noise) ** 2
-    gyro = noise.gyro_walk**2 / maximum(dt_s, LEAST_STEP_S)
-    return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(by_gyro, gyro, rims[2])])
+    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counting_m_s(u.dt_s, robot, noise) ** 2
+    gyro = u.gyro_variance / maximum(u.dt_s, LEAST_STEP_S)
+    return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(u.by_gyro, gyro, rims[2])])
 
 
 def counting_m_s(dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
