@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,20 @@ from ohmward.traction.speed_observer.encoder import differences
 
 #: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` names them.
 BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+_BODY = frozenset(BODY)
+
+
+class _Message(NamedTuple):
+    """A message as floats, a few of which are much faster than as arrays; only what was measured.
+
+    speeds, counts: of wheels by their numbers.  currents: (driven,) or none at all.
+    """
+
+    stamp_s: float
+    speeds: dict[int, float]
+    counts: dict[int, float]
+    currents: list[float]
+    body: Mapping[str, float]
 
 
 class SensorInbox:
@@ -65,15 +79,15 @@ class SensorInbox:
         self.prompt = prompt
         self.left_out = 0
         self._wheels, self._driven = len(robot.places), robot.driven
-        self._waiting: list[tuple[float, int, dict[str, Any]]] = []
+        self._waiting: list[tuple[float, int, _Message]] = []
         self._order = count()
         self._newest_s = -math.inf
         self._taken_s = -math.inf
         self._counts: dict[int, tuple[float, int]] = {}
         self._start_s = self._sample_s = self._speed_s = math.nan
-        self._reported_s = np.full(self._wheels, -math.inf)
-        self._sample_speeds = np.full(self._wheels, math.nan)
-        self._currents: list[np.ndarray] = []
+        self._reported_s: dict[int, float] = {}
+        self._speeds: dict[int, float] = {}
+        self._currents: list[list[float]] = []
         self._body: dict[str, float] = {}
 
     def put(
@@ -96,24 +110,26 @@ class SensorInbox:
             InputError: something else than numbers, of another number of wheels, or a name that there is not.
         """
         stamp_s = number("stamp_s", stamp_s)
-        if unknown := [name for name in body if name not in BODY]:
+        if not body.keys() <= _BODY:
+            unknown = [name for name in body if name not in BODY]
             raise InputError(f"a message has no {', '.join(unknown)}; there are {', '.join(BODY)}")
         if wheel_counts is not None and self.counts_per_turn is None:
             raise InputError("wheel_counts need counts_per_turn of the inbox; give it, or put speeds")
         wheels = self._wheels, self._driven
-        message: dict[str, Any] = {
-            "speeds": numbers("wheel_speed_rad_s", wheel_speed_rad_s, *wheels),
-            "counts": numbers("wheel_counts", wheel_counts, *wheels),
-            "currents": numbers("current_A", current_A, self._driven),
-            **{name: number(name, value) for name, value in body.items()},
-        }
-        of_wheels = np.isfinite(message["speeds"]).any() or np.isfinite(message["counts"]).any()
+        message = _Message(
+            stamp_s,
+            _measured("wheel_speed_rad_s", wheel_speed_rad_s, *wheels),
+            _measured("wheel_counts", wheel_counts, *wheels),
+            [] if current_A is None else numbers("current_A", current_A, self._driven).tolist(),
+            {name: number(name, value) for name, value in body.items()},
+        )
+        of_wheels = message.speeds or message.counts
         latest_s = (self.gather_s if of_wheels else self.silence_s) if self.prompt else 0.0
         if not stamp_s >= self._taken_s - latest_s:
             self.left_out += 1
             return
         self._newest_s = max(self._newest_s, stamp_s)
-        heapq.heappush(self._waiting, (max(stamp_s, self._taken_s), next(self._order), {**message, "stamp_s": stamp_s}))
+        heapq.heappush(self._waiting, (max(stamp_s, self._taken_s), next(self._order), message))
 
     def take(self) -> list[dict[str, Any]]:
         """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`."""
@@ -128,66 +144,64 @@ class SensorInbox:
         while self._waiting and self._waiting[0][0] <= until_s:
             stamp_s, _, message = heapq.heappop(self._waiting)
             self._taken_s = stamp_s
-            speeds = self._speeds(stamp_s, message)
+            speeds = self._speeds_of(stamp_s, message)
             if self._is_over(stamp_s, speeds):
                 samples += self._close()
             self._add(stamp_s, speeds, message)
-            if self.prompt and self._all_have_reported(speeds):
+            if self.prompt and speeds and self._all_have_reported():
                 samples += self._close()
         return samples
 
-    def _all_have_reported(self, speeds: np.ndarray) -> bool:
-        """True where the message completes the speeds of all wheels that have reported within `silence_s`."""
-        if not np.isfinite(speeds).any():
-            return False
-        awaited = self._reported_s > self._sample_s - self.silence_s
-        return bool(np.isfinite(self._sample_speeds[awaited]).all())
+    def _all_have_reported(self) -> bool:
+        """True where the sample has the speeds of all wheels that have reported within `silence_s`."""
+        since_s = self._sample_s - self.silence_s
+        return all(wheel in self._speeds for wheel, at_s in self._reported_s.items() if at_s > since_s)
 
-    def _speeds(self, stamp_s: float, message: Mapping[str, Any]) -> np.ndarray:
-        """Speeds (wheels,) [rad/s] of a message, those of counts as means since the wheel's count before."""
-        speeds = message["speeds"].copy()
-        for k in map(int, np.flatnonzero(np.isfinite(message["counts"]))):
-            now = stamp_s, int(message["counts"][k])
-            if k in self._counts and stamp_s > self._counts[k][0]:
-                before_s, before = self._counts[k]
+    def _speeds_of(self, stamp_s: float, message: _Message) -> dict[int, float]:
+        """Speeds [rad/s] of a message by wheel, those of counts as means since the wheel's count before."""
+        if not message.counts:
+            return message.speeds
+        speeds = dict(message.speeds)
+        for wheel, counted in message.counts.items():
+            now = stamp_s, int(counted)
+            if wheel in self._counts and stamp_s > self._counts[wheel][0]:
+                before_s, before = self._counts[wheel]
                 (turned,) = differences(np.array([[before], [now[1]]]), self.bits)[:, 0]
-                speeds[k] = 2 * math.pi * turned / self.counts_per_turn / (stamp_s - before_s)
-            self._counts[k] = now
+                speeds[wheel] = 2 * math.pi * turned / self.counts_per_turn / (stamp_s - before_s)
+            self._counts[wheel] = now
         return speeds
 
-    def _is_over(self, stamp_s: float, speeds: np.ndarray) -> bool:
+    def _is_over(self, stamp_s: float, speeds: Mapping[int, float]) -> bool:
         """True where a message belongs to the next sample."""
-        told = np.isfinite(self._sample_speeds)
-        if told.any():
-            again = bool((told & np.isfinite(speeds)).any())
-            return again or stamp_s > self._sample_s + self.gather_s
+        if self._speeds:
+            return stamp_s > self._sample_s + self.gather_s or any(wheel in self._speeds for wheel in speeds)
         return stamp_s > self._start_s + self.silence_s
 
-    def _add(self, stamp_s: float, speeds: np.ndarray, message: Mapping[str, Any]) -> None:
+    def _add(self, stamp_s: float, speeds: Mapping[int, float], message: _Message) -> None:
         """The message in the sample that is open."""
         if math.isnan(self._start_s):
             self._start_s = stamp_s
-        told = np.isfinite(speeds)
-        if not np.isfinite(self._sample_speeds).any() or told.any():
+        if speeds or not self._speeds:
             self._sample_s = stamp_s
-        self._sample_speeds[told] = speeds[told]
-        self._reported_s[told] = stamp_s
-        if np.isfinite(message["currents"]).any():
-            self._currents.append(message["currents"])
-        for name in BODY:
-            if math.isfinite(message.get(name, math.nan)):
-                self._body[name] = message[name]
+        self._speeds.update(speeds)
+        for wheel in speeds:
+            self._reported_s[wheel] = stamp_s
+        if any(map(math.isfinite, message.currents)):
+            self._currents.append(message.currents)
+        for name, value in message.body.items():
+            if math.isfinite(value):
+                self._body[name] = value
                 if name == "speed_m_s":
-                    self._speed_s = message["stamp_s"]
+                    self._speed_s = message.stamp_s
 
     def _close(self) -> list[dict[str, Any]]:
         """The sample that is open, if there is anything in it; the next one begins where it ends."""
-        empty = not (self._body or self._currents or np.isfinite(self._sample_speeds).any())
-        if empty:
+        if not (self._speeds or self._currents or self._body):
             return []
-        sample: dict[str, Any] = {"time_s": self._sample_s, "wheel_speed_rad_s": self._sample_speeds, **self._body}
+        speeds = np.array([self._speeds.get(wheel, math.nan) for wheel in range(self._wheels)])
+        sample: dict[str, Any] = {"time_s": self._sample_s, "wheel_speed_rad_s": speeds, **self._body}
         if self._currents:
-            sample["current_A"] = _means(np.array(self._currents))
+            sample["current_A"] = np.array([_mean(column) for column in zip(*self._currents, strict=True)])
         if "speed_m_s" in sample:
             waited_s = max(self._sample_s - self._speed_s, 0.0)
             sample["speed_age_s"] = waited_s + self._body.get("speed_age_s", 0.0)
@@ -197,14 +211,19 @@ class SensorInbox:
     def _clear(self, start_s: float) -> None:
         """An empty sample that begins at `start_s`."""
         self._start_s = self._sample_s = start_s
-        self._sample_speeds = np.full(self._wheels, math.nan)
-        self._currents = []
-        self._body = {}
+        self._speeds, self._currents, self._body = {}, [], {}
         self._speed_s = math.nan
 
 
-def _means(values: np.ndarray) -> np.ndarray:
-    """Mean (N,) of each column's numbers, nan where there is none."""
-    known = np.isfinite(values)
-    sums = np.where(known, values, 0.0).sum(axis=0)
-    return np.where(known.any(axis=0), sums / np.maximum(known.sum(axis=0), 1), math.nan)
+def _measured(name: str, values: PerWheel | None, *counts: int) -> dict[int, float]:
+    """Values by wheel, those that are numbers; raises InputError as `numbers`."""
+    if values is None:
+        return {}
+    given = numbers(name, values, *counts).tolist()
+    return {wheel: value for wheel, value in enumerate(given) if math.isfinite(value)}
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Mean of those that are numbers, nan where none is."""
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan

@@ -12,17 +12,22 @@ from .mujoco_runs import DT_S, believed, observed, samples_of
 NOISE = ObserverNoise(gyro_std_rad_s=0.003)
 
 
-def stop(truth):
-    """Drive off for 3 s, then brake the wheels until they stand."""
-    if truth.time_s < 3.0:
-        return np.clip(12.0 * (min(1.0, 0.6 * truth.time_s) - truth.speed_m_s), -4.0, 4.0)
-    return np.clip(-0.6 * truth.wheel_speed_rad_s[:2], -24.0, 24.0)
+def stop(gain):
+    """Drive off for 3 s, then brake the wheels until they stand, with so much torque for their speed [N m s]."""
+
+    def torque_Nm(truth):
+        if truth.time_s < 3.0:
+            return np.clip(12.0 * (min(1.0, 0.6 * truth.time_s) - truth.speed_m_s), -4.0, 4.0)
+        return np.clip(-gain * truth.wheel_speed_rad_s[:2], -24.0, 24.0)
+
+    return torque_Nm
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("gain", [0.6, 20.0])
 @pytest.mark.parametrize("friction", [0.1, 0.2])
-def test_nine_of_ten_speeds_are_in_their_band(friction):
-    truth = drive(RlmaPlant(RlmaParameters(), uniform(friction)), stop, 6.0, DT_S)
+def test_nine_of_ten_speeds_are_in_their_band(friction, gain):
+    truth = drive(RlmaPlant(RlmaParameters(), uniform(friction)), stop(gain), 6.0, DT_S)
     for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
         samples = samples_of(truth, rng)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from ohmward.filters.consistency import mean_bounds
-from ohmward.traction import RollingResistance
+from ohmward.traction import RLMA, RollingResistance
+from ohmward.traction.speed_observer.apparent_inertia import MASS_STD
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -60,7 +61,8 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
     assert_consistent(runs.normalised)
     assert_consistent(runs.slip)
     growth = (e.speed_std_m_s[-1] - e.speed_std_m_s[99]) / (len(e.speed_std_m_s) * DT_S - 1.0)
-    assert growth == pytest.approx(9.81 * np.radians(1.0), rel=0.15)
+    by_mass = MASS_STD * e.traction_N[100:].sum(axis=1).mean() / RLMA.inertia[0]
+    assert growth == pytest.approx(np.hypot(9.81 * np.radians(1.0), by_mass), rel=0.15)
     assert e.flags[-1] == SlipFlag.SPEED_UNOBSERVED
     assert e.unobserved_s[-1] > 3.0 and e.grip[-1].max() < 1e-3
     assert e.friction_ratio[-1] * 0.7 == pytest.approx(0.2, rel=0.03)

@@ -15,11 +15,11 @@ from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
 from ohmward.filters.sanitize import some, within
-from ohmward.trace import isfinite, logical_not, maximum, where
+from ohmward.trace import isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.model import Model
+from ohmward.traction.speed_observer.model import STEEPEST_RAD, Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
@@ -27,6 +27,9 @@ STANDSTILL_STD = 0.003
 #: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
 MOST_YAW_RAD_S = 35.0
 
+
+#: A pitch outside its gate for longer [s] is no glitch.
+GLITCH_S = 0.05
 
 #: An external speed beyond these limits is a source's fault: the speed [m/s] and its age [s] make it no measurement, a
 #: standard deviation [m/s] outside of its own is replaced by the one of `ObserverNoise`.
@@ -41,6 +44,7 @@ class BodyTimers(NamedTuple):
     disputed_m_s: innovation of the last external speed where it was outside; 0 where it was used.
     innovation_sum: of external speeds that were used, over their standard deviations, and fading.
     gyro_s: gyro.
+    pitch_s: pitch.
     passive_s: (wheels - driven,) encoders of the wheels that are not driven.
     passive_sum: of the innovations that these have in common, over their standard deviations, and fading.
     """
@@ -49,6 +53,7 @@ class BodyTimers(NamedTuple):
     disputed_m_s: Any
     innovation_sum: Any
     gyro_s: Any
+    pitch_s: Any
     passive_s: np.ndarray
     passive_sum: Any
 
@@ -98,14 +103,26 @@ def use_gyro(
     return body._replace(belief=belief, gyro_rejected=rejected, rejected=body.rejected._replace(gyro_s=gyro_s))
 
 
-def use_pitch(body: BodyCorrection, sample: SlipSample, model: Model, gate: SensorGate) -> BodyCorrection:
-    """Correct with the pitch, which is the grade under a stiff robot."""
+def use_pitch(
+    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
+) -> BodyCorrection:
+    """Correct with the pitch, which is the grade under a stiff robot.
+
+    One that is off for longer than a glitch shows the edge of a slope, and the grade is opened for it: what the wheels
+    have made of it may be their slip.
+    """
     std = model.noise.pitch_std_rad
     if std is None or not model.states.grade:
         return body
     i = model.layout.index("grade_rad")
-    belief, _ = correct_sensor(body.belief, sample.pitch_rad, lambda x: x[i : i + 1], std**2, gate.nis)
-    return body._replace(belief=belief)
+    y = where(within(sample.pitch_rad, STEEPEST_RAD), sample.pitch_rad, np.nan)
+    nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
+    opened = inflate(body.belief, i, nu * nu)
+    prior = choose(body.rejected.pitch_s > minimum(GLITCH_S, gate.reset_after_s), opened, body.belief)
+    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], std**2, gate.nis)
+    rejected = isfinite(y) & logical_not(accepted)
+    pitch_s = time_rejected(body.rejected.pitch_s, clean.dt_s, rejected, isfinite(y))
+    return body._replace(belief=belief, rejected=body.rejected._replace(pitch_s=pitch_s))
 
 
 def use_accelerometer(

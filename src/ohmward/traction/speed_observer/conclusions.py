@@ -9,7 +9,7 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every
-from ohmward.trace import linearize, where
+from ohmward.trace import linearize, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
@@ -25,14 +25,16 @@ UNOBSERVED_S = 0.5
 
 
 class DrivenWheels(NamedTuple):
-    """The driven wheels, each (driven,).
+    """The driven wheels, each (driven,), and the body.
 
+    speed_std_m_s: of the body.
     travel_m_s, travel_std_m_s: speed of the wheel's centre along its rolling direction.
     slip_m_s, slip_std_m_s: slip speed.
     rim_m_s: slip plus travel.
     grip: at one sigma of slip beyond the estimate, in [0, 1].
     """
 
+    speed_std_m_s: Scalar
     travel_m_s: np.ndarray
     travel_std_m_s: np.ndarray
     slip_m_s: np.ndarray
@@ -48,17 +50,21 @@ class MotionTimers(NamedTuple):
     stuck_s: Scalar
 
 
-def driven_wheels(belief: Belief, model: Model) -> DrivenWheels:
-    """Travel, slip and grip of the driven wheels."""
+def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheels:
+    """Travel, slip and grip of the driven wheels.
+
+    open_m_s: standard deviation of the speed besides that of the belief.
+    """
     x, P = belief
     G, freedoms = model.scene.robot.rolling[: model.driven], model.scene.robot.freedoms
     slip, H = linearize(model.slip, x)
-    slip_std = np.array([std(row @ P @ row) for row in H])
+    slip_std = np.array([std(row @ P @ row + (g * open_m_s) ** 2) for row, g in zip(H, G[:, 0], strict=True)])
     forward = np.array([s >= 0 for s in slip])
     travel = G @ x[:freedoms]
     return DrivenWheels(
+        speed_std_m_s=std(P[0, 0] + open_m_s**2),
         travel_m_s=travel,
-        travel_std_m_s=np.array([std(row @ P[:freedoms, :freedoms] @ row) for row in G]),
+        travel_std_m_s=np.array([std(row @ P[:freedoms, :freedoms] @ row + (row[0] * open_m_s) ** 2) for row in G]),
         slip_m_s=slip,
         slip_std_m_s=slip_std,
         rim_m_s=slip + travel,
@@ -78,6 +84,16 @@ def advance_timers(
     )
 
 
+def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -> DrivenWheels:
+    """The same with such a standard deviation of the speed besides; their grip is that of the belief."""
+    along_m_s = model.scene.robot.rolling[: model.driven, 0] * by_mass_m_s
+    return wheels._replace(
+        speed_std_m_s=sqrt(wheels.speed_std_m_s**2 + by_mass_m_s**2),
+        travel_std_m_s=sqrt(wheels.travel_std_m_s**2 + along_m_s**2),
+        slip_std_m_s=sqrt(wheels.slip_std_m_s**2 + along_m_s**2),
+    )
+
+
 def conclude(
     belief: Belief, wheels: DrivenWheels, timers: MotionTimers, clean: CleanSlipSample, model: Model, alarm: SlipAlarm
 ) -> SlipEstimate:
@@ -88,7 +104,7 @@ def conclude(
     rims = zip(wheels.rim_m_s, wheels.travel_m_s, strict=True)
     return SlipEstimate(
         speed_m_s=x[0],
-        speed_std_m_s=std(P[0, 0]),
+        speed_std_m_s=wheels.speed_std_m_s,
         yaw_rate_rad_s=x[yaw],
         yaw_rate_std_rad_s=std(P[yaw, yaw]),
         wheel_speed_rad_s=parts.omega,

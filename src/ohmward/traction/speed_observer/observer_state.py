@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief, PackedBelief, pack
 from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, untested
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
 from ohmward.traction.speed_observer.encoders import FreeWheels, RejectedFor
 from ohmward.traction.speed_observer.intervals import Intervals, never
@@ -32,6 +33,7 @@ class ObserverState(NamedTuple):
     rejected: for how long each encoder has been outside its gate, (driven,).
     body_rejected: the same of the sensors of the body.
     unexplained_m_s: change of the speed of late without a force, see `gross_slip`.
+    inertia: test whether the wheels carry the robot.
     unobserved_s, stuck_s: as in `MotionTimers`.
     reach: speeds that the body can have reached.
     """
@@ -48,6 +50,7 @@ class ObserverState(NamedTuple):
     rejected: RejectedFor
     body_rejected: BodyTimers
     unexplained_m_s: Scalar
+    inertia: ApparentInertia
     unobserved_s: Scalar
     stuck_s: Scalar
     reach: Reach
@@ -69,8 +72,9 @@ def started(
         history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
         rest_s=0.0,
         rejected=RejectedFor(np.zeros(n), np.zeros(n)),
-        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
+        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
         unexplained_m_s=0.0,
+        inertia=untested(),
         unobserved_s=0.0,
         stuck_s=0.0,
         reach=Reach(0.0, 0.0),

@@ -37,6 +37,7 @@ from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import logical_not, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
+from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, advance_inertia, by_mass_m_s, reconsidered
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
     SensorGate,
@@ -59,6 +60,7 @@ from ohmward.traction.speed_observer.conclusions import (
     advance_timers,
     conclude,
     driven_wheels,
+    with_unknown_mass,
 )
 from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
@@ -204,13 +206,16 @@ class SpeedObserver:
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, sample, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
-        belief = slip_test.belief._replace(mean=self.model.layout.bounded(slip_test.belief.mean))
+        inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
+        inertia, belief, started_anew = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
+        belief = belief._replace(mean=self.model.layout.bounded(belief.mean))
         reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
         rejected = rejected_for(wheels.wheels)
         lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
-        timers, estimate = self.conclude(state, choose(lost, new, belief), wheels, body, clean)
-        flags = self.flags(before, clean, wheels, body, slip_test, timers, lost)
+        timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, wheels, body, clean)
+        ground_changed = some([wheels.ground_changed, slip_test.gross_slip, started_anew])
+        flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
         after = state._replace(
             belief=pack(belief),
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
@@ -219,6 +224,7 @@ class SpeedObserver:
             rejected=rejected,
             body_rejected=body.rejected,
             unexplained_m_s=slip_test.unexplained_m_s,
+            inertia=inertia,
             unobserved_s=timers.unobserved_s,
             stuck_s=timers.stuck_s,
             reach=reach,
@@ -302,7 +308,7 @@ class SpeedObserver:
         body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
         if not self.gyro_first:
             body = use_gyro(body, sample, clean, model, gate)
-        body = use_pitch(body, sample, model, gate)
+        body = use_pitch(body, sample, clean, model, gate)
         body = use_accelerometer(body, sample, clean, model, gate)
         body = use_speed(body, sample, clean, history, fastest_m_s(state.reach), model, gate)
         return use_standstill(body, clean.resting, model)
@@ -325,17 +331,19 @@ class SpeedObserver:
         self,
         state: ObserverState,
         belief: Belief,
+        inertia: ApparentInertia,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         clean: CleanSlipSample,
     ) -> tuple[MotionTimers, SlipEstimate]:
         """The timers, and the estimate still without flags."""
-        driven = driven_wheels(belief, self.model)
+        driven = driven_wheels(belief, inertia.open_m_s, self.model)
         encoders = zip(wheels.wheels, driven.grip, strict=True)
         gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
         observable = some([*gripping, body.observable])
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
+        driven = with_unknown_mass(driven, by_mass_m_s(inertia), self.model)
         return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
 
     def flags(
@@ -344,7 +352,7 @@ class SpeedObserver:
         clean: CleanSlipSample,
         wheels: EncoderCorrection,
         body: BodyCorrection,
-        slip_test: SlipTest,
+        ground_changed: Scalar,
         timers: MotionTimers,
         lost: Scalar,
     ) -> Scalar:
@@ -354,7 +362,7 @@ class SpeedObserver:
             SlipFlag.GAP: clean.gap,
             SlipFlag.NO_CURRENT: some([logical_not(every(clean.current_measured)), clean.current_refused]),
             SlipFlag.NO_ENCODER: logical_not(every(clean.wheel_measured[: self.model.driven])),
-            SlipFlag.GROUND_CHANGED: some([wheels.ground_changed, slip_test.gross_slip]),
+            SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
             SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
             SlipFlag.GYRO_REJECTED: body.gyro_rejected,
