@@ -19,7 +19,7 @@ from ohmward.energy.consumption import (
 )
 from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass
 from ohmward.energy.consumption_sums import Variance
-from ohmward.energy.leg import Leg, Stretch, stretch_of, way_back
+from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, way_back
 from ohmward.errors import InputError
 
 SURE = 1e15
@@ -170,6 +170,16 @@ def test_windings_heat_with_the_square_of_the_pull():
     assert energy_demand(c, [s]).mean_J == pytest.approx(pull_N * 100.0 + 0.01 * pull_N**2 * 200.0)
 
 
+def test_windings_heat_while_the_robot_is_under_way_and_not_in_short_stops():
+    c = certain(idle_W=0.0, force_N=20.0, climb=1.0)
+    mean = c.mean.copy()
+    mean[HEAT] = 0.01
+    c = replace(c, mean=mean)
+    two_speeds = Stretch("grass", 320.0, 100.0, 50.0 * 0.25 + 50.0 * 1.0, standing_s=70.0)
+    assert energy_demand(c, [two_speeds]).mean_J == pytest.approx(2000.0 + 0.01 * 400.0 * 250.0)
+    assert part_of(two_speeds, 0.5).standing_s == 35.0
+
+
 def test_the_variances_are_found():
     rng, c = np.random.default_rng(6), start(replace(PRIOR, scatter_m=1.0))
     for _ in range(150):
@@ -264,6 +274,7 @@ def test_a_smooth_floor_teaches_nothing_of_other_terrains():
             "terrain 'ice' is not .* knows: grass, gravel",
         ),
         (lambda: learn(learned(), Stretch("grass", 1.0, -2.0), 1.0), "stretch.distance_m must be >= 0, got -2"),
+        (lambda: learn(learned(), Stretch("sand", 1.0, standing_s=3.0), 1.0), "standing_s must be between 0 and 1"),
         (lambda: learn(learned(), Stretch("grass", 1.0, 2.0), np.nan), "energy_J must be finite"),
         (lambda: ConsumptionPrior(0.0, 1.0, 1.0, 1.0, 1.0), "prior.mass_kg must be > 0"),
         (lambda: begin_drive(learned(), -1.0), "days must be >= 0"),

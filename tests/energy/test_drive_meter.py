@@ -37,6 +37,7 @@ def test_short_stops_belong_to_the_drive():
     speed = np.where((T > 50) & (T < 54), 0.0, 0.5)
     found = metered(speed, np.full(301, 20.0))
     assert [m.stretch.terrain for m in found] == ["grass", "grass"]
+    assert sum(m.stretch.standing_s for m in found) == 2.0
     assert sum(m.stretch.time_s for m in found) == pytest.approx(300.0)
     assert max(m.stretch.time_s for m in found) <= Cut().longest_s
 

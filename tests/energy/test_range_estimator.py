@@ -15,6 +15,7 @@ from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
+from ohmward.trace.snapshot import sealed
 from ohmward.traction import RLMA
 
 BATTERY = generic_battery("lfp", 5.0, n_series=8)
@@ -86,6 +87,17 @@ def test_a_restart_goes_on_to_the_bit():
     assert after.snapshot() == before.snapshot()
     assert dump_consumption(after.consumption) == dump_consumption(before.consumption)
     assert after.time_s == T[-1]
+
+
+def test_snapshots_of_stretches_without_their_standing_time_are_read():
+    before = new(terrain="grass")
+    driven(before, slice(0, 400))
+    state = json.loads(json.dumps(before.snapshot(), allow_nan=False))["state"]
+    table, (last, moving, stop), recent, *others = state
+    older = [table, [last, [moving[0][:-1], *moving[1:]], stop], [row[:-1] for row in recent], *others]
+    taken = sealed({k: v for k, v in before.snapshot().items() if k not in ("version", "checksum")} | {"state": older})
+    after = RangeEstimator.restore(BATTERY, taken, terrain="grass", refresh_s=600.0)
+    assert [s.standing_s for s in after.state.recent] == [0.0] * len(recent)
 
 
 def test_snapshots_that_do_not_fit_are_refused():
@@ -189,3 +201,18 @@ def test_the_representation_says_what_is_left():
 def test_what_cannot_be_used_is_refused_by_name(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+def test_until_some_metres_are_driven_the_way_ahead_is_assumed():
+    """A start from rest would tell of a way at a crawl, and of a range of a few hundred metres."""
+    resting, starting = new(refresh_s=1.0), new(refresh_s=1.0)
+    for k in range(20):
+        at_rest = resting.update(float(k), 0.8, 0.0, -1.0, V)
+        at_start = starting.update(float(k), 0.8, 0.1, -1.0, V)
+    assert at_rest.assumed and at_start.assumed
+    assert at_start.driven_m == pytest.approx(1.9)
+    assert at_start.distance_m.p50 == pytest.approx(at_rest.distance_m.p50, rel=0.05)
+    assert at_rest.distance_m.p10 < 0.8 * at_rest.distance_m.p50
+    for k in range(20, 40):
+        driving = starting.update(float(k), 0.8, 0.5, -1.0, V)
+    assert not driving.assumed

@@ -24,7 +24,9 @@ def test_a_drive_on_two_terrains_with_a_stop():
 
 def test_short_stops_belong_to_the_drive():
     speed = np.where((T > 50) & (T < 54), 0.0, 0.5)
-    assert all(d.stretch.terrain for d in cut_drive(T, speed, np.full(301, 20.0), "grass"))
+    found = cut_drive(T, speed, np.full(301, 20.0), "grass")
+    assert all(d.stretch.terrain for d in found)
+    assert sum(d.stretch.standing_s for d in found) == 2.0
 
 
 def test_heights_of_a_hill_without_the_noise_of_the_pitch():

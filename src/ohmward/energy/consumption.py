@@ -1,8 +1,9 @@
 """Energy that a robot takes, by terrain, speed, slope and load: a regression with its uncertainty.
 
-A stretch of time t, distance d, mean speed v, potential and kinetic energy gained L, and mass ratio q = m / m_0 takes
+A stretch of time t, for t_d of it under way at the mean speed v over d, with potential and kinetic energy gained L and
+mass ratio q = m / m_0 takes
 
-E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 d / v + e
+E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 t_d + e
 W = q d (f_k + c v) / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
 
 f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, and its force heats
@@ -259,7 +260,7 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
 def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
     """Derivative (6 + 2 K,) of the energy with respect to the coefficients, by the work of the wheels too.
 
-    dE/dW = 2 r W t / d^2, and b - a more where the wheels brake.
+    dE/dW = 2 r W t_d / d^2, and b - a more where the wheels brake.
     """
     x = design_row(c, stretch)
     if not stretch.terrain or not stretch.distance_m:
@@ -325,8 +326,8 @@ def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
 
 
 def moving_time_s(stretch: Stretch) -> float:
-    """Time [s] without the stops, at the mean speed."""
-    return stretch.distance_m**2 / stretch.speed_distance_m2_s if stretch.speed_distance_m2_s else 0.0
+    """Time [s] without the stops, in which the wheels pull."""
+    return stretch.time_s - stretch.standing_s
 
 
 def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> tuple[Belief, Innovation]:
@@ -382,6 +383,7 @@ def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
 def _check(stretch: Stretch, energy_J: float) -> None:
     for name in ("time_s", "distance_m", "speed_distance_m2_s", "climb_m", "descent_m", "payload_kg"):
         require_between(f"stretch.{name}", getattr(stretch, name), 0.0, np.inf)
+    require_between("stretch.standing_s", stretch.standing_s, 0.0, stretch.time_s)
     require_finite("stretch.kinetic_m2_s2", stretch.kinetic_m2_s2)
     if not np.isfinite(energy_J):
         raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")

@@ -24,6 +24,7 @@ class Stretch(NamedTuple):
     climb_m, descent_m: height gained and height lost, both >= 0.
     payload_kg: on top of the robot's mass.
     kinetic_m2_s2: kinetic energy gained, per kg: half of the last speed squared less half of the first.
+    standing_s: of `time_s`, what the robot stands in stops too short to be a stretch of their own.
     """
 
     terrain: str
@@ -34,6 +35,7 @@ class Stretch(NamedTuple):
     descent_m: float = 0.0
     payload_kg: float = 0.0
     kinetic_m2_s2: float = 0.0
+    standing_s: float = 0.0
 
 
 #: Fields that double when a stretch is twice as long.
@@ -79,6 +81,7 @@ def stretch_of(leg: Leg) -> Stretch:
         max(rise_m, 0.0),
         max(-rise_m, 0.0),
         leg.payload_kg,
+        standing_s=leg.stop_s,
     )
 
 

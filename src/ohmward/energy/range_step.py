@@ -29,8 +29,11 @@ from ohmward.filters.flags import SampleFlag
 #: Ground like the last so many stretches lies ahead; with three minutes each, that of the last hour.
 RECENT_STRETCHES = 20
 
-#: What lies ahead of a robot that has not moved yet.
+#: Way ahead of a robot that has hardly moved yet, flat, with the consumption and the band that its table knows before.
 FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
+
+#: A shorter drive says nothing of the way ahead: it is a start from rest, at a tenth of the speed that is to come.
+LEAST_DRIVEN_M = 5.0
 
 #: A sample that is late by more than this is not late: the clock was set.
 CLOCK_SET_S = 60.0
@@ -92,6 +95,11 @@ class RangeEstimate(NamedTuple):
     home_probability: Any
     driven_m: Any
     flags: Any
+
+    @property
+    def assumed(self) -> Any:
+        """True while too little was driven to tell the way ahead: flat, at a usual speed, as the table takes it."""
+        return self.driven_m < LEAST_DRIVEN_M
 
 
 class RangeState(NamedTuple):
@@ -207,7 +215,7 @@ class RangeSettings:
     def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
         """Stretches like those to come: those of late."""
         driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
-        if total_distance_m(driven) > 0.0:
+        if total_distance_m(driven) >= LEAST_DRIVEN_M:
             return driven
         return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
 

@@ -89,7 +89,7 @@ def cut_drive(
         label = labels[intervals.start]
         name = "" if label == _STANDS else names[intervals.start]
         samples = slice(intervals.start, intervals.stop + 1)
-        driven.append(_driven(drive.rows(samples), name, payload_kg, cut.height_s))
+        driven.append(_driven(drive.rows(samples), name, payload_kg, cut))
     if not driven:
         raise InputError(
             "the drive has no stretch in which speed and battery power were both measured; check the columns"
@@ -136,9 +136,7 @@ def _labels(drive: _BridgedDrive, names: np.ndarray, cut: Cut) -> np.ndarray:
     time_s = drive.time_s
     known = sorted(set(names))
     labels = np.array([known.index(name) for name in names[:-1]])
-    slow = np.abs(drive.speed_m_s) < cut.standing_m_s
-    still = slow[:-1] & slow[1:]
-    for first, stop in runs(still):
+    for first, stop in runs(_still(drive.speed_m_s, cut)):
         if time_s[stop] - time_s[first] >= cut.standing_s:
             labels[first:stop] = _STANDS
     measured = np.isfinite(drive.speed_m_s + drive.battery_W)
@@ -159,13 +157,19 @@ def _pieces(time_s: np.ndarray, labels: np.ndarray, longest_s: float) -> Iterato
         yield from (slice(int(a), int(b)) for a, b in pairwise(edges) if b > a)
 
 
-def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, height_s: float) -> Driven:
+def _still(speed_m_s: np.ndarray, cut: Cut) -> np.ndarray:
+    """(T - 1,) True for the intervals at whose ends the robot is slower than one that moves."""
+    slow = np.abs(speed_m_s) < cut.standing_m_s
+    return slow[:-1] & slow[1:]
+
+
+def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, cut: Cut) -> Driven:
     """One stretch: all samples of `drive`, on one terrain, or standing where that is ""."""
     t, v = drive.time_s, np.abs(drive.speed_m_s)
     duration_s = float(t[-1] - t[0])
     stretch = Stretch(terrain, duration_s, payload_kg=payload_kg)
     if terrain:
-        knots = np.linspace(t[0], t[-1], max(round(duration_s / height_s), 1) + 1)
+        knots = np.linspace(t[0], t[-1], max(round(duration_s / cut.height_s), 1) + 1)
         rise_m = np.diff(np.interp(knots, t, drive.height_m))
         stretch = stretch._replace(
             distance_m=float(np.trapezoid(v, t)),
@@ -173,6 +177,7 @@ def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, height_s: flo
             climb_m=float(rise_m.clip(0).sum()),
             descent_m=float((-rise_m).clip(0).sum()),
             kinetic_m2_s2=float(0.5 * (v[-1] ** 2 - v[0] ** 2)),
+            standing_s=float(np.diff(t)[_still(v, cut)].sum()),
         )
     return Driven(t[0], t[-1], stretch, float(np.trapezoid(drive.battery_W, t)))
 
