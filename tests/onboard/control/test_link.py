@@ -316,7 +316,7 @@ def test_a_bus_that_takes_no_frame_is_a_stop_and_then_an_error():
 def test_settings_are_checked(rig):
     output = rig[0].can
     refused: list[tuple[dict[str, Any], str]] = [
-        ({}, r"give one way to the drives: \[sink.can\], \[sink.ros\] or \[sink.mqtt\]"),
+        ({}, r"give one way to the drives: \[sink.can\], \[sink.ros\], \[sink.mqtt\] or \[sink.simulation\]"),
         ({"can": output, "operator": "0.0.0.0:4720"}, "can be reached from other machines; give a token"),
         ({"can": output, "operator": "nowhere"}, "operator must be HOST:PORT"),
         ({"can": output, "step_s": 0.5}, "step_s must be between"),

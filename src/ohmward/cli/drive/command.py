@@ -18,6 +18,7 @@ from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.secrets import secret
 from ohmward.onboard.sinks.control import host_and_port
+from ohmward.onboard.sinks.terminal import within_terminal
 
 #: The line is written anew after so many beats.
 _BEATS_A_LINE = 5
@@ -135,7 +136,7 @@ class OperatorDesk:
         """Write the line anew on a terminal; elsewhere a line for each new phase."""
         if sys.stderr.isatty():
             if number % _BEATS_A_LINE == 0:
-                print(f"\r{line(beat, self.link.command)}\x1b[K", end="", file=sys.stderr, flush=True)
+                print(f"\r{within_terminal(line(beat, self.link.command))}\x1b[K", end="", file=sys.stderr, flush=True)
         elif (now := f"{beat.get('phase')}{beat.get('reason')}"[:20]) != self._shown:
             self._shown = now
             print(line(beat, self.link.command), file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ from ohmward.cli.log_format import FORMATS, TEXT
 
 EXAMPLES = """\
   ohmward run --demo                                a simulated robot, with nothing attached
+  ohmward run --demo --drive                        the same, driven by `ohmward drive` in another terminal
   ohmward run --example > robot.toml                a setup to edit
   ohmward run --check robot.toml                    is everything there, and wired as it should be?
   ohmward run robot.toml
@@ -26,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--check",
         action="store_true",
         help="listen for 10 s (or --seconds) and check every signal, its unit and its sign; drive a little meanwhile",
+    )
+    parser.add_argument(
+        "--drive",
+        action="store_true",
+        help="with --demo: it waits for an operator, `ohmward drive` in another terminal",
     )
     parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
     parser.add_argument("--json", action="store_true", help="with --check: print the findings as JSON")

@@ -36,8 +36,8 @@ def run(args: argparse.Namespace) -> Outcome:
         return _check(args.setup, args.seconds or CHECK_S)
     begin_log(args.log_format)
     try:
-        process = demo_process() if args.demo else assemble(SETUP_FILE.load(args.setup))
-        process.estimation.compile()
+        process = demo_process(args.drive) if args.demo else assemble(SETUP_FILE.load(args.setup))
+        process.estimation.compile(from_disk=True)
         asyncio.run(_run(process, args.seconds))
     except OhmwardError as error:
         if args.log_format == TEXT:
@@ -66,6 +66,8 @@ def _check_arguments(args: argparse.Namespace) -> None:
         raise InputError(f"{alone} needs no setup; leave {args.setup!r} out, or run it without {alone}")
     if not alone and not args.setup:
         raise InputError("give a SETUP.toml (`ohmward run --example > robot.toml` writes one), or --demo")
+    if args.drive and not args.demo:
+        raise InputError('--drive goes with --demo; a robot of your own has a [[sink]] of kind = "control"')
     if args.json and not args.check:
         raise InputError('--json goes with --check; estimates as JSON come from a [[sink]] of kind = "json-lines"')
 

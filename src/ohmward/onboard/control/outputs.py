@@ -82,6 +82,23 @@ class MqttOutput(MqttBroker):
 
 
 @dataclass(frozen=True)
+class SimulatedOutput:
+    """The drives of a simulated robot in the same process, for tries.
+
+    Attributes:
+        source: name of the [[source]] of kind "simulation".
+    """
+
+    source: str = "simulation"
+
+    @asynccontextmanager
+    async def opened(self, names: list[str]) -> AsyncIterator[Send]:
+        """Nothing; `connect_simulated_drives` puts the drives in this place."""
+        raise InputError(f"simulation: the drives of {self.source!r} are in the process of its setup only")
+        yield
+
+
+@dataclass(frozen=True)
 class RosOutput(RosNetwork):
     """`std_msgs/Float64MultiArray` for a forward_command_controller of ros2_control: zeros unless armed.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, field
 
 from ohmward.checks import require_between
@@ -10,7 +11,7 @@ from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_server import OperatorServer
-from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput
+from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.traction.robot.file import load_robot
@@ -24,7 +25,7 @@ class ControlSink:
 
     Attributes:
         robot: path of the robot file or name of a packaged robot.
-        can, ros, mqtt: the way to the drives, one of them.
+        can, ros, mqtt: the way to the drives, one of them; simulation: those of a simulated robot.
         operator: HOST:PORT at which the operator connects; any host but this machine needs a token.
         token: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600.
         limits: of speed, torque and slip, and timeouts.
@@ -36,6 +37,7 @@ class ControlSink:
     can: CanOutput | None = None
     ros: RosOutput | None = None
     mqtt: MqttOutput | None = None
+    simulation: SimulatedOutput | None = None
     operator: str = "127.0.0.1:4720"
     token: str | None = None
     limits: DriveLimits = field(default_factory=DriveLimits)
@@ -44,8 +46,8 @@ class ControlSink:
 
     def __post_init__(self) -> None:
         require_between("step_s", self.step_s, 0.002, 0.02)
-        if sum(output is not None for output in (self.can, self.ros, self.mqtt)) != 1:
-            raise InputError("give one way to the drives: [sink.can], [sink.ros] or [sink.mqtt]")
+        if sum(output is not None for output in (self.can, self.ros, self.mqtt, self.simulation)) != 1:
+            raise InputError("give one way to the drives: [sink.can], [sink.ros], [sink.mqtt] or [sink.simulation]")
         host, _ = host_and_port("operator", self.operator)
         if self.token is not None:
             check_secret_name("token", self.token)
@@ -61,10 +63,10 @@ class ControlSink:
 
     async def run(self, feed: Feed) -> None:
         """Control until the feed ends; the last commands stop the robot."""
-        control = DriveControl(load_robot(self.robot), self.limits)
+        control = await asyncio.to_thread(DriveControl, load_robot(self.robot), self.limits)  # which compiles
         token = secret("token", self.token) if self.token else ""
         names = list(control.numbers(control.step(0.0, None, None)))
-        output = self.can or self.ros or self.mqtt
+        output = self.can or self.ros or self.mqtt or self.simulation
         assert output is not None
         async with output.opened(names) as send:
             loop = ControlLoop(control, send, self.step_s)

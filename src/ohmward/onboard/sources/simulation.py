@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,13 @@ from ohmward.simulate.closed_loop.run import RunRow
 
 #: Simulated at once before anything else is done [s]; messages come in time all the same.
 _CHUNK_S = 0.1
+
+#: A robot that is driven goes on from now where the machine has fallen behind by more than this [s]: a controller takes
+#: no estimates that are .08 s old.
+_BEHIND_S = 0.03
+
+#: Times that differ by less are equal: sums of steps are rounded.
+_TIME_EPS_S = 1e-9
 
 #: A round of the demonstration: from when on, speed [m/s] and yaw rate [rad/s]. Along, about, back, about, and a rest.
 _ROUND = ((0.0, 0.8, 0.0), (8.0, 0.5, 0.5), (14.3, 0.8, 0.0), (22.3, 0.5, 0.5), (28.6, 0.0, 0.0))
@@ -63,30 +71,61 @@ class SimulationSource:
     def __post_init__(self) -> None:
         require_positive("rate", self.rate)
 
+    @property
+    def _scenario(self) -> Scenario:
+        scenario = find_scenario(self.scenario) if self.scenario else demonstration(self.seed)
+        return replace(scenario, seed=self.seed)
+
     async def run(self, put: Put) -> None:
         """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
 
         A battery that starts full comes from a charger, which says so.
         """
-        scenario = find_scenario(self.scenario) if self.scenario else demonstration(self.seed)
-        drive = await asyncio.to_thread(ClosedLoopDrive, replace(scenario, seed=self.seed))
-        rows = await asyncio.to_thread(_advance, drive)  # compiles the rest, before the clock begins
-        began_s = time.monotonic()
-        if scenario.battery.start_soc == 1.0:
-            put(Message(0.0, began_s, self.name, {"battery_full": 1.0}))
+        drive = await asyncio.to_thread(ClosedLoopDrive, self._scenario)
+        rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)  # compiles the rest, before the clock begins
+        began_s = self._begin(drive, put, 0.0)
         while True:
             for at_s, values in rows:
                 await asyncio.sleep(max(at_s / self.rate - (time.monotonic() - began_s), 0.0))
                 put(Message(at_s, began_s + at_s, self.name, values))
-            if drive.truth.time_s >= scenario.duration_s or drive.empty:
+            if drive.truth.time_s >= drive.scenario.duration_s or drive.empty:
                 break
-            rows = await asyncio.to_thread(_advance, drive)
+            rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)
         raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
 
+    async def drive(self, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:
+        """Stand on the scenario's ground, and drive by these torques until the battery is empty, in real time.
 
-def _advance(drive: ClosedLoopDrive) -> list[tuple[float, dict[str, float]]]:
-    """Simulate a little further; time and values of the samples that have arrived since."""
-    until_s = drive.truth.time_s + _CHUNK_S
+        torque_Nm: of the driven wheels now, by their names.  A torque acts from the next sample on, as on a bus.
+        """
+        still = (Command(torque_Nm=0.0, mode="torque"),)
+        scenario = replace(self._scenario, commands=still, duration_s=_ROUNDS * _ROUND_S, start_speed_m_s=0.0)
+        drive = await asyncio.to_thread(ClosedLoopDrive, scenario)
+        wheels = [place.name for place in drive.robot.places[: drive.robot.driven]]
+        interval_s = scenario.sensors.interval_s
+        await asyncio.to_thread(_advance, drive, interval_s)  # compiles the rest, before the clock begins
+        began_s = self._begin(drive, put, time.monotonic()) - drive.truth.time_s
+        while not drive.empty:
+            drive.hold(torque_Nm(wheels))
+            rows = await asyncio.to_thread(_advance, drive, interval_s)
+            behind_s = time.monotonic() - began_s - drive.truth.time_s
+            began_s += behind_s if behind_s > _BEHIND_S else 0.0
+            await asyncio.sleep(max(-behind_s, 0.0))
+            for at_s, values in rows:
+                put(Message(began_s + at_s, began_s + at_s, self.name, values))
+        raise EndedError("the battery is empty")
+
+    def _begin(self, drive: ClosedLoopDrive, put: Put, stamp_s: float) -> float:
+        """The monotonic time now, at which the drive begins; a charger says whether the battery is full."""
+        began_s = time.monotonic()
+        if drive.scenario.battery.start_soc == 1.0:
+            put(Message(stamp_s, began_s, self.name, {"battery_full": 1.0}))
+        return began_s
+
+
+def _advance(drive: ClosedLoopDrive, ahead_s: float) -> list[tuple[float, dict[str, float]]]:
+    """Simulate further by a time; time and values of the samples that have arrived since."""
+    until_s = drive.truth.time_s + ahead_s - _TIME_EPS_S
     while drive.truth.time_s < until_s and not drive.empty:
         drive.step()
     if not len(drive.rows):

@@ -167,7 +167,8 @@ class WheelCommand(NamedTuple):
     """Command for the wheels.
 
     travel_m_s: (driven,) of the wheels' centres.
-    slip_ratio, direction, torque_Nm: numbers, the same for all wheels.
+    slip_ratio, direction: numbers, the same for all wheels.
+    torque_Nm: (driven,) of the wheels.
     """
 
     travel_m_s: Any
@@ -200,7 +201,8 @@ def wheel_command(command: Command, robot: Robot) -> WheelCommand:
     motion = np.zeros(robot.freedoms)
     motion[0], motion[-1] = command.speed_m_s or 0.0, command.yaw_rate_rad_s or 0.0
     travel = robot.rolling[: robot.driven] @ motion
-    return WheelCommand(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, command.torque_Nm or 0.0)
+    torque = np.full(robot.driven, command.torque_Nm or 0.0)
+    return WheelCommand(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, torque)
 
 
 def make_controller(control: Control, robot: Robot) -> Controller:

@@ -128,6 +128,10 @@ class ClosedLoopDrive:
         """True where the battery can no longer feed the electronics."""
         return self.supply.now.available_W < self.robot.idle_W or self.supply.now.soc <= 0.0
 
+    def hold(self, torque_Nm: np.ndarray) -> None:
+        """Command these torques (driven,) from now on, in mode "torque"."""
+        self._commands = [command._replace(torque_Nm=torque_Nm) for command in self._commands]
+
     def sample(self) -> None:
         """Let the sensors sample, and the observer use the samples that have arrived."""
         arrivals = self.sensors.sample(self.truth)

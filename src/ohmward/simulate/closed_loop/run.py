@@ -108,7 +108,7 @@ def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
 def drive_log(run: ClosedLoopRun) -> DriveLog:
     """The log as `read_drive` would read it from a file."""
     rows, sample = run.rows, run.rows.sample
-    body = {
+    body: dict[str, Any] = {
         name: getattr(sample, name) if np.isfinite(getattr(sample, name)).any() else None
         for name in ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s")
     }

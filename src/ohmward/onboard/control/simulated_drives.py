@@ -1,0 +1,110 @@
+"""Drives of the simulated robot in the same process: slip control to try with nothing attached."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.onboard.control.loop import Send
+from ohmward.onboard.control.outputs import SimulatedOutput
+from ohmward.onboard.message import Put
+from ohmward.onboard.part import Sink, Source
+from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sources.simulation import SimulationSource
+
+#: A drive stops by itself where no new command has come for so long [s].
+TIMEOUT_S = 0.05
+
+
+class SimulatedDrives:
+    """Drives that hold the last torques while they are enabled and new commands keep coming."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, Mapping[str, float]] = -math.inf, {}
+
+    def take(self, numbers: Mapping[str, float]) -> None:
+        """Take a command; from any thread."""
+        self._last = time.monotonic(), dict(numbers)
+
+    def torque_Nm(self, wheels: Sequence[str]) -> np.ndarray:
+        """Torque (driven,) of each wheel now; 0 unless enabled."""
+        taken_s, numbers = self._last
+        if time.monotonic() - taken_s > TIMEOUT_S or not numbers.get("enable"):
+            return np.zeros(len(wheels))
+        return np.array([numbers[f"torque_Nm.{wheel}"] for wheel in wheels])
+
+
+@dataclass(frozen=True)
+class ConnectedOutput(SimulatedOutput):
+    """The way to the drives of a simulated robot.
+
+    Attributes:
+        drives: that take the commands.
+    """
+
+    drives: SimulatedDrives = field(default_factory=SimulatedDrives)
+
+    @asynccontextmanager
+    async def opened(self, names: list[str]) -> AsyncIterator[Send]:
+        """The function that sends; names: of the numbers that there are."""
+        yield self.drives.take
+
+
+@dataclass(frozen=True)
+class DrivenSimulation:
+    """The simulated robot under commands.
+
+    Attributes:
+        simulation: its settings.
+        drives: that take the commands.
+    """
+
+    simulation: SimulationSource
+    drives: SimulatedDrives = field(default_factory=SimulatedDrives)
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        return self.simulation.name
+
+    async def run(self, put: Put) -> None:
+        """Put the samples of the robot that the drives move."""
+        await self.simulation.drive(put, self.drives.torque_Nm)
+
+
+def connect_simulated_drives(
+    sources: Sequence[Source], sinks: Sequence[Sink]
+) -> tuple[tuple[Source, ...], tuple[Sink, ...]]:
+    """Sources and sinks of a setup, with each simulated robot under the control that names it.
+
+    Raises:
+        InputError: there is no such simulated robot, it runs at another rate than real time, or two controls name it.
+    """
+    driven: dict[str, DrivenSimulation] = {}
+    connected: list[Sink] = []
+    for sink in sinks:
+        if isinstance(sink, ControlSink) and sink.simulation:
+            name = sink.simulation.source
+            if name in driven:
+                raise InputError(f"sink {sink.name}: {name!r} is driven by another sink already; leave one of them out")
+            driven[name] = DrivenSimulation(_simulation(sources, sink.name, name))
+            sink = replace(sink, simulation=ConnectedOutput(name, driven[name].drives))
+        connected.append(sink)
+    return tuple(driven.get(source.name, source) for source in sources), tuple(connected)
+
+
+def _simulation(sources: Sequence[Source], sink: str, name: str) -> SimulationSource:
+    """The source of that name, which must be a simulated robot in real time."""
+    there = {source.name: source for source in sources if isinstance(source, SimulationSource)}
+    if name not in there:
+        known = f"there are: {', '.join(there)}" if there else 'add a [[source]] of kind = "simulation"'
+        raise InputError(f"sink {sink}: simulation.source = {name!r} is no simulated robot; {known}")
+    if there[name].rate != 1.0:
+        raise InputError(f"sink {sink}: {name!r} has rate = {there[name].rate:g}; an operator drives at rate = 1.0")
+    return there[name]
