@@ -11,7 +11,7 @@ from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import scan
 from ohmward.trace.live import FlagTable, Live, MachineLive, PythonLive
-from ohmward.trace.lower import code_cache, lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
+from ohmward.trace.lower import code_cache, kept_steps, lanes, llvm_logs, llvm_machine_code, numpy_source, python_source
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program, trace
 from ohmward.trace.structure import check, flatten, leaves, size
@@ -52,7 +52,14 @@ class Kernel:
         self.function, self.examples, self.constants = function, examples, constants
         self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
         require_one_of("lowering", self.lowering, LOWERINGS)
-        self.program: Program = trace(function, *examples, constants=constants)
+        self._key = kept_steps.key_of(function, examples, constants)
+        if self._key is None:
+            _ = self.program  # faults are told here
+
+    @cached_property
+    def program(self) -> Program:
+        """The function, traced."""
+        return trace(self.function, *self.examples, constants=self.constants)
 
     def __call__(self, *args: Any) -> Any:
         """`function(*args, *constants)`: numbers as Python floats, arrays as arrays of float64."""
@@ -101,13 +108,12 @@ class Kernel:
 
         flags: what stands in the output's field `flags` for the number that the step returns there; None leaves it.
         """
-        structure = self.program.step_structure.state
 
         def in_machine_code() -> Live:
-            return MachineLive(self.machine, structure, state, flags)
+            return MachineLive(self._live_step, self._live_step.program.step_structure.state, state, flags)
 
         def in_python() -> Live:
-            return PythonLive(self, structure, state, flags)
+            return PythonLive(self, self.program.step_structure.state, state, flags)
 
         return self._run(in_machine_code, in_python, worth=not llvm_machine_code.reason_for_none())
 
@@ -141,6 +147,11 @@ class Kernel:
     def machine(self) -> MachineStep:
         """The step in machine code."""
         return MachineStep(self.program, self._state_size)
+
+    @cached_property
+    def _live_step(self) -> MachineStep:
+        """The same for live samples, from the disk where it is kept there."""
+        return self.machine if self._key is None else kept_steps.kept_step(self._key, lambda: self.machine)
 
     def _run(self, in_machine_code: Callable[[], T], otherwise: Callable[[], T], worth: bool) -> T:
         """Run in machine code if asked for, or if left open and worth it; warn once where there is none."""

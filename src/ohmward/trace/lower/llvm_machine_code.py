@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from itertools import count
 from typing import Any
@@ -81,18 +82,39 @@ def compile_scan(source: str, name: str) -> tuple[Callable[..., None], Any]:
     Raises:
         NoMachineCodeError: see `llvm`; or LLVM refuses this program.
     """
-    binding = llvm()
+    return linked(compiled(source), name)
+
+
+def compiled(source: str) -> bytes:
+    """Object file of a module, from the disk where it was compiled before.
+
+    Raises:
+        NoMachineCodeError: see `llvm`; or LLVM refuses this program.
+    """
+    llvm()
+    with _refused():
+        return cached(_key(source), lambda: compile_object(source))
+
+
+def linked(code: bytes, name: str) -> tuple[Callable[..., None], Any]:
+    """The function `name` of an object file, and the library that must live as long as it.
+
+    Raises:
+        NoMachineCodeError: see `llvm`; or LLVM refuses this file.
+    """
+    builder = llvm().JITLibraryBuilder()
+    with _refused():
+        library = builder.add_object_img(code).export_symbol(name).link(_linker(), f"ohmward{next(_NUMBERS)}")
+    return _SIGNATURE(library[name]), library
+
+
+@contextmanager
+def _refused() -> Iterator[None]:
+    """Name what LLVM refuses."""
     try:
-        code = cached(_key(source), lambda: compile_object(source))
-        linked = (
-            binding.JITLibraryBuilder()
-            .add_object_img(code)
-            .export_symbol(name)
-            .link(_linker(), f"ohmward{next(_NUMBERS)}")
-        )
+        yield
     except RuntimeError as error:
         raise NoMachineCodeError(f"LLVM cannot compile this program for this processor ({error})") from error
-    return _SIGNATURE(linked[name]), linked
 
 
 @cache
@@ -118,8 +140,18 @@ def compile_object(source: str) -> bytes:
 
 def _key(source: str) -> str:
     """Key of a program: its text, the processor and the compiler."""
+    return hashlib.sha256(source.encode() + b"\0" + this_machine()).hexdigest()
+
+
+def this_machine() -> bytes:
+    """Processor and compiler, as far as they make the code of a program.
+
+    Raises:
+        NoMachineCodeError: see `llvm`.
+    """
+    llvm()
     import llvmlite
     import llvmlite.binding as binding
 
-    parts = (source, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), llvmlite.__version__)
-    return hashlib.sha256("\0".join(map(str, (*parts, _LEVEL, _CODE_MODEL))).encode()).hexdigest()
+    parts = (binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), llvmlite.__version__)
+    return "\0".join(map(str, (*parts, _LEVEL, _CODE_MODEL))).encode()

@@ -21,7 +21,8 @@ from ohmward.trace.lower.llvm_source import scan_source
 from ohmward.trace.program import Program
 
 _DOUBLE = 8
-_NAME = "ohmward_scan"
+#: Name of the compiled loop.
+STEP_NAME = "ohmward_scan"
 _ONE_AT_A_TIME = Lock()
 #: Steps between two reports of progress.
 _CHUNK = 1 << 16
@@ -55,6 +56,13 @@ class MachineStep:
     precision: str = "f64"
     contract: bool = True
 
+    @classmethod
+    def of_code(cls, program: Program, state_size: int, code: tuple[Callable[..., None], Any]) -> MachineStep:
+        """The step whose loop for one log was compiled before; the program may have lost its operations."""
+        step = cls(program, state_size)
+        step._compiled[1, (False,) * step.columns] = code
+        return step
+
     @cached_property
     def expanded(self) -> Program:
         """The program without exp, log and the like."""
@@ -79,14 +87,14 @@ class MachineStep:
         key = width, own
         with _ONE_AT_A_TIME:  # a second compilation would free the code of the first while it runs
             if key not in self._compiled:
-                self._compiled[key] = compile_scan(self.source(width, own), _NAME)
+                self._compiled[key] = compile_scan(self.source(width, own), STEP_NAME)
             run, _ = self._compiled[key]
             return run
 
     def source(self, width: int, own: tuple[bool, ...]) -> str:
         """IR of the loop."""
         target = Target(PRECISIONS[self.precision], width, self.contract)
-        return scan_source(self.expanded, self.state_size, target, own, _NAME)
+        return scan_source(self.expanded, self.state_size, target, own, STEP_NAME)
 
     def one(self, state: np.ndarray, columns: Columns, outputs: Columns, progress: Progress | None) -> None:
         """Step through one log; state (n,) is changed, outputs are filled; columns and outputs (T,) of float64."""
