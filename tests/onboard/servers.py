@@ -4,6 +4,7 @@ import contextlib
 import os
 import pwd
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -70,16 +71,18 @@ def mosquitto(folder: Path, *settings: str) -> Iterator[Mosquitto]:
 
 
 @contextlib.contextmanager
-def started(command: list[str], port: int, log: Path, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
-    """A server that listens on a port; it is killed at the end."""
+def started(
+    command: list[str], port: int, log: Path, end: int = signal.SIGKILL, **options: Any
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A server that listens on a port; it gets the signal `end` at the end, and is killed by default."""
     with log.open("ab") as out:
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, **options)
         try:
             wait_for_port(port, 30.0)
             yield process
         finally:
-            process.kill()
-            process.wait(10)
+            process.send_signal(end)
+            process.wait(30)
 
 
 def program(name: str, *folders: str) -> str:
@@ -144,7 +147,7 @@ def postgresql(folder: Path, port: int) -> Iterator[str]:
         "-c",
         "unix_socket_directories=",
     ]
-    with started(command, port, folder / "pg.log", **options):
+    with started(command, port, folder / "pg.log", end=signal.SIGQUIT, **options):  # at once, with its children
         ready = [program("pg_isready", *places), "-h", "127.0.0.1", "-p", str(port), "-t", "1"]
         while subprocess.run(ready, capture_output=True, check=False).returncode != 0:
             time.sleep(0.1)

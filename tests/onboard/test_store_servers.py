@@ -1,11 +1,15 @@
 """Rows in real servers: every one once, though the server goes away and the process is killed in between."""
 
 import asyncio
+import http.server
 import json
+import threading
 import time
 import urllib.parse
 import urllib.request
+from collections.abc import Sequence
 from functools import partial
+from typing import ClassVar
 
 import pytest
 
@@ -102,11 +106,50 @@ def test_while_the_server_is_away_rows_wait_and_the_trouble_is_named(tmp_path):
     assert len({(row.kind, row.unix_ns) for row in taken}) == len(taken) == 80
 
 
+def test_a_disk_that_is_full_for_a_while_loses_no_row(tmp_path, monkeypatch):
+    monkeypatch.setattr("ohmward.onboard.store.delivery.FIRST_PAUSE_S", 0.01)
+    put = Spool.put
+    refused: list[Sequence[Row]] = []
+    taken: list[Row] = []
+
+    def full_once(spool, batch):
+        if not refused:
+            refused.append(batch)
+            raise OhmwardError("is the disk full?")
+        put(spool, batch)
+
+    monkeypatch.setattr(Spool, "put", full_once)
+
+    async def run():
+        feed = fed()
+        running = asyncio.create_task(deliver(feed, taken.extend, tmp_path / "spool"))
+        while not feed.trouble and not running.done():
+            await asyncio.sleep(0.001)
+        while not taken and not running.done():
+            await asyncio.sleep(0.01)
+        feed.end()
+        await running
+        return feed.trouble
+
+    assert asyncio.run(run()) == ""
+    assert len({(row.kind, row.unix_ns) for row in taken}) == len(taken) == 80
+
+
+def test_rows_that_a_spool_leaves_out_are_counted_in_the_feed(tmp_path):
+    def away(_):
+        raise OhmwardError("db cannot be reached")
+
+    feed = fed()
+    feed.end()
+    asyncio.run(deliver(feed, away, tmp_path / "spool", most_waiting=30))
+    assert feed.lost == 50
+
+
 @pytest.mark.parametrize("server", [influxdb, victoria_metrics])
 def test_every_row_is_once_in_a_server_of_line_protocol(tmp_path, server):
     port = free_port()
     sink = InfluxSink(
-        f"http://127.0.0.1:{port}/write?db=robots", "rover", spool=str(tmp_path / "spool"), interval_s=0.0
+        f"http://127.0.0.1:{port}/write?db=robots", robot="rover", spool=str(tmp_path / "spool"), interval_s=0.0
     )
 
     async def run():
@@ -143,7 +186,7 @@ def test_every_row_is_once_in_postgresql(tmp_path):
         send = partial(write, robot="rover", address=address)
         send(rows(100))
         send(rows(100, 50))
-        sink = PostgresqlSink(address, "rover", spool=str(tmp_path / "spool"), interval_s=0.0)
+        sink = PostgresqlSink(address, robot="rover", spool=str(tmp_path / "spool"), interval_s=0.0)
         feed = fed()
         feed.end()
         asyncio.run(sink.run(feed))
@@ -171,6 +214,73 @@ def test_a_server_that_refuses_is_quoted(tmp_path):
         post(f"{address}/write?db=nothing", lines(rows(1), "rover"))
 
 
+class OtherServer(http.server.BaseHTTPRequestHandler):
+    """A server that is none of a database: `/login` is a page for people, everything else leads there."""
+
+    seen: ClassVar[list[str | None]] = []
+
+    def do_POST(self):
+        self.rfile.read(int(self.headers["Content-Length"]))
+        if self.path == "/login":
+            self._answer(200)
+        else:
+            self._answer(302)
+
+    def do_GET(self):
+        self.seen.append(self.headers["Authorization"])
+        self._answer(200)
+
+    def _answer(self, status):
+        self.send_response(status)
+        self.send_header("Location", "/login")
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def other_server():
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), OtherServer)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(("path", "status"), [("/write?db=robots", 302), ("/login", 200)])
+def test_a_page_of_another_server_is_no_confirmation(other_server, path, status):
+    with pytest.raises(OhmwardError, match=rf"\({status}.*\); check url"):
+        post(other_server + path, lines(rows(1), "rover"), "the secret")
+    assert OtherServer.seen == [], "the token must not follow a redirection"
+
+
+def test_rows_that_a_server_will_never_take_do_not_hold_up_the_others(tmp_path, caplog):
+    port = free_port()
+    with influxdb(tmp_path, port) as address:
+        short = "CREATE RETENTION POLICY short ON robots DURATION 1h REPLICATION 1 DEFAULT"
+        urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=10).read()
+        old = Row("battery", NOW_NS - 5 * 3600 * 10**9, {"soc": 0.5})
+        post(f"{address}/write?db=robots", lines([old, *rows(5)], "rover"))
+        assert in_influx(address) == 5
+    assert "retention policy" in caplog.text
+
+
+def test_robots_do_not_wait_for_each_other_in_postgresql(tmp_path):
+    import psycopg
+
+    with postgresql(tmp_path, free_port()) as address:
+        write(rows(1), "rover", address)
+        with psycopg.connect(address) as connection:
+            connection.execute("CREATE ROLE writer LOGIN")
+            connection.execute("GRANT INSERT, SELECT ON ohmward_battery, ohmward_drive TO writer")
+        with psycopg.connect(address) as other:  # another robot in the middle of its rows
+            other.execute("INSERT INTO ohmward_battery VALUES ('other', 1, now(), '{}')")
+            write(rows(1, 1), "rover", address.replace("user=rover", "user=writer"))
+            assert in_postgresql(address, "ohmward_battery") == 2
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -178,6 +288,9 @@ def test_a_server_that_refuses_is_quoted(tmp_path):
         (lambda: InfluxSink("http://me:secret@db.local/write?db=x"), "must not hold a password"),
         (lambda: PostgresqlSink("postgresql://me:secret@db.local/robots"), "must not hold a password"),
         (lambda: PostgresqlSink("host=db password=secret"), "must not hold a password"),
+        (lambda: PostgresqlSink("host=db password = secret"), "must not hold a password"),
+        (lambda: PostgresqlSink("postgresql://db.local/robots?password=secret"), "must not hold a password"),
+        (lambda: InfluxSink("http://db.local/write?db=x&u=me&p=secret"), "must not hold a password"),
         (lambda: InfluxSink("http://db/write", token="not a name"), "not the secret"),
     ],
 )
@@ -185,3 +298,17 @@ def test_secrets_never_stand_in_a_setup(make, message):
     with pytest.raises(InputError, match=message) as refusal:
         make()
     assert "secret@" not in str(refusal.value)
+
+
+def test_sinks_of_different_names_have_spools_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("here", "there"):
+        feed = fed()
+        feed.end()
+        asyncio.run(InfluxSink("http://127.0.0.1:9/write?db=robots", name=name, interval_s=0.0).run(feed))
+        assert Spool(tmp_path / "ohmward-state" / f"{name}.spool", 1000).waiting == 80
+
+
+def test_an_address_with_a_port_and_no_password_is_taken():
+    assert PostgresqlSink("postgresql://rover@db.local:5432/robots").address.endswith(":5432/robots")
+    assert PostgresqlSink("postgresql://db.local:5432/robots").password is None

@@ -27,7 +27,8 @@ def run(args: argparse.Namespace) -> Outcome:
         raise InputError("export needs -o FILE, and only export takes it")
     check_output("--output", args.output, TABLES)
     store = Store(Path(args.folder), read_only=True)
-    return {"list": _list, "query": _query, "export": _export}[args.action](store, args)
+    with store.reading():
+        return {"list": _list, "query": _query, "export": _export}[args.action](store, args)
 
 
 def _list(store: Store, _: argparse.Namespace) -> Outcome:

@@ -2,53 +2,35 @@
 
 from __future__ import annotations
 
+import re
+import urllib.parse
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
+from typing import ClassVar
 
-from ohmward.checks import require_between
-from ohmward.errors import InputError
-from ohmward.onboard.feed import Feed
-from ohmward.onboard.secrets import check_secret_name, secret
-from ohmward.onboard.store.delivery import deliver
+from ohmward.onboard.sinks.server import ServerSink
 from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row
 
 
 @dataclass(frozen=True)
-class PostgresqlSink:
+class PostgresqlSink(ServerSink):
     """Rows in the tables `ohmward_battery` and `ohmward_drive`, which are made where there are none.
 
     Attributes:
         address: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`.
-        robot: in the column of that name.
         password: where the password is, see `secrets`; None for none.
-        spool: file of rows that wait for the server.
-        interval_s: least time between two states, >= 0.
-        name: in diagnostics.
     """
 
+    secret_key: ClassVar[str] = "password"
+
     address: str
-    robot: str = "robot"
     password: str | None = None
-    spool: str = "ohmward-state/postgresql.spool"
-    interval_s: float = 1.0
-    name: str = "postgresql"
+    name: str = field(default="postgresql", kw_only=True)
 
-    def __post_init__(self) -> None:
-        require_between("interval_s", self.interval_s, 0.0, 1e9)
-        if "password=" in self.address or (
-            "://" in self.address and ":" in self.address.partition("://")[2].partition("@")[0]
-        ):
-            raise InputError("address must not hold a password; give password = the name of an environment variable")
-        if self.password is not None:
-            check_secret_name("password", self.password)
+    def _address(self) -> tuple[str, bool]:
+        in_url = urllib.parse.urlsplit(self.address).password is not None
+        return "address", in_url or re.search(r"password\s*=", self.address) is not None
 
-    async def run(self, feed: Feed) -> None:
-        """Deliver rows until the feed ends."""
-        password = secret("password", self.password) if self.password else ""
-
-        def send(rows: Sequence[Row]) -> None:
-            write(rows, self.robot, self.address, password)
-
-        await deliver(feed, send, Path(self.spool))
+    def _write(self, rows: Sequence[Row], password: str) -> None:
+        write(rows, self.robot, self.address, password)

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import LOG
-from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.store.delivery import until_taken
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.onboard.store.store import Store
 
 #: Time between two looks for days that are over and files that are too many.
 HOUSEKEEPING_S = 600.0
+
+#: Share of the store that the database may take; a row in the archive takes a seventh of one in the database.
+DATABASE_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class StoreSink:
     Attributes:
         folder: made where there is none.
         commit_s: between two commits [s]: what a loss of power may cost, >= 0.
-        keep_days: whole days in the database; older ones go to the archive, > 0.
+        keep_days: whole days in the database; older ones go to the archive, > 0. At most half of `most_MB` stays there.
         most_MB: size of database and archive; beyond it the oldest files of the archive are removed, > 0.
         interval_s: least time between two states that are stored, >= 0; 0 stores every one.
         name: in diagnostics.
@@ -52,25 +55,37 @@ class StoreSink:
         cleaned_s = -HOUSEKEEPING_S
         try:
             while states := await feed.batch():
-                try:
-                    await asyncio.to_thread(self._add, store, maker, states)
-                except OhmwardError:
-                    feed.put_back(states)
-                    raise
+                rows = [row for state in states for row in maker.rows(state)]
+                conditions = [condition for state in states for condition in maker.conditions(state)]
+                await until_taken(partial(store.add, rows, conditions), feed, states)
                 if time.monotonic() - cleaned_s > HOUSEKEEPING_S:
                     cleaned_s = time.monotonic()
-                    await asyncio.to_thread(self.clean, store, states[-1].unix_s)
+                    await self._clean(store, states[-1].unix_s, feed)
                 await asyncio.sleep(0.0 if feed.ended else self.commit_s)
         finally:
             await asyncio.to_thread(store.close)
 
-    def _add(self, store: Store, maker: RowMaker, states: Sequence[RobotState]) -> None:
-        rows = [row for state in states for row in maker.rows(state)]
-        store.add(rows, [condition for state in states for condition in maker.conditions(state)])
+    async def _clean(self, store: Store, unix_s: float, feed: Feed) -> None:
+        """Clean; what hinders it is named, and rows go on being stored."""
+        try:
+            await asyncio.to_thread(self.clean, store, unix_s)
+            feed.trouble = ""
+        except (OhmwardError, OSError) as error:
+            feed.trouble = f"rows are stored, older ones cannot be archived: {error}"
 
     def clean(self, store: Store, unix_s: float) -> None:
-        """Archive days that are over, and remove the oldest files of an archive that is too large."""
-        for entry in store.archive_days(unix_s - 86_400.0 * self.keep_days):
+        """Archive days that are over and what the database holds too much, remove the oldest files of the archive.
+
+        Raises:
+            OhmwardError: a file cannot be written.
+        """
+        most_bytes = int(1e6 * self.most_MB)
+        self._prune(store, most_bytes)  # first, a full disk needs room for what follows
+        done = store.archive_days(unix_s - 86_400.0 * self.keep_days)
+        for entry in done + store.archive_excess(int(DATABASE_SHARE * most_bytes)):
             LOG.info("store: %d rows of %s are in %s", entry.rows, entry.kind, entry.name)
-        for name in store.prune(int(1e6 * self.most_MB)):
+        self._prune(store, most_bytes)
+
+    def _prune(self, store: Store, most_bytes: int) -> None:
+        for name in store.prune(most_bytes):
             LOG.warning("store: %s was removed, the store had grown beyond %g MB", name, self.most_MB)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
+from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import LOG
+from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.store.rows import Row, RowMaker
 from ohmward.onboard.store.spool import Spool
 
@@ -37,13 +40,36 @@ async def deliver(feed: Feed, send: Send, path: Path, most_waiting: int = MOST_W
     try:
         while states := await feed.batch():
             rows = [row for state in states for row in maker.rows(state)]
-            await asyncio.to_thread(spool.put, rows)
+            await until_taken(partial(spool.put, rows), feed, states)
+            feed.lost += spool.left_out()
             await asyncio.sleep(0.0 if feed.ended else GATHER_S)
         await asyncio.to_thread(_send_rest, spool, send)
     finally:
         sender.cancel()
         await asyncio.gather(sender, return_exceptions=True)
         spool.close()
+
+
+async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotState]) -> None:
+    """Try again and again in a thread, until the disk takes what it refuses; states wait in the feed meanwhile.
+
+    states: go back to the feed where it has ended.
+
+    Raises:
+        OhmwardError: the disk refuses and the feed has ended.
+    """
+    refused = False
+    while True:
+        try:
+            await asyncio.to_thread(take)
+            feed.trouble = "" if refused else feed.trouble
+            return
+        except OhmwardError as error:
+            if feed.ended:
+                feed.put_back(states)
+                raise
+            refused, feed.trouble = True, str(error)
+            await asyncio.sleep(FIRST_PAUSE_S)
 
 
 async def _send_all(spool: Spool, send: Send, feed: Feed) -> None:

@@ -9,10 +9,27 @@ import urllib.request
 from collections.abc import Sequence
 
 from ohmward.errors import OhmwardError
+from ohmward.onboard.part import LOG
 from ohmward.onboard.store.rows import Row
 
 #: An answer that takes longer never comes.
 TIMEOUT_S = 20.0
+
+#: Answer of a server that has stored the rows: 204. A page with 200 is that of a proxy or of another server.
+_STORED = 204
+
+#: Words of InfluxDB for: stored but for those rows that it will never take, as they are older than it keeps any.
+_STORED_IN_PART = "partial write"
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """Redirects are refused: what follows one loses its rows and takes the token to whatever it is sent to."""
+
+    def redirect_request(self, *_: object) -> None:
+        return None
+
+
+_OPENER = urllib.request.build_opener(_NoRedirect)
 
 _TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\\": r"\\", "\n": r"\ "})
 
@@ -40,10 +57,14 @@ def post(url: str, text: str, token: str = "") -> None:
     request = urllib.request.Request(url, text.encode(), headers, method="POST")
     place = urllib.parse.urlsplit(url).netloc
     try:
-        with urllib.request.urlopen(request, timeout=TIMEOUT_S):
-            return
+        with _OPENER.open(request, timeout=TIMEOUT_S) as answer:
+            if answer.status != _STORED:
+                raise OhmwardError(f"{place} does not say that it stored the rows ({answer.status}); check url")
     except urllib.error.HTTPError as error:
         said = error.read(300).decode("utf-8", "replace").strip()
+        if _STORED_IN_PART in said:
+            LOG.warning("%s: %s", place, said)
+            return
         raise OhmwardError(
             f"{place} refuses the rows ({error.code} {said or error.reason}); check url and token"
         ) from error

@@ -1,4 +1,4 @@
-"""Rows in PostgreSQL: a table for each kind, one row for each robot and time, its values as JSON and in a view each.
+"""Rows in PostgreSQL: a table for each kind, one row for each robot and time, its values as JSON.
 
 CREATE TABLE ohmward_battery (robot text, unix_ns bigint, at timestamptz, values jsonb, PRIMARY KEY (robot, unix_ns))
 """
@@ -37,7 +37,9 @@ def write(rows: Sequence[Row], robot: str, address: str, password: str = "") -> 
     try:
         with psycopg.connect(address, **options) as connection, connection.cursor() as cursor:
             cursor.execute(f"SET statement_timeout = {TIMEOUT_S * 1000}")
-            cursor.execute(_TABLES)
+            cursor.execute("SELECT " + " AND ".join(f"to_regclass('ohmward_{kind}') IS NOT NULL" for kind in KINDS))
+            if cursor.fetchone() != (True,):  # each takes a lock on which robots would wait for each other
+                cursor.execute(_TABLES)
             for kind in KINDS:
                 values = [
                     (robot, row.unix_ns, row.unix_ns / 1e9, json.dumps(row.values)) for row in rows if row.kind == kind

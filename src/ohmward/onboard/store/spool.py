@@ -24,7 +24,7 @@ class Spool:
         most_rows: beyond this many the oldest are left out: the disk of a robot ends, a server may be away for months.
 
     Attributes:
-        waiting: number of rows.  lost: number of those that were left out.
+        waiting: number of rows.  lost: number of those left out that `left_out` has not told yet.
         sending: held while a batch is on its way.
 
     Raises:
@@ -52,18 +52,23 @@ class Spool:
             OhmwardError: the disk refuses; none of them is kept.
         """
         texts = [(json.dumps([row.kind, row.unix_ns, dict(row.values)]),) for row in rows]
-        try:
-            with self._lock, self._database:
-                self._database.executemany("INSERT INTO spool (row) VALUES (?)", texts)
-                excess = self.waiting + len(texts) - self.most_rows
-                if excess > 0:
-                    self._database.execute(
-                        "DELETE FROM spool WHERE id IN (SELECT id FROM spool ORDER BY id LIMIT ?)", (excess,)
+        with self._lock:
+            excess = max(self.waiting + len(texts) - self.most_rows, 0)
+            try:
+                with self._database as database:
+                    database.executemany("INSERT INTO spool (row) VALUES (?)", texts)
+                    database.execute(
+                        "DELETE FROM spool WHERE id IN (SELECT id FROM spool ORDER BY id LIMIT ?)", [excess]
                     )
-                self.lost += max(excess, 0)
-                self.waiting += len(texts) - max(excess, 0)
-        except sqlite3.Error as error:
-            raise OhmwardError(f"the spool cannot be written ({error}); is the disk full?") from error
+            except sqlite3.Error as error:
+                raise OhmwardError(f"the spool cannot be written ({error}); is the disk full?") from error
+            self.lost += excess
+            self.waiting += len(texts) - excess
+
+    def left_out(self) -> int:
+        """Number of rows that were left out since the last call."""
+        lost, self.lost = self.lost, 0
+        return lost
 
     def oldest(self, most: int) -> tuple[int, list[Row]]:
         """The oldest rows, and a number by which `confirm` knows them."""
@@ -74,8 +79,10 @@ class Spool:
 
     def confirm(self, number: int) -> None:
         """Forget rows that the server has taken."""
-        with self._lock, self._database:
-            self.waiting -= self._database.execute("DELETE FROM spool WHERE id <= ?", (number,)).rowcount
+        with self._lock:
+            with self._database as database:
+                gone = database.execute("DELETE FROM spool WHERE id <= ?", (number,)).rowcount
+            self.waiting -= gone
 
     def close(self) -> None:
         """Close the database."""

@@ -1,18 +1,22 @@
 """Store of one robot: rows in SQLite, older days in Parquet, in one folder.
 
 store.sqlite                                    the newest days; write-ahead log, every commit is on the disk
-archive/battery-2026-11-22-00000001-00086400.parquet    a finished day; the numbers are those of its first and last row
+archive/battery-2026-11-22-00000001-00050000.parquet    rows of a day; the numbers are those of its first and last row
 
-A row is in exactly one of both: the archive of a day is whole on the disk before one transaction enters it and deletes
-its rows. A file that is not entered was begun before a loss of power and is removed.
+A row is in exactly one of both: a file of the archive is whole on the disk before one transaction enters it and deletes
+its rows. A file that is not entered is removed where its rows are still in the database, and entered where they are
+not: the database was lost, and the archive goes on without it.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,8 +24,9 @@ import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.write import write_table
+from ohmward.onboard.part import LOG
+from ohmward.onboard.store.columns import between, first_of_each, joined, quoted, read_archive, thinned_archive
 from ohmward.onboard.store.rows import KINDS, ConditionRow, Row
-from ohmward.optional import require
 
 DATABASE, ARCHIVE = "store.sqlite", "archive"
 
@@ -40,6 +45,24 @@ PRAGMA user_version = {VERSION};
 """
 
 _DAY_NS = 86_400 * 10**9
+
+#: Conditions that are kept: some 20 MB, years of a healthy robot and a week of a contact that is loose every 6 s.
+MOST_CONDITIONS = 100_000
+
+#: Rows of a file of the archive: some 20 MB in memory with 40 columns, whatever the rate of the robot.
+ARCHIVE_ROWS = 50_000
+
+#: Rows that are numbers of Python at a time; each takes four times what it takes in an array.
+_BLOCK_ROWS = 2_000
+
+#: After the times of all rows: the largest integer of SQLite.
+_LAST_NS = 2**63 - 1
+
+_ARCHIVE_NAME = re.compile(rf"(?P<kind>{'|'.join(KINDS)})-\d{{4}}-\d\d-\d\d-(?P<first>\d+)-(?P<last>\d+)\.parquet")
+
+
+#: `unix_ns` and columns of numbers (T,).
+Columns = dict[str, np.ndarray]
 
 
 class Archived(NamedTuple):
@@ -71,16 +94,19 @@ class Store:
         try:
             if not read_only:
                 self.archive.mkdir(parents=True, exist_ok=True)
-            mode = "ro" if read_only else "rwc"
+            mode = self._reading_mode(path) if read_only else "rwc"
             self._database = sqlite3.connect(
                 f"{path.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
             )
             self._prepare(read_only)
         except (OSError, sqlite3.Error) as error:
-            raise OhmwardError(
-                f"{path}: cannot be opened ({error}); is the folder writable, and the file a store?"
-            ) from error
+            raise self._refusal("opened", error) from error
         self._columns = {kind: self._known_columns(kind) for kind in KINDS}
+
+    def _reading_mode(self, path: Path) -> str:
+        """Mode of SQLite to read in; where nobody writes and nobody may, as on a read-only disk, without its locks."""
+        written = path.with_name(f"{path.name}-wal").exists() or os.access(self.folder, os.W_OK)
+        return "ro" if written else "ro&immutable=1"
 
     def _prepare(self, read_only: bool) -> None:
         if not read_only:
@@ -89,13 +115,41 @@ class Store:
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version == 0 and not read_only:
             self._database.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
+        elif version == 0:
+            raise OhmwardError(f"{self.folder}: the database is empty; the sink `store` of a robot fills it")
         elif version != VERSION:
             raise OhmwardError(f"{self.folder}: is a store of version {version}, this is {VERSION}; update ohmward")
         if not read_only:
-            entered = {name for (name,) in self._database.execute("SELECT name FROM archive")}
-            for path in self.archive.glob("*.parquet"):
+            for path in self.archive.glob(".*.part"):
+                path.unlink()
+            entered = {entry.name for entry in self.archived()}
+            for path in sorted(self.archive.glob("*.parquet")):
                 if path.name not in entered:
-                    path.unlink()
+                    self._settle(path)
+
+    def _settle(self, path: Path) -> None:
+        """Remove a file that is not entered and whose rows are in the database; enter one whose rows are not."""
+        if (match := _ARCHIVE_NAME.fullmatch(path.name)) is None:
+            return
+        kind, last = match["kind"], int(match["last"])
+        if self._database.execute(f"SELECT 1 FROM {kind} WHERE id = ?", (last,)).fetchone():
+            path.unlink()
+            return
+        try:
+            time_ns = read_archive(path, [])["unix_ns"]
+        except OhmwardError as error:
+            LOG.warning("store: %s is left alone: %s", path.name, error)
+            return
+        with self._database as database:
+            entry = Archived(path.name, kind, len(time_ns), int(time_ns.min()), int(time_ns.max()))
+            database.execute("INSERT INTO archive VALUES (?, ?, ?, ?, ?)", entry)
+            database.execute("DELETE FROM sqlite_sequence WHERE name = ? AND seq < ?", (kind, last))
+            database.execute(
+                "INSERT INTO sqlite_sequence SELECT ?, ? WHERE NOT EXISTS "
+                "(SELECT 1 FROM sqlite_sequence WHERE name = ?)",
+                (kind, last, kind),
+            )
+        LOG.warning("store: %s was not entered and is now; the database it belonged to is gone", path.name)
 
     def close(self) -> None:
         """Close the database; its write-ahead log goes into it."""
@@ -114,7 +168,7 @@ class Store:
                 names = list(dict.fromkeys(name for row in group for name in row.values))
                 self._add_columns(kind, names)
                 places = ", ".join("?" * (len(names) + 1))
-                columns = ", ".join(["unix_ns", *map(_quoted, names)])
+                columns = ", ".join(["unix_ns", *map(quoted, names)])
                 values = ((row.unix_ns, *map(row.values.get, names)) for row in group)
                 database.executemany(f"INSERT INTO {kind} ({columns}) VALUES ({places})", values)
             database.executemany("INSERT INTO condition VALUES (?, ?, ?, ?)", conditions)
@@ -126,21 +180,43 @@ class Store:
             OhmwardError: a file cannot be written; its rows stay.
         """
         end_ns = int(before_unix_s * 1e9) // _DAY_NS * _DAY_NS
-        return [done for kind in KINDS for day in self._days(kind, end_ns) if (done := self._archive_day(kind, day))]
+        return [
+            done
+            for kind in KINDS
+            for day in self._days(kind, end_ns)
+            for done in iter(partial(self._archive_piece, kind, day), None)
+        ]
+
+    def archive_excess(self, most_bytes: int) -> list[Archived]:
+        """Move the oldest rows to the archive, whatever their day, until the database is no larger.
+
+        Raises:
+            OhmwardError: a file cannot be written; its rows stay.
+        """
+        done: list[Archived] = []
+        while self._database_bytes() > most_bytes:
+            first = {kind: self._database.execute(f"SELECT MIN(unix_ns) FROM {kind}").fetchone()[0] for kind in KINDS}
+            kind = min(KINDS, key=lambda kind: _LAST_NS if first[kind] is None else first[kind])
+            if first[kind] is None or (piece := self._archive_piece(kind, first[kind] // _DAY_NS)) is None:
+                break
+            done.append(piece)
+        return done
 
     def _days(self, kind: str, end_ns: int) -> list[int]:
         query = f"SELECT DISTINCT unix_ns / {_DAY_NS} FROM {kind} WHERE unix_ns < ? ORDER BY 1"
         return [day for (day,) in self._database.execute(query, (end_ns,))]
 
-    def _archive_day(self, kind: str, day: int) -> Archived | None:
+    def _archive_piece(self, kind: str, day: int) -> Archived | None:
+        """Move the first rows of a day to a file; None where it has none."""
         where = "WHERE unix_ns >= ? AND unix_ns < ?"
         span = day * _DAY_NS, (day + 1) * _DAY_NS
         first, last, rows = self._database.execute(
-            f"SELECT MIN(id), MAX(id), COUNT(*) FROM {kind} {where}", span
+            f"SELECT MIN(id), MAX(id), COUNT(*) FROM (SELECT id FROM {kind} {where} ORDER BY id LIMIT ?)",
+            (*span, ARCHIVE_ROWS),
         ).fetchone()
         if not rows:
             return None
-        columns = self._select(kind, self.names(kind), where, span)
+        columns = self._select(kind, self.names(kind), f"{where} AND id <= ?", (*span, last))
         date = datetime.fromtimestamp(day * 86_400, UTC).strftime("%Y-%m-%d")
         name = f"{kind}-{date}-{first:08d}-{last:08d}.parquet"
         write_table(columns, self.archive / name)
@@ -151,8 +227,11 @@ class Store:
         return entry
 
     def prune(self, most_bytes: int) -> list[str]:
-        """Remove the oldest files of the archive until the store is no larger; their names."""
+        """Remove the oldest files of the archive until the store is no larger, and old conditions; names of files."""
         removed = []
+        with self._transaction() as database:
+            too_old = "rowid <= (SELECT MAX(rowid) - ? FROM condition)"
+            database.execute(f"DELETE FROM condition WHERE {too_old}", (MOST_CONDITIONS,))
         for entry in self.archived():
             if self.size_bytes() <= most_bytes:
                 break
@@ -162,6 +241,12 @@ class Store:
             removed.append(entry.name)
         return removed
 
+    def _database_bytes(self) -> int:
+        """Size of the database without what is free in it."""
+        words = ("page_count", "freelist_count", "page_size")
+        pages, free, page_bytes = (self._database.execute(f"PRAGMA {word}").fetchone()[0] for word in words)
+        return int((pages - free) * page_bytes)
+
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         try:
@@ -169,12 +254,35 @@ class Store:
                 yield self._database
         except sqlite3.Error as error:
             self._columns = {kind: self._known_columns(kind) for kind in KINDS}
-            raise OhmwardError(f"{self.folder}: the store cannot be written ({error}); is the disk full?") from error
+            raise self._refusal("written", error) from error
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Name the damage where the database cannot be read.
+
+        Raises:
+            OhmwardError: it is damaged.
+        """
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise self._refusal("read", error) from error
+
+    def _refusal(self, done: str, error: Exception) -> OhmwardError:
+        """Sentence about a database that cannot be opened, read or written."""
+        path = self.folder / DATABASE
+        damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError)
+        advice = (
+            "it is damaged or no store: move it away, a new one takes the archive over"
+            if damaged
+            else {"written": "is the disk full?"}.get(done, "may it be read, and the folder be written?")
+        )
+        return OhmwardError(f"{path}: cannot be {done} ({error}); {advice}")
 
     def _add_columns(self, kind: str, names: Sequence[str]) -> None:
         for name in names:
             if name not in self._columns[kind]:
-                self._database.execute(f"ALTER TABLE {kind} ADD COLUMN {_quoted(name)} REAL")
+                self._database.execute(f"ALTER TABLE {kind} ADD COLUMN {quoted(name)} REAL")
                 self._columns[kind].append(name)
 
     # ---- reading
@@ -200,16 +308,14 @@ class Store:
 
     def size_bytes(self) -> int:
         """Size of the database, without what is free in it, and of the archive."""
-        (pages,), (free,) = (
-            self._database.execute(f"PRAGMA {word}").fetchone() for word in ("page_count", "freelist_count")
-        )
-        (page_bytes,) = self._database.execute("PRAGMA page_size").fetchone()
-        return (pages - free) * page_bytes + sum(path.stat().st_size for path in self.archive.glob("*.parquet"))
+        return self._database_bytes() + sum(path.stat().st_size for path in self.archive.glob("*.parquet"))
 
     def read(
         self, kind: str, names: Sequence[str] | None = None, since_s: float = -1e10, until_s: float = 1e10
-    ) -> dict[str, np.ndarray]:
+    ) -> Columns:
         """Columns (T,) in the order of time, `unix_ns` first; nan where a row has no value.
+
+        A file of the archive that cannot be read is left out and logged.
 
         names: columns wanted, None for all; since_s, until_s: on the wall clock, both ends belong to it.
 
@@ -219,37 +325,70 @@ class Store:
         if kind not in KINDS:
             raise InputError(f"there are rows of {' and '.join(KINDS)}, not {kind!r}")
         span = int(max(since_s, -9e9) * 1e9), int(min(until_s, 9e9) * 1e9)
-        pieces = [
-            _read_archive(self.archive / entry.name, names)
-            for entry in self.archived()
-            if entry.kind == kind and entry.first_ns <= span[1] and entry.last_ns >= span[0]
-        ]
+        pieces = []
+        for entry in self._archived_between(kind, *span):
+            with _leaving_out_damage():
+                pieces.append(read_archive(self.archive / entry.name, names))
         wanted = [name for name in self.names(kind) if names is None or name in names]
         pieces.append(self._select(kind, wanted, "WHERE unix_ns >= ? AND unix_ns <= ?", span))
-        return _between(_joined(pieces, names), *span)
+        return between(joined(pieces, names), *span)
 
     def conditions(self, since_s: float = 0.0) -> list[ConditionRow]:
         """Conditions since a time, in order."""
         query = "SELECT unix_ns, name, level, message FROM condition WHERE unix_ns >= ? ORDER BY unix_ns, rowid"
         return [ConditionRow(*row) for row in self._database.execute(query, (int(since_s * 1e9),))]
 
-    def history(
-        self, kind: str, names: Sequence[str], since_s: float, until_s: float, most_points: int = 2000
-    ) -> dict[str, np.ndarray]:
-        """As `read`, thinned to at most so many points: every n-th row."""
-        found = self.read(kind, names, since_s, until_s)
-        step = max(-(-len(found["unix_ns"]) // most_points), 1)
-        return {name: column[::step] for name, column in found.items()}
+    def thinned(self, kind: str, names: Sequence[str], since_ns: int, until_ns: int, step_ns: int) -> Columns:
+        """The first row of each step of time, as `read`; the cost grows with the steps, not with the rows.
+
+        As in `read`, a file of the archive that cannot be read is left out.
+        """
+        wanted = tuple(name for name in self.names(kind) if name in names)
+        pieces, seen = [], -1
+        for entry in self._archived_between(kind, since_ns, until_ns):
+            if entry.last_ns // step_ns == seen:  # its only step has its row
+                continue
+            with _leaving_out_damage():
+                pieces.append(thinned_archive(self.archive / entry.name, wanted, step_ns))
+                seen = entry.last_ns // step_ns
+        pieces.append(self._first_of_each(kind, wanted, since_ns, until_ns, step_ns))
+        return first_of_each(between(joined(pieces, names), since_ns, until_ns), step_ns)
+
+    def _first_of_each(self, kind: str, names: Sequence[str], since_ns: int, until_ns: int, step_ns: int) -> Columns:
+        """First row of each step in the database, one look into its index for each."""
+        columns = ", ".join(["unix_ns", *map(quoted, names)])
+        query = f"SELECT {columns} FROM {kind} WHERE unix_ns BETWEEN ? AND ? ORDER BY unix_ns LIMIT 1"
+        rows: list[tuple] = []
+        while row := self._database.execute(query, (since_ns, until_ns)).fetchone():
+            rows.append(row)
+            since_ns = (row[0] // step_ns + 1) * step_ns
+        times = {"unix_ns": np.array([row[0] for row in rows], dtype=np.int64)}
+        return times | {name: np.array([row[k] for row in rows], dtype=float) for k, name in enumerate(names, 1)}
+
+    def _archived_between(self, kind: str, first_ns: int, last_ns: int) -> list[Archived]:
+        return [a for a in self.archived() if a.kind == kind and a.first_ns <= last_ns and a.last_ns >= first_ns]
 
     def _known_columns(self, kind: str) -> list[str]:
         return [row[1] for row in self._database.execute(f"PRAGMA table_info({kind})")][2:]
 
-    def _select(self, kind: str, names: Sequence[str], where: str, span: tuple[int, int]) -> dict[str, np.ndarray]:
-        columns = ", ".join(["unix_ns", *map(_quoted, names)])
-        rows = self._database.execute(f"SELECT {columns} FROM {kind} {where} ORDER BY unix_ns, id", span).fetchall()
-        table = list(zip(*rows, strict=True)) or [()] * (len(names) + 1)
-        found = {"unix_ns": np.array(table[0], dtype=np.int64)}
-        return found | {name: np.array(column, dtype=float) for name, column in zip(names, table[1:], strict=True)}
+    def _select(self, kind: str, names: Sequence[str], where: str, span: Sequence[int]) -> Columns:
+        columns = ", ".join(["unix_ns", *map(quoted, names)])
+        cursor = self._database.execute(f"SELECT {columns} FROM {kind} {where} ORDER BY unix_ns, id", span)
+        times, values = [np.empty(0, np.int64)], [np.empty((0, len(names)))]
+        while rows := cursor.fetchmany(_BLOCK_ROWS):
+            times.append(np.array([row[0] for row in rows], dtype=np.int64))
+            values.append(np.array([row[1:] for row in rows], dtype=float))
+        table = np.concatenate(values)
+        return {"unix_ns": np.concatenate(times)} | {name: table[:, k] for k, name in enumerate(names)}
+
+
+@contextmanager
+def _leaving_out_damage() -> Iterator[None]:
+    """Log a file of the archive that cannot be read, and go on."""
+    try:
+        yield
+    except OhmwardError as error:
+        LOG.warning("store: rows are left out: %s", error)
 
 
 def _grouped(rows: Iterable[Row]) -> dict[str, list[Row]]:
@@ -257,42 +396,3 @@ def _grouped(rows: Iterable[Row]) -> dict[str, list[Row]]:
     for row in rows:
         groups.setdefault(row.kind, []).append(row)
     return groups
-
-
-def _quoted(name: str) -> str:
-    """A name as SQL takes it, whatever it holds."""
-    return '"' + name.replace('"', '""') + '"'
-
-
-def _read_archive(path: Path, names: Sequence[str] | None) -> dict[str, np.ndarray]:
-    """Columns of a file of the archive.
-
-    Raises:
-        OhmwardError: it is missing or damaged.
-    """
-    parquet = require("pyarrow.parquet", "the archive of the store")
-    try:
-        file = parquet.ParquetFile(path)
-        wanted = [n for n in file.schema_arrow.names if names is None or n in names or n == "unix_ns"]
-        table = file.read(columns=wanted)
-    except (OSError, ValueError) as error:
-        raise OhmwardError(f"{path}: cannot be read ({error})") from error
-    return {name: table.column(name).to_numpy() for name in wanted}
-
-
-def _joined(pieces: Sequence[dict[str, np.ndarray]], names: Sequence[str] | None) -> dict[str, np.ndarray]:
-    """Pieces one after the other; a column that a piece lacks is nan there."""
-    found = dict.fromkeys(name for piece in pieces for name in piece if name != "unix_ns")
-    wanted = list(found) if names is None else [name for name in names if name in found]
-    joined = {"unix_ns": np.concatenate([piece["unix_ns"] for piece in pieces])}
-    for name in wanted:
-        columns = [piece.get(name, np.full(len(piece["unix_ns"]), np.nan)) for piece in pieces]
-        joined[name] = np.concatenate(columns)
-    return joined
-
-
-def _between(columns: dict[str, np.ndarray], first_ns: int, last_ns: int) -> dict[str, np.ndarray]:
-    time_ns = columns["unix_ns"]
-    inside = (time_ns >= first_ns) & (time_ns <= last_ns)
-    order = np.argsort(time_ns[inside], kind="stable")
-    return {name: column[inside][order] for name, column in columns.items()}

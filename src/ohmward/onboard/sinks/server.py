@@ -1,0 +1,71 @@
+"""Rows to a server from a spool on the disk: what the sinks of all servers share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.onboard.store.delivery import deliver
+from ohmward.onboard.store.rows import Row
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServerSink:
+    """Delivery to a server; a subclass has its address, its secret, and writes rows to it.
+
+    Attributes:
+        robot: by which the server knows the rows.
+        spool: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink.
+        interval_s: least time between two states, >= 0.
+        name: in diagnostics.
+    """
+
+    #: Name of the attribute that says where the secret is, see `secrets`.
+    secret_key: ClassVar[str]
+
+    robot: str = "robot"
+    spool: str | None = None
+    interval_s: float = 1.0
+    name: str
+
+    def __post_init__(self) -> None:
+        require_between("interval_s", self.interval_s, 0.0, 1e9)
+        address, holds_secret = self._address()
+        if holds_secret:
+            raise InputError(
+                f"{address} must not hold a password; give {self.secret_key} = the name of an environment variable"
+            )
+        if (name := self._secret_name()) is not None:
+            check_secret_name(self.secret_key, name)
+
+    def _address(self) -> tuple[str, bool]:
+        """Name of the attribute with the address, and True where a secret stands in it."""
+        raise NotImplementedError
+
+    def _write(self, rows: Sequence[Row], password: str) -> None:
+        """Write rows to the server.
+
+        Raises:
+            OhmwardError: it has not confirmed them.
+        """
+        raise NotImplementedError
+
+    def _secret_name(self) -> str | None:
+        name: str | None = getattr(self, self.secret_key)
+        return name
+
+    async def run(self, feed: Feed) -> None:
+        """Deliver rows until the feed ends."""
+        name = self._secret_name()
+        password = secret(self.secret_key, name) if name else ""
+
+        def send(rows: Sequence[Row]) -> None:
+            self._write(rows, password)
+
+        await deliver(feed, send, Path(self.spool or f"ohmward-state/{self.name}.spool"))
