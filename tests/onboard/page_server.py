@@ -10,6 +10,8 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sinks.page import PageSink
+from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.store import Store
 from ohmward.traction.robot.file import load_robot
 
 DIAGNOSTICS = (
@@ -32,6 +34,27 @@ def drive(steps: int = 40) -> tuple[RobotState, ...]:
         currents = {f"motor_current_A.{name}": 0.8 for name in names[:2]}
         found += estimation.put(time_s, speeds | currents | {"yaw_rate_rad_s": 0.1})
     return tuple(state._replace(unix_s=1.8e9 + state.time_s, diagnostics=DIAGNOSTICS) for state in found)
+
+
+NOW_S = drive()[0].unix_s
+
+
+def stored(folder, hours, every_s=10.0, until_s=NOW_S):
+    """Rows of the hours before a time: the charge falls to what it is, the robot drives at 0.5 m/s."""
+    store, count = Store(folder), int(3600 * hours / every_s)
+    times = [until_s - every_s * (count - k) for k in range(count)]
+    battery = {"soc_std": 0.01, "battery_current_A": -2.0, "battery_voltage_V": 13.0, "range_p50_m": 900.0}
+    moving = {"estimated_speed_m_s": 0.5, "slip_ratio.front_left": 0.1, "slip_ratio.front_right": -0.3}
+    store.add(Row("battery", round(1e9 * t), {"soc": 0.9 - 0.4 * k / count, **battery}) for k, t in enumerate(times))
+    store.add(Row("drive", round(1e9 * t), moving) for t in times)
+    store.close()
+
+
+def dashboard_with(folder):
+    """The dashboard of a robot whose store is in a folder."""
+    dashboard = Dashboard("rover", folder)
+    dashboard.take(drive())
+    return dashboard
 
 
 TOKEN = "a token of the robot"

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 from hypothesis import given, settings
 
-from onboard.page_server import TOKEN, drive, filled_dashboard, served
+from onboard.page_server import TOKEN, dashboard_with, drive, filled_dashboard, served, stored
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
@@ -82,6 +82,38 @@ def test_the_keyboard_reaches_everything(opened):
         "OpenAPI",
         "metrics",
     }
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_history_goes_back_as_far_as_the_store(browser, tmp_path, size):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    stored(tmp_path, 30.0)
+    with served(dashboard=dashboard_with(tmp_path)) as address:
+        width, height = SIZES[size]
+        page, faults = browser.new_page(viewport={"width": width, "height": height}), []
+        page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("#spans button")
+        for name, hours in (("day", 24), ("week", 30), ("hour", 1)):
+            page.focus(f"#spans [data-span={name}]")
+            page.keyboard.press("Enter")
+            page.wait_for_function(
+                f"() => {{ const shown_s = history.unix_s.at(-1) - history.unix_s[0];"
+                f" return {3600 * hours - 3100} < shown_s && shown_s < {3600 * hours + 60} }}"
+            )
+            assert page.inner_text("#history-title") == f"The last {name}"
+            assert page.locator("#spans [aria-pressed=true]").inner_text().lower() == name
+            assert page.get_attribute("#plot-soc", "aria-label") == f"charge over the last {name}"
+        assert axe.run(page)["violations"] == []
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert faults == []
+        page.close()
+
+
+def test_without_a_store_there_is_no_choice(opened):
+    page, _ = opened
+    assert not page.is_visible("#spans")
 
 
 def test_numbers_move_and_silence_is_said(browser):

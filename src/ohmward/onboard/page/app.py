@@ -9,14 +9,17 @@ import json
 import math
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import suppress
 from importlib.resources import files
 from typing import Any
 from urllib.parse import parse_qs
 
 from ohmward import __version__
+from ohmward.onboard.page.connection import REQUEST_S
 from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.openapi import openapi
+from ohmward.onboard.page.past import SPANS, Past, after
 from ohmward.onboard.plain import plain_state
 from ohmward.optional import require
 from ohmward.report.palette import css_variables
@@ -83,15 +86,6 @@ def _api(dashboard: Dashboard) -> dict[str, Callable[[Any], Awaitable[Any]]]:
     async def now(_: Any) -> Any:
         return responses.JSONResponse(dashboard.view())
 
-    async def history(request: Any) -> Any:
-        try:
-            since = float(request.query_params.get("since", "-inf"))
-        except ValueError:
-            since = math.nan
-        if math.isnan(since):
-            return responses.JSONResponse({"error": "since must be a number, seconds since 1970"}, status_code=400)
-        return responses.JSONResponse(dashboard.history(since))
-
     async def path(_: Any) -> Any:
         return responses.JSONResponse({"x_m": [x for x, _ in dashboard.path], "y_m": [y for _, y in dashboard.path]})
 
@@ -104,12 +98,33 @@ def _api(dashboard: Dashboard) -> dict[str, Callable[[Any], Awaitable[Any]]]:
     return {
         "/api/now": now,
         "/api/state": state,
-        "/api/history": history,
+        "/api/history": _history(dashboard),
         "/api/path": path,
         "/metrics": numbers,
         "/openapi.json": description,
         "/events": _events(dashboard),
     }
+
+
+def _history(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
+    """Rows of memory, and of the store before them."""
+    responses = require("starlette.responses", "the live page")
+    past = Past(dashboard)
+
+    async def history(request: Any) -> Any:
+        try:
+            since = float(request.query_params.get("since", "-inf"))
+        except ValueError:
+            since = math.nan
+        if math.isnan(since):
+            return responses.JSONResponse({"error": "since must be a number, seconds since 1970"}, status_code=400)
+        if (last := request.query_params.get("last")) is None:
+            return responses.JSONResponse(dashboard.history(since))
+        if last not in SPANS:
+            return responses.JSONResponse({"error": f"last must be one of {', '.join(SPANS)}"}, status_code=400)
+        return responses.JSONResponse(after(since, await past.last(last)))
+
+    return history
 
 
 def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
@@ -221,7 +236,11 @@ def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
     async def login(request: Any) -> Any:
         if request.method == "GET":
             return responses.HTMLResponse(form.replace("$said", ""))
-        (given,) = parse_qs((await _first_bytes(request)).decode("latin-1")).get("token", [""])[:1]
+        try:
+            body = await asyncio.wait_for(_first_bytes(request), REQUEST_S)
+        except TimeoutError:
+            return responses.HTMLResponse(form.replace("$said", "The token did not come."), status_code=408)
+        (given,) = parse_qs(body.decode("latin-1")).get("token", [""])[:1]
         if not hmac.compare_digest(given.encode(), token.encode()):
             await asyncio.sleep(WRONG_TOKEN_S)
             return responses.HTMLResponse(form.replace("$said", "That is not the token."), status_code=401)
@@ -234,10 +253,12 @@ def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
 
 
 async def _first_bytes(request: Any, most: int = 4096) -> bytes:
-    """Beginning of a body; a longer one is cut."""
+    """Beginning of a body; a longer one is cut, and one whose sender hangs up is what has come."""
+    requests = require("starlette.requests", "the live page")
     body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) >= most:
-            break
+    with suppress(requests.ClientDisconnect):
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) >= most:
+                break
     return body[:most]

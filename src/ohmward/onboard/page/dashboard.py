@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from ohmward.onboard.page.view import HISTORY, history_row, view
@@ -24,6 +25,7 @@ class Dashboard:
 
     Args:
         name: of the robot.
+        store: folder of its store, None where there is none.
 
     Attributes:
         state: the newest one, None before the first.
@@ -32,8 +34,8 @@ class Dashboard:
         ended: no more states come.
     """
 
-    def __init__(self, name: str):
-        self.name = name
+    def __init__(self, name: str, store: Path | None = None):
+        self.name, self.store = name, store
         self.state: RobotState | None = None
         self.version = 0
         self.path: list[tuple[float, float]] = []
@@ -67,7 +69,7 @@ class Dashboard:
 
     def view(self) -> dict[str, Any]:
         """The newest state as the page shows it."""
-        return {"name": self.name, **(view(self.state) if self.state else {})}
+        return {"name": self.name, "stored": self.store is not None, **(view(self.state) if self.state else {})}
 
     def history(self, since_unix_s: float = -math.inf) -> dict[str, list[float | None]]:
         """Columns of the rows after a time on the wall clock, None where nothing was known."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ohmward.onboard.page.past import SPANS
 from ohmward.onboard.page.view import HISTORY
 from ohmward.onboard.robot_state import RobotState
 
@@ -56,7 +57,15 @@ def _history() -> dict[str, Any]:
         "description": "Rows after this time, seconds since 1970.",
         "schema": {"type": "number"},
     }
-    return _get("Last hour and a half, a row a second, in columns.", _json(_columns(*HISTORY)), parameters=[since])
+    last = {
+        "name": "last",
+        "in": "query",
+        "required": False,
+        "description": "Rows of this time, thinned to some hundred: from memory, and before that from the store.",
+        "schema": {"type": "string", "enum": list(SPANS)},
+    }
+    summary = "Rows in columns; by default those of the last hour and a half, one a second."
+    return _get(summary, _json(_columns(*HISTORY)), parameters=[since, last])
 
 
 def _columns(*names: str) -> dict[str, Any]:

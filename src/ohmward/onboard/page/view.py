@@ -105,6 +105,7 @@ def _range(state: RobotState) -> dict[str, Any] | None:
         "duration_s": _quantiles(reach.duration_s),
         "home_probability": reach.home_probability,
         "energy_J_per_m": _quantiles(reach.energy_J_per_m),
+        "assumed": bool(reach.assumed),
     }
 
 

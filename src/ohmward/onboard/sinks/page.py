@@ -17,6 +17,7 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import make_app
+from ohmward.onboard.page.connection import connection_type
 from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.part import LOG
 from ohmward.onboard.secrets import check_secret_name, secret
@@ -37,6 +38,7 @@ class PageSink:
             for any host but loopback.
         certificate, key: paths of the files for TLS; both or none.
         robot: title of the page.
+        store: folder of the store whose history it shows; by default that of the sink `store` of the same setup.
         interval_s: least time between two states that are looked at, >= 0.
         name: in diagnostics.
     """
@@ -47,6 +49,7 @@ class PageSink:
     certificate: str | None = None
     key: str | None = None
     robot: str = "robot"
+    store: str | None = None
     interval_s: float = 0.1
     name: str = "page"
 
@@ -65,7 +68,7 @@ class PageSink:
 
     async def run(self, feed: Feed) -> None:
         """Serve the page until the feed ends."""
-        dashboard = Dashboard(self.robot)
+        dashboard = Dashboard(self.robot, Path(self.store) if self.store else None)
         server = self._server(dashboard)
         with self._listening() as listener:
             serving = asyncio.create_task(server.serve(sockets=[listener]))
@@ -91,8 +94,10 @@ class PageSink:
             check_certificate(self.certificate, self.key)
         config = uvicorn.Config(
             app,
+            http=connection_type(),
+            ws="none",
             log_config=None,
-            log_level="warning",
+            log_level="error",
             access_log=False,
             lifespan="off",
             server_header=False,

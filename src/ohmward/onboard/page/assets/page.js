@@ -4,9 +4,12 @@
 const at = (id) => document.getElementById(id);
 const isKnown = (value) => value !== null && value !== undefined;
 const fixed = (value, digits, unit = "") => (isKnown(value) ? value.toFixed(digits) + unit : "–");
-const STALE_MS = 5000, HISTORY_S = 3600, PATH_EVERY = 5, MOST_ALARMS = 3;
+const STALE_MS = 5000, PATH_EVERY = 5, MOST_ALARMS = 3;
 
-let history = null, plots = [], path = { x_m: [], y_m: [] }, known = [], heard = 0, events = 0;
+// Length of each time that can be shown and the distance of its newest points, in seconds.
+const SPANS = { hour: { length: 3600, step: 1 }, day: { length: 86400, step: 20 }, week: { length: 604800, step: 150 } };
+
+let span = "hour", history = null, plots = [], path = { x_m: [], y_m: [] }, known = [], heard = 0, events = 0;
 
 function say(id, text) {
   if (at(id).textContent !== text) at(id).textContent = text;
@@ -46,7 +49,8 @@ function showRange(range) {
   const [value, unit] = distance(range.distance_m.p50);
   say("range", value);
   say("range-unit", unit);
-  say("range-sentence", `${distance(range.distance_m.p10).join(" ")} with 90 %, ${distance(range.distance_m.p90).join(" ")} with 10 %.`);
+  const sure = `${distance(range.distance_m.p10).join(" ")} with 90 %, ${distance(range.distance_m.p90).join(" ")} with 10 %.`;
+  say("range-sentence", range.assumed ? `${sure} Little has been driven yet: flat ground at a usual speed is assumed.` : sure);
   say("time-left", duration(range.duration_s.p50));
   say("consumption", fixed(range.energy_J_per_m.p50, 0, " J/m"));
   say("home", isKnown(range.home_probability) ? `${(100 * range.home_probability).toFixed(0)} %` : "–");
@@ -117,17 +121,18 @@ function listSensors() {
 function extendHistory(state) {
   if (!history || !isKnown(state.unix_s)) return;
   const last = history.unix_s.at(-1) || 0;
-  if (state.unix_s - last < 1) return;
+  if (state.unix_s - last < SPANS[span].step) return;
   const row = { unix_s: state.unix_s, soc: state.charge?.soc, soc_low: state.charge?.low, soc_high: state.charge?.high,
     speed_m_s: state.drive?.speed_m_s, power_W: state.power?.battery_W };
   for (const name of Object.keys(history)) history[name].push(isKnown(row[name]) ? row[name] : null);
-  while (history.unix_s.length && history.unix_s[0] < state.unix_s - HISTORY_S) for (const column of Object.values(history)) column.shift();
+  while (history.unix_s.length && history.unix_s[0] < state.unix_s - SPANS[span].length) for (const column of Object.values(history)) column.shift();
   for (const plot of plots) plot.set(history);
 }
 
 function show(state) {
   say("robot", state.name);
   if (document.title !== state.name) document.title = state.name;
+  at("spans").hidden = !state.stored;
   if (!isKnown(state.unix_s)) return;
   showCharge(state.charge);
   showRange(state.range);
@@ -145,14 +150,28 @@ async function fetchPath() {
 }
 
 async function fetchHistory() {
-  const answer = await fetch("/api/history");
-  if (answer.ok) history = await answer.json();
+  const wanted = span;
+  const answer = await fetch(`/api/history?last=${wanted}`);
+  if (!answer.ok) return;
+  const rows = await answer.json();
+  if (wanted !== span) return;
+  history = rows;
   plots = plots.length ? plots : [
     new History(at("plot-soc"), { name: "soc", label: "charge", factor: 100 }, ["soc_low", "soc_high"]),
     new History(at("plot-speed"), { name: "speed_m_s", label: "speed" }),
     new History(at("plot-power"), { name: "power_W", label: "power" }),
   ];
   for (const plot of plots) plot.set(history);
+}
+
+function choose(event) {
+  const button = event.target.closest("button");
+  if (!button) return;
+  span = button.dataset.span;
+  for (const each of at("spans").children) each.setAttribute("aria-pressed", String(each === button));
+  say("history-title", `The last ${span}`);
+  for (const name of ["soc", "speed", "power"]) at(`plot-${name}`).setAttribute("aria-label", `${name === "soc" ? "charge" : name} over the last ${span}`);
+  fetchHistory().catch(() => {});
 }
 
 function listen() {
@@ -171,4 +190,5 @@ setInterval(() => {
 }, 1000);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach((plot) => plot.plot.redraw(false)));
 at("sensors-details").addEventListener("toggle", listSensors);
+at("spans").addEventListener("click", choose);
 listen();
