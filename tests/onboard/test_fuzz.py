@@ -7,6 +7,7 @@ import pytest
 from benchmarks.scripts import script
 
 FUZZ = script("on_board_fuzz")
+HTTP = script("on_board_http")
 
 
 @pytest.mark.parametrize("listener", FUZZ.LISTENERS)
@@ -14,7 +15,16 @@ def test_no_crash_no_hang_no_memory(listener):
     inputs = 1_000 if listener == "bags" else 10_000  # each is a file, with definitions to parse
     found = FUZZ.fuzz(listener, inputs)
     assert found.inputs == inputs
+    assert found.crashes == 0
     assert found.slowest_s < 1.0
+    assert found.grown_MB < 10.0
+
+
+def test_requests_of_any_kind_leave_the_page_well():
+    found = HTTP.fuzz_http(10_000)
+    assert found.inputs == 10_000
+    assert found.crashes == 0
+    assert found.slowest_s < 5.0
     assert found.grown_MB < 10.0
 
 

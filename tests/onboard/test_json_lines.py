@@ -11,7 +11,10 @@ from typing import Any
 import pytest
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Wiring
+from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sources.json_lines import LONGEST_LINE, JsonLinesSource
 from onboard.servers import free_port, wait_for_port
 
@@ -75,6 +78,27 @@ except EndedError as end:
     assert end == "standard input has ended"
 
 
+def test_standard_input_may_be_nothing():
+    program = "import asyncio, ohmward.onboard.sources as s; asyncio.run(s.JsonLinesSource().run(print))"
+    out = subprocess.run(
+        [sys.executable, "-c", program], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=60, check=False
+    )
+    assert out.stderr.decode().strip().endswith("EndedError: standard input has ended")
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path):
+    async def write(path):
+        feed = Feed()
+        feed.put(RobotState(1.0, 2.0))
+        feed.end()
+        await JsonLinesSink(str(path)).run(feed)
+
+    asyncio.run(write(tmp_path / "my states" / "states.jsonl"))
+    assert json.loads((tmp_path / "my states" / "states.jsonl").read_text())["time_s"] == 1.0
+    with pytest.raises(OhmwardError, match=r"states.jsonl/x cannot be written \(.*\); check the path"):
+        asyncio.run(write(tmp_path / "my states" / "states.jsonl" / "x"))
+
+
 def test_lines_of_any_kind_are_no_fault():
     source, rng = JsonLinesSource(), random.Random(6)
     seeds = [
@@ -99,3 +123,28 @@ def test_addresses_are_checked():
             JsonLinesSource(**settings)
     with pytest.raises(OhmwardError, match=r"no connection to 127.0.0.1:\d+ .* is it listening\?"):
         asyncio.run(JsonLinesSource(f"127.0.0.1:{free_port()}").run(print))
+
+
+def test_an_array_stands_behind_the_name_of_a_quantity_alone():
+    line = b'{"wheel_speed_rad_s": [1, null], "cell_voltage_V.3": [3.3], "other": [1], "speed_m_s": [0.5]}'
+    message = JsonLinesSource().message(line, Wiring({}), 1.0)
+    assert message is not None
+    assert list(message.values) == ["wheel_speed_rad_s.0", "wheel_speed_rad_s.1"]
+
+
+def test_keys_that_are_nearly_quantities_are_named_once(caplog):
+    line = b'{"battery_curent_A": -3.2, "sequence": 3, "battery_voltage_V": 13}'
+    for _ in range(3):
+        message = JsonLinesSource().message(line, Wiring({}), 1.0)
+        assert message and message.values == {"battery_voltage_V": 13.0}
+    (record,) = caplog.records
+    assert "'battery_curent_A' is no quantity and left out; did you mean battery_current_A?" in record.message
+
+
+def test_a_line_that_cannot_be_read_is_shown(caplog):
+    source = JsonLinesSource(f"127.0.0.1:{free_port()}", listen=True)
+    asyncio.run(listening(source, b"time,current\n" + LINES))
+    assert [r.message for r in caplog.records] == [
+        "source json-lines: lines are no JSON object with a quantity (1 so far, such as 'time,current')",
+        "source json-lines: lines are no JSON object with a quantity (2 so far, such as 'no json')",
+    ]

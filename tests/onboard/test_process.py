@@ -1,7 +1,9 @@
 import asyncio
 import math
+import time
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 
 from ohmward import generic_battery
@@ -9,7 +11,7 @@ from ohmward.errors import OhmwardError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Message
 from ohmward.onboard.part import EndedError
-from ohmward.onboard.process import Process
+from ohmward.onboard.process import END_S, Process
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.state_folder import StateFolder
 
@@ -108,6 +110,20 @@ def test_an_unexpected_error_ends_neither_source_nor_process(battery):
     assert "ZeroDivisionError" in process.diagnostics["source script"].message
 
 
+@pytest.mark.parametrize(("current_A", "level"), [(0.0, Level.OK), (6.0, Level.WARN)])
+def test_a_battery_file_that_does_not_fit_is_named(battery, current_A, level):
+    """Six amperes for hours, and the voltage of a battery at rest."""
+    noise = np.random.default_rng(5).normal(size=(1000, 2))
+    script = [
+        Message(30.0 * k, 100.0 + 30.0 * k, "script", {"battery_current_A": a, "battery_voltage_V": v})
+        for k, (a, v) in enumerate(noise * [0.02, 0.002] + [current_A, 13.2])
+    ]
+    collector = Collector()
+    run(Process(Estimation(battery), [Script(script)], [collector]), seconds=1.5)
+    (found,) = [d for d in collector.states[-1].diagnostics if d.name == "battery file"]
+    assert found.level == level
+
+
 def test_states_go_on_while_no_sensor_reports(battery):
     sink = Collector()
     run(Process(Estimation(battery), [Script(samples(1))], [sink]), seconds=1.5)
@@ -178,3 +194,46 @@ def test_a_full_disk_is_named_and_estimates_go_on(battery, tmp_path, monkeypatch
     folder.close()
     assert "No space left" in process.diagnostics["snapshots"].message
     assert len(sink.states) == 50
+
+
+def test_a_source_that_fails_again_and_again_is_one_line_in_the_log(battery, caplog):
+    broken = Script([], "broken", OhmwardError("no such port"))
+    with caplog.at_level("INFO"):
+        run(Process(Estimation(battery), [broken], [Collector()]), seconds=2.0)
+    assert broken.runs >= 3
+    assert [r.message for r in caplog.records if "broken" in r.message] == ["source broken: no such port"]
+
+
+def test_a_process_without_source_or_sink_says_so(battery, caplog):
+    run(Process(Estimation(battery), [], []))
+    assert [r.message.partition(":")[0] for r in caplog.records] == ["no source", "no sink"]
+
+
+def test_whoever_asks_twice_to_stop_waits_for_no_sink(battery):
+    class Absent(Collector):
+        async def run(self, feed):
+            raise OhmwardError("nobody is there")
+
+    process = Process(Estimation(battery), [Script(samples(3))], [Absent()])
+
+    async def main():
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.1, process.stop)
+        loop.call_later(0.2, process.stop)
+        began_s = loop.time()
+        await process.run()
+        return loop.time() - began_s
+
+    assert asyncio.run(main()) < 0.5 * END_S
+
+
+def test_sensors_that_end_with_the_process_are_not_called_silent(battery, caplog, monkeypatch):
+    class Absent(Collector):
+        async def run(self, feed):
+            raise OhmwardError("nobody is there")
+
+    monkeypatch.setattr("ohmward.onboard.process.END_S", 1.6)
+    now_s = time.monotonic()
+    live = [message._replace(received_s=now_s + 0.1 * k - 2.0) for k, message in enumerate(samples(20))]
+    run(Process(Estimation(battery), [Script(live)], [Absent()]), seconds=0.05)
+    assert [r.message for r in caplog.records if "silent" in r.message] == []

@@ -6,7 +6,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.sensor_watch import SensorWatch
+from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
 from ohmward.traction.robot.robot import RLMA
 
 PLACES = [place.name for place in RLMA.places]
@@ -167,3 +167,33 @@ def test_late_values_and_clocks_that_were_set_are_named(battery):
     assert found["delay of radio"] == found["clock of radio"] == Level.WARN
     watch.take("radio", 70.0, 70.01, {"battery_current_A": 1.1})
     assert {d.level for d in watch.look(70.1)} == {Level.OK}
+
+
+def test_names_without_end_do_not_fill_memory(battery):
+    watch = SensorWatch(battery)
+    watch.take("robot", 0.0, 0.0, {"battery_voltage_V": 13.0})
+    for k in range(2 * MOST_SENSORS):
+        watch.take("mqtt", 0.1, 0.1, {f"estimate.{k}": 1.0})
+    assert len(watch.sensors) == MOST_SENSORS
+    assert watch.take("robot", 0.2, 0.2, {"battery_voltage_V": 13.1}) == {"battery_voltage_V": 13.1}
+    (found,) = (diagnostic for diagnostic in watch.look(0.3) if diagnostic.name == "signals")
+    assert "mqtt sends new names" in found.message
+
+
+def test_the_files_of_another_robot_are_named(battery):
+    def strange(values):
+        return values | {"wheel_speed_rad_s.middle": 1.0}
+
+    other = Robot(generic_battery("nmc", 50.0, 14), strange).run()
+    wrong = other.wrong()
+    assert wrong.keys() == {"battery_voltage_V", "wheel_speed_rad_s.middle"}
+    assert re.match(r"reads 1[23][.0-9]*, plausible are 26.* to .*; check its unit", wrong["battery_voltage_V"])
+    assert wrong["wheel_speed_rad_s.middle"].startswith("the robot has no such wheel; it has front_left, front_right")
+
+
+def test_messages_that_come_late_are_missed_no_longer(battery):
+    watch = SensorWatch(battery, RLMA, {"simulation": ()})
+    late = {d.name: d.level for d in watch.look(6.0)}
+    watch.take("simulation", 6.5, 6.5, {"yaw_rate_rad_s": 0.0})
+    after = {d.name: d.level for d in watch.look(7.0)}
+    assert (late["messages of simulation"], after["messages of simulation"]) == (Level.STALE, Level.OK)

@@ -214,5 +214,5 @@ def test_settings_and_ports_are_checked():
     for settings, message in refused:
         with pytest.raises(InputError, match=message):
             SerialSource("/dev/ttyACM0", **settings)
-    with pytest.raises(OhmwardError, match=r"/dev/ttyNONE cannot be opened; .*"):
+    with pytest.raises(OhmwardError, match=r"/dev/ttyNONE cannot be opened \(No such file or directory\); .*"):
         asyncio.run(SerialSource("/dev/ttyNONE", MESSAGES).run(print))

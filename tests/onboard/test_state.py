@@ -135,6 +135,14 @@ def test_another_battery_file_goes_on_with_the_charge(battery):
     assert state.battery.soc == pytest.approx(before.state.battery.soc, abs=0.05)
 
 
+def test_the_file_of_another_robot_begins_anew(battery):
+    before = driven(battery)
+    after = Estimation(generic_battery("lfp", 100.0, 16))
+    (note,) = resume(after, remember(before, 1300.0), 10.0, 5.0)
+    assert "another battery than before" in note
+    assert after.soc and after.soc.state is None
+
+
 def test_cells_go_on_too(battery):
     before = Estimation(battery)
     for k in range(200):
@@ -231,6 +239,13 @@ def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
         now.close()
     later = time.time() + 10.0
     os.utime(given, (later, later))
+    other, before = tmp_path / "other.toml", load_battery(given).capacity_Ah
+    save_battery(generic_battery("lfp", 10.0 * before, 4), other)
+    os.utime(other, (0.0, 0.0))
+    robbed = folder(state, clock, learn=True)
+    assert robbed.battery(str(other)) == load_battery(other)
+    assert "another battery" in robbed.notes[-1]
+    robbed.close()
     newer = folder(state, clock, learn=True)
     assert newer.battery(str(given)) == load_battery(given)
     newer.close()

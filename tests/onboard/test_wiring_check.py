@@ -114,3 +114,14 @@ def test_at_rest_signs_are_open_and_nothing_is_wrong(battery):
     found = check_wiring(drive(lambda values: values | still), {"robot": ()}, battery, RLMA)
     assert {f.level for f in found} == {Level.OK, Level.WARN}
     assert any(f.subject == "battery_current_A" and "drive a little" in f.text for f in found)
+
+
+def test_a_source_that_sent_nothing_is_one_finding(battery):
+    promised = {"can": ("battery_current_A", "battery_voltage_V", *WHEELS)}
+    wrong = [f for f in check_wiring({}, promised, battery, RLMA) if f.level == Level.ERROR]
+    assert [(f.subject, f.text) for f in wrong] == [("can", "sent nothing; is the other side on, and connected?")]
+
+
+def test_a_passive_wheel_has_no_motor(battery):
+    found = findings(lambda values: values | {"motor_current_A.3": 0.0}, battery)
+    assert found == {"motor_current_A.3": f"the robot has no such motor; it has {', '.join(PLACES[: RLMA.driven])}"}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
@@ -18,17 +19,16 @@ from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.mean_inbox import USUAL_S, MeanInbox, MeanSample
-from ohmward.onboard.quantities import BATTERY, DRIVE, ESTIMATES
+from ohmward.onboard.message_parts import MessageSorter
 from ohmward.onboard.robot_state import RobotState
+from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
-_BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
-_REPORTED = f"{ESTIMATES[0].name}."
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
@@ -38,13 +38,6 @@ FULL_AGAIN_S = 60.0
 CONTRADICTS = 3.0
 
 _NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
-
-
-class _Route(NamedTuple):
-    """Argument of `SensorInbox.put` for a signal, and the wheel's number; None for one of the body."""
-
-    argument: str
-    wheel: int | None
 
 
 class Estimation:
@@ -82,10 +75,10 @@ class Estimation:
         self.last_charge: SocNormal | None = None
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
-        self._counted = counts_per_turn is not None
-        self._places = tuple(place.name for place in robot.places) if robot else ()
+        self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
+        places = tuple(place.name for place in robot.places) if robot else ()
         self._wheel_signals = {
-            argument: tuple(f"{name}.{place}" for place in self._places)
+            argument: tuple(f"{name}.{place}" for place in places)
             for argument, name in (("wheel_speed_rad_s", "wheel_speed_rad_s"), ("current_A", "motor_current_A"))
         }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
@@ -95,10 +88,16 @@ class Estimation:
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
         self._full_s, self._untold = -math.inf, False
-        self._routes: dict[str, _Route | None] = {}
 
-    def compile(self) -> None:
-        """Compile what the first samples would wait for, on copies; takes a second or two."""
+    def compile(self, from_disk: bool = False) -> None:
+        """Compile what the first samples would wait for, on copies; takes a second or two.
+
+        from_disk: take the whole steps from the disk, in some hundredths of a second, where they were left before.
+        """
+        with keeping() if from_disk else nullcontext():
+            self._compile()
+
+    def _compile(self) -> None:
         if self.soc and self.battery:
             middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
             copy(self.soc).update(0.0, 0.0, middle_V)
@@ -129,14 +128,15 @@ class Estimation:
         time_s: of the measurement, on one clock for all messages.
         values: signal -> value, nan where it was not measured.
         """
-        states = []
-        if self.soc and any(name.partition(".")[0] in _BATTERY for name in values):
+        states: list[RobotState] = []
+        parts = self._sorter.parts(values)
+        if self.soc and parts.battery:
             states += self._put_battery(time_s, values)
-        if self.inbox and (message := self._drive_message(values)):
-            self.inbox.put(time_s, **message)
+        if self.inbox and parts.drive:
+            self.inbox.put(time_s, **parts.drive_message(values))
             states += [self._drive_state(sample) for sample in self.inbox.take()]
-        if reported := {name: value for name, value in values.items() if name.startswith(_REPORTED)}:
-            states.append(self._after(time_s, reported))
+        if parts.reported:
+            states.append(self._after(time_s, {name: values[name] for name in parts.reported}))
         return states
 
     def flush(self) -> list[RobotState]:
@@ -226,39 +226,6 @@ class Estimation:
         pose = self.odometry.update(time_s, speeds, sample.get("yaw_rate_rad_s"), observed=slip)
         return self._after(time_s, self._signals(sample), slip=slip, pose=pose, drive_time_s=time_s)
 
-    def _drive_message(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Keyword arguments of `SensorInbox.put`; nan in the place of a wheel that the message does not tell of."""
-        message: dict[str, Any] = {}
-        for signal, value in values.items():
-            if signal not in self._routes:
-                self._routes[signal] = self._route(signal)
-            if (route := self._routes[signal]) is None:
-                continue
-            if route.wheel is None:
-                message[route.argument] = value
-            else:
-                if route.argument not in message:
-                    message[route.argument] = [math.nan] * self._count(route.argument)
-                message[route.argument][route.wheel] = value
-        return message
-
-    def _route(self, signal: str) -> _Route | None:
-        """Place of a signal in a message to the inbox; None where it is not of the drive or the robot has no such."""
-        assert self.robot is not None
-        name, _, part = signal.partition(".")
-        if name not in _DRIVE or (name == "wheel_counts" and not self._counted):
-            return None
-        argument = name.removeprefix("motor_")
-        if not part:
-            return _Route(argument, None)
-        wheel = _number(part, self._places[: self._count(argument)])
-        return None if wheel is None else _Route(argument, wheel)
-
-    def _count(self, argument: str) -> int:
-        """Number of motors or wheels."""
-        assert self.robot is not None
-        return self.robot.driven if argument == "current_A" else len(self._places)
-
     def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
         """Values of a sample of the drive by signal, wheels by name; those that were not measured left out."""
         signals: dict[str, float] = {}
@@ -274,10 +241,3 @@ class Estimation:
         """The state after new estimates; all others as they were."""
         self.state = self.state._replace(time_s=time_s, sample=sample, **estimates)
         return self.state
-
-
-def _number(part: str, places: Sequence[str]) -> int | None:
-    """Number of a wheel by its name or number; None where the robot has none such."""
-    if part in places:
-        return places.index(part)
-    return int(part) if part.isdecimal() and int(part) < len(places) else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import reprlib
+
 from ohmward.onboard.part import LOG
 
 
@@ -10,7 +12,7 @@ class FaultyInput:
 
     Args:
         name: of the source.
-        sentence: after the number of them, "lines are no JSON object".
+        sentence: about them, "lines are no JSON object".
 
     Attributes:
         number: of them so far.
@@ -19,8 +21,9 @@ class FaultyInput:
     def __init__(self, name: str, sentence: str):
         self.name, self.sentence, self.number = name, sentence, 0
 
-    def count(self, more: int = 1) -> None:
-        """Count more of them; every doubling of the number is a line in the log."""
+    def count(self, more: int = 1, example: bytes = b"") -> None:
+        """Count more of them; every doubling of the number is a line in the log, with the beginning of an example."""
         before, self.number = self.number, self.number + more
         if self.number.bit_length() > before.bit_length():
-            LOG.warning("source %s: %d %s", self.name, self.number, self.sentence)
+            quoted = f", such as {reprlib.repr(example.decode(errors='replace'))}" if example else ""
+            LOG.warning("source %s: %s (%d so far%s)", self.name, self.sentence, self.number, quoted)

@@ -83,6 +83,8 @@ class Wiring:
 
 def as_number(value: object) -> float:
     """The value as a number; nan where it is none."""
+    if type(value) is float:
+        return value
     if isinstance(value, bool | int | float):
         try:
             return float(value)

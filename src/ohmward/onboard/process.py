@@ -12,6 +12,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
 
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
@@ -37,6 +38,9 @@ END_S = 5.0
 #: Another thread gives the interpreter back after so long [s]; with the usual 5 ms a forecast of the range would delay
 #: hundreds of estimates.
 SWITCH_S = 0.0005
+
+#: A part that has recovered is said in the log to have after so long [s], if it has not failed again.
+SETTLED_S = 2.0
 
 #: In strict mode a source or sink that fails so soon after the start ends the process.
 STRICT_S = 5.0
@@ -76,6 +80,7 @@ class Process:
         self.companions = list(companions)
         self.sinks = [(sink, Feed(sink.interval_s)) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
+        self._logged: dict[str, tuple[Level, str]] = {}
         self._clocks = {source.name: SourceClock() for source in sources}
         promised = {source.name: getattr(source, "signals", ()) for source in sources}
         self.watch = SensorWatch(estimation.battery, estimation.robot, promised, self.clock.now_s())
@@ -84,7 +89,7 @@ class Process:
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
         self.faults: Counter[str] = Counter()
-        self.stopping = asyncio.Event()
+        self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
         self._refused = ""
 
     async def run(self) -> None:
@@ -94,11 +99,15 @@ class Process:
             OhmwardError: in strict mode, a source or sink cannot begin.
         """
         self._began_s = self.clock.now_s()
-        self.stopping = asyncio.Event()
+        self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
+        if not self.sources:
+            LOG.warning("no source: nothing comes in; add a [[source]] to the setup")
+        if not self.sinks:
+            LOG.warning("no sink: nobody gets the estimates; add a [[sink]] to the setup")
         sys.setswitchinterval(SWITCH_S)
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
+        watch = self._begin("sensors", self._look)
         beside = [
-            self._begin("sensors", self._look),
             self._begin("range", self._forecast),
             *(self._begin(name, run) for name, run in self.companions),
         ]
@@ -107,14 +116,14 @@ class Process:
         try:
             await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
         finally:
-            await _cancel([stopped, ended, *sources])
+            await _cancel([stopped, ended, *sources, watch])  # what ends now is not called silent
             for state in self.estimation.flush():
                 self._pass_on(state)
             for _, feed in self.sinks:
                 feed.end()
-            if sinks:
-                await asyncio.wait(sinks, timeout=END_S)
-            await _cancel([*sinks, *beside])
+            hurried, delivered = asyncio.create_task(self._hurried.wait()), asyncio.create_task(_all(sinks))
+            await asyncio.wait([hurried, delivered], timeout=END_S, return_when=asyncio.FIRST_COMPLETED)
+            await _cancel([hurried, delivered, *sinks, *beside])
         if self._refused:
             raise OhmwardError(self._refused)
 
@@ -127,7 +136,9 @@ class Process:
         self.sinks.append((sink, Feed(sink.interval_s)))
 
     def stop(self) -> None:
-        """End the sources; sinks deliver what waits, and `run` returns."""
+        """End the sources; sinks deliver what waits, and `run` returns. Asked for again, it waits for no sink."""
+        if self.stopping.is_set():
+            self._hurried.set()
         self.stopping.set()
 
     def stop_on_signals(self) -> None:
@@ -164,13 +175,23 @@ class Process:
         before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
         self._told = ()
-        if before and (before.level, before.message) == (diagnostic.level, diagnostic.message):
+        if before and _said(before) == _said(diagnostic):
             return
-        usual = before is None and diagnostic.level == Level.OK
-        level = logging.DEBUG if usual else _LOG_LEVELS.get(diagnostic.level, logging.ERROR)
-        LOG.log(level, "%s: %s", diagnostic.name, diagnostic.message)
+        if before and before.level > diagnostic.level == Level.OK:  # most of what has failed fails again at once
+            asyncio.get_running_loop().call_later(SETTLED_S, self._log, diagnostic)
+        else:
+            self._log(diagnostic)
         if self.strict and diagnostic.level == Level.ERROR:
             self._refuse(diagnostic)
+
+    def _log(self, diagnostic: Diagnostic) -> None:
+        """Log a condition, unless it has passed meanwhile or is the one that was logged last."""
+        first, last = diagnostic.name not in self._logged, self._logged.get(diagnostic.name)
+        if last == _said(diagnostic) or _said(self.diagnostics[diagnostic.name]) != _said(diagnostic):
+            return
+        self._logged[diagnostic.name] = _said(diagnostic)
+        level = logging.DEBUG if first and diagnostic.level == Level.OK else _LOG_LEVELS.get(diagnostic.level)
+        LOG.log(level or logging.ERROR, "%s: %s", diagnostic.name, diagnostic.message)
 
     def _refuse(self, diagnostic: Diagnostic) -> None:
         """End the process where a source or sink has failed at the start."""
@@ -191,21 +212,25 @@ class Process:
                 self.tell(diagnostic)
             for sink, feed in self.sinks:
                 self.tell(_delivery(sink.name, feed))
+            if charge := self.estimation.state.battery:
+                self.tell(_fit(charge))
             if self.clock.now_s() - self._passed_s > QUIET_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
     async def _forecast(self) -> None:
-        """Forecast the range: once the charge is known, when it leaps, and at times."""
-        made_s, wait_s, soc = -math.inf, FIRST_FORECAST_S, math.nan
+        """Forecast the range: once the charge is known, when it leaps, once the drive tells the way, and at times."""
+        made_s, wait_s, soc, assumed = -math.inf, FIRST_FORECAST_S, math.nan, True
         while True:
             await asyncio.sleep(LOOK_S)
             charge = self.estimation.state.battery
             if charge is None or (compute := self.estimation.forecast()) is None:
                 continue
             due = self.now_s() - made_s > wait_s
-            if due or abs(charge.soc - soc) > FORECAST_SOC:
+            reach = self.estimation.state.range
+            told = assumed and reach is not None and not reach.assumed
+            if due or told or abs(charge.soc - soc) > FORECAST_SOC:
                 wait_s = min(2.0 * wait_s, FORECAST_S) if due else wait_s
-                made_s, soc = self.now_s(), charge.soc
+                made_s, soc, assumed = self.now_s(), charge.soc, assumed and not told
                 self.estimation.take_forecast(await asyncio.to_thread(compute))
 
     def _pass_on(self, state: RobotState) -> None:
@@ -217,6 +242,11 @@ class Process:
             feed.put(whole)
 
 
+def _said(diagnostic: Diagnostic) -> tuple[Level, str]:
+    """Level and sentence of a condition, without its figures."""
+    return diagnostic.level, diagnostic.message
+
+
 def _delivery(name: str, feed: Feed) -> Diagnostic:
     """Condition of the delivery to a sink that goes on."""
     if feed.trouble:
@@ -225,6 +255,17 @@ def _delivery(name: str, feed: Feed) -> Diagnostic:
         message = "too slow: states were left out; raise its interval_s, or look at what it writes to"
         return Diagnostic(f"delivery to {name}", Level.WARN, message, {"lost": float(feed.lost)})
     return Diagnostic(f"delivery to {name}", Level.OK, "in time")
+
+
+def _fit(charge: SocEstimate) -> Diagnostic:
+    """Condition of the battery file, by whether the estimate is one that the file's battery can have."""
+    if not int(charge.flags) & SocFlag.MISFIT:
+        return Diagnostic("battery file", Level.OK, "fits the measurements")
+    message = (
+        f"does not fit the measurements: it asks for a sensor off by {float(charge.current_offset_A):.3g} A and a "
+        f"capacity of {float(charge.soh_capacity):.0%}; is it of this battery, and is the sign of the current right?"
+    )
+    return Diagnostic("battery file", Level.WARN, message)
 
 
 async def _deliver(sink: Sink, feed: Feed) -> None:

@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
@@ -42,6 +43,13 @@ _STANDBY_PER_HOUR = 0.01
 #: A drive that was interrupted for longer has ended; the next one begins with what is known of the consumption.
 DRIVE_S = 3600.0
 
+#: What the label of a battery says and nobody corrects later, as he may the chemistry.
+_LABEL = ("capacity_Ah", "n_series")
+
+#: Use teaches a capacity that differs from the label by no more than this factor: a battery that has lost more is worn
+#: out long ago.
+_MOST_LEARNT = 2.0
+
 _SECONDS_PER_HOUR, _SECONDS_PER_DAY = 3600.0, 86400.0
 
 
@@ -52,9 +60,10 @@ def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
     """
     content: dict[str, Any] = {}
     soc, charge = estimation.soc, estimation.state.battery
-    if soc and charge and soc.state is not None:
+    if estimation.battery and soc and charge and soc.state is not None:
         current_A = to_json(estimation.last_current_A)
         content["charge"] = {"soc": charge.soc, "std": charge.soc_std, "current_A": current_A}
+        content["battery"] = label_of(estimation.battery)
         content |= {"soc": soc.snapshot(), "time_s": time_s + estimation.shift_s}
     if estimation.cells and estimation.cells.last:
         content["cells"] = estimation.cells.snapshot()
@@ -71,6 +80,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     if "soc" not in content or estimation.battery is None:
         return []
     away_s = UNKNOWN_S if math.isnan(away_s) else away_s
+    if is_another(content.get("battery", {}), estimation.battery):
+        return ["the battery file is that of another battery than before: its charge begins anew"]
     charge = content["charge"]
     known = SocNormal(charge["soc"], _std_after(charge, estimation.battery.capacity_Ah, away_s))
     try:
@@ -83,6 +94,18 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     passed_s = away_s if away_s <= SHORT_S else max(away_s, _GAP_S)
     estimation.shift_s = content["time_s"] + passed_s - now_s
     return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
+
+
+def label_of(battery: Battery) -> dict[str, Any]:
+    """The label of a battery."""
+    return {key: getattr(battery, key) for key in _LABEL}
+
+
+def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
+    """True where the label cannot be that of the battery, however much was learnt about it since."""
+    capacity_Ah = label.get("capacity_Ah", battery.capacity_Ah)
+    more = max(capacity_Ah / battery.capacity_Ah, battery.capacity_Ah / capacity_Ah)
+    return more > _MOST_LEARNT or label.get("n_series", battery.n_series) != battery.n_series
 
 
 def _std_after(charge: Mapping[str, float], capacity_Ah: float, away_s: float) -> float:

@@ -13,8 +13,12 @@ _FILE = "file:"
 
 
 def check_secret_name(key: str, where: str) -> None:
-    """Raise InputError unless this says where a secret is: the name of a variable, or file:PATH."""
-    if not where.startswith(_FILE) and not where.isidentifier():
+    """Raise InputError unless this says where a secret is: the name of a variable, or file:PATH.
+
+    Names of variables have capital letters, as is the custom; what has others is more likely the secret itself, which
+    no message may show.
+    """
+    if not where.startswith(_FILE) and not (where.isidentifier() and where == where.upper()):
         raise InputError(
             f'{key} says where the secret is, not the secret: {key} = "MY_VARIABLE" for an environment variable, '
             f'or {key} = "file:/etc/ohmward/secret" for a file of mode 600'

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.onboard.plausible import no_such_part, plausible_values
 from ohmward.onboard.quantities import quantity_of
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wheel_check import WheelCheck
@@ -40,6 +41,9 @@ PROMISED_S = 5.0
 #: A source is late where its values are older than this when they come.
 LATE_S = 0.5
 
+#: Signals that are watched: a pack of hundreds of cells has room; a source that makes up names must not fill memory.
+MOST_SENSORS = 1000
+
 #: Weight of the newest interval in the usual one.
 _NEWEST = 0.05
 
@@ -62,6 +66,7 @@ class WatchedSensor:
     moved_to, upwards: value after the last move, and its direction.
     partner_turns: turns of the partner when the value began to be the same.
     bad: values since the last look that cannot be true, and the last of them; good: all others since then.
+    absent: sentence where the robot has no such wheel or motor; plausible: lowest and highest value on this robot.
     doubled_by: other source that sends it too; doubled_s: when it last did.
     """
 
@@ -84,6 +89,8 @@ class WatchedSensor:
     bad: int = 0
     bad_value: float = math.nan
     good: int = 0
+    absent: str = ""
+    plausible: tuple[float, float] = (-math.inf, math.inf)
     doubled_by: str = ""
     doubled_s: float = -math.inf
     repeated: int = 0
@@ -121,13 +128,13 @@ class WatchedSensor:
         self.upwards, self.moved_to = upwards, self.value
 
     def _reported(self, time_s: float) -> None:
-        if time_s > self.last_s:
-            gap_s = time_s - self.last_s
-            if self.interval_s == 0.0 and gap_s < math.inf:
-                self.interval_s = gap_s
-            elif gap_s < self.silent_after_s:
-                self.interval_s += _NEWEST * (gap_s - self.interval_s)
-            self.last_s = time_s
+        if not time_s > self.last_s:
+            return
+        gap_s, self.last_s = time_s - self.last_s, time_s
+        if self.interval_s == 0.0:
+            self.interval_s = gap_s if gap_s < math.inf else 0.0
+        elif gap_s < SILENT_S or gap_s < self.silent_after_s:
+            self.interval_s += _NEWEST * (gap_s - self.interval_s)
 
     def is_same(self, now_s: float) -> bool:
         """True where the value has been the same for long."""
@@ -164,6 +171,7 @@ class SensorWatch:
         self.sensors: dict[str, WatchedSensor] = {}
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
         self._motion = WheelCheck(self.robot) if self.robot else None
+        self._left_out = ""
 
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
         """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
@@ -171,7 +179,9 @@ class SensorWatch:
         delivery.last_s, delivery.delay_s = received_s, received_s - time_s
         clean = {}
         for signal, value in values.items():
-            sensor = self.sensors.get(signal) or self._first(signal, source)
+            if (sensor := self.sensors.get(signal) or self._first(signal, source)) is None:
+                self._left_out = source
+                continue
             if sensor.source != source and not self._takes_over(sensor, source, time_s):
                 continue
             clean[signal] = sensor.take(time_s, value)
@@ -184,6 +194,9 @@ class SensorWatch:
     def look(self, now_s: float) -> Iterator[Diagnostic]:
         """Conditions of all sensors and sources now."""
         self._find_stuck(now_s)
+        if self._left_out:
+            message = f"more than {MOST_SENSORS} signals: {self._left_out} sends new names again and again; look at it"
+            yield Diagnostic("signals", Level.WARN, message)
         for name, delivery in self.sources.items():
             yield from self._conditions(name, delivery, now_s)
         for sensor in self.sensors.values():
@@ -211,13 +224,20 @@ class SensorWatch:
             yield Diagnostic(
                 signal, Level.STALE, f"never came from {name}; check its wiring, or leave it out of signals"
             )
-        if delivery.last_s == -math.inf and not delivery.signals:
-            yield Diagnostic(f"messages of {name}", Level.STALE, "none came yet; is the other side sending?")
+        if not delivery.signals:
+            none = delivery.last_s == -math.inf
+            message = "none came yet; is the other side sending?" if none else "come"
+            yield Diagnostic(f"messages of {name}", Level.STALE if none else Level.OK, message)
 
-    def _first(self, signal: str, source: str) -> WatchedSensor:
+    def _first(self, signal: str, source: str) -> WatchedSensor | None:
+        """The sensor of a signal that is new; None where there are too many already."""
+        if len(self.sensors) >= MOST_SENSORS:
+            return None
         quantity = quantity_of(signal)
         move = self._moves().get(quantity.name, math.inf)
         sensor = self.sensors[signal] = WatchedSensor(signal, source, quantity.lowest, quantity.highest, move)
+        sensor.absent = no_such_part(signal, self.robot)
+        sensor.plausible = plausible_values(quantity.name, self.battery, self.robot)
         for other in self.sensors.values():
             for a, b in ((sensor, other), (other, sensor)):
                 if _PARTNER.get(a.signal.partition(".")[0]) == b.signal:
@@ -253,6 +273,8 @@ class SensorWatch:
 
 def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     """Condition of a sensor in a sentence."""
+    if sensor.absent:
+        return Level.ERROR, f"{sensor.absent}; leave it out of {sensor.source}, or correct the robot file"
     if now_s - sensor.last_s > sensor.silent_after_s:
         return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
     if sensor.bad and not sensor.good:
@@ -269,6 +291,10 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
         return Level.WARN, f"doubled: {first} and {second} both send it; {first} is used, leave it out of one of them"
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
+    low, high = sensor.plausible
+    if sensor.value < low or sensor.value > high:
+        fix = "check its unit, and that the battery and robot files are those of this robot"
+        return Level.WARN, f"reads {_named(sensor.value)}, plausible are {low:.3g} to {high:.3g}; {fix}"
     return Level.OK, f"reports, from {sensor.source}"
 
 

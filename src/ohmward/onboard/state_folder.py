@@ -25,7 +25,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
-from ohmward.onboard.resume import DRIVE_S, remember, resume
+from ohmward.onboard.resume import DRIVE_S, is_another, label_of, remember, resume
 from ohmward.onboard.snapshot_file import read_snapshot, write_snapshot
 
 #: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
@@ -82,10 +82,14 @@ class StateFolder:
         if not in_use.exists() or in_use.stat().st_mtime < source.stat().st_mtime:
             return battery
         try:
-            return load_battery(in_use)
+            taught = load_battery(in_use)
         except InputError as error:
             self.notes.append(f"{error}; {given} is used")
             return battery
+        if is_another(label_of(battery), taught):
+            self.notes.append(f"{in_use} has learnt another battery; {given} is used")
+            return battery
+        return taught
 
     def consumption(self) -> tuple[Consumption | None, float]:
         """The consumption as learnt on earlier days, None before the first, and the days since then.

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from ohmward.battery.file import load_battery
+from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level
@@ -61,13 +62,14 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         if worst is None or diagnostic.level >= worst.level:
             told[diagnostic.name] = diagnostic
 
+    simulated, driving = connect_simulated_drives(setup.source, setup.sink)
     sinks = [
         asyncio.create_task(keep_running(f"sink {sink.name}", partial(sink.run, Feed(math.inf)), tell))
-        for sink in setup.sink
+        for sink in driving
     ]
     sources = [
         asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, recorder.put), tell))
-        for source in setup.source
+        for source in simulated
     ]
     if sources:
         await asyncio.wait(sources, timeout=seconds)

@@ -12,7 +12,8 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.logs.sign import sign_evidence
 from ohmward.onboard.message import Message
-from ohmward.onboard.quantities import QUANTITIES, quantity_of
+from ohmward.onboard.plausible import no_such_part, plausible_values, wheel_number
+from ohmward.onboard.quantities import quantity_of
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.wheel_check import WheelCheck
 from ohmward.traction.robot.robot import Robot
@@ -43,9 +44,6 @@ _SCALES = {
     "degC": ((0.1, "tenths of a degree"), (0.01, "hundredths of a degree"), (0.001, "millidegrees")),
     "rad_s": ((2 * math.pi / 60.0, "rpm"), (math.pi / 180.0, "degrees per second"), (0.001, "milliradians per second")),
 }
-
-#: Fastest rim of a robot with a known wheel [m/s]: a fast runner.
-_FASTEST_M_S = 10.0
 
 
 class WiringFinding(NamedTuple):
@@ -119,7 +117,7 @@ def check_wiring(
     wrong = {finding.subject for finding in wheels if finding.level == Level.ERROR}
     findings = [
         *_missing(found, promised),
-        *_needed(found, battery, robot),
+        *_needed(found, promised, battery, robot),
         *(finding for signal, record in found.items() for finding in _signal(signal, record, battery, robot)),
         *_current_sign(found, battery),
         *wheels,
@@ -132,26 +130,33 @@ def check_wiring(
 
 def _missing(found: Mapping[str, SignalRecord], promised: Mapping[str, tuple[str, ...]]) -> Iterator[WiringFinding]:
     for source, signals in promised.items():
+        if not any(source in record.sources for record in found.values()):
+            yield WiringFinding(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
+            continue
         for signal in signals:
             if signal not in found:
                 text = f"never came from {source}; check its wiring and its name there, or leave it out of signals"
                 yield WiringFinding(signal, Level.ERROR, text)
-        if not any(source in record.sources for record in found.values()):
-            yield WiringFinding(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
 
 
-def _needed(found: Mapping[str, SignalRecord], battery: Battery | None, robot: Robot | None) -> Iterator[WiringFinding]:
-    """Signals that the estimators cannot do without."""
-    cells = any(signal.startswith("cell_voltage_V.") for signal in found)
-    if battery and "battery_current_A" not in found:
+def _needed(
+    found: Mapping[str, SignalRecord],
+    promised: Mapping[str, tuple[str, ...]],
+    battery: Battery | None,
+    robot: Robot | None,
+) -> Iterator[WiringFinding]:
+    """Signals that the estimators cannot do without, and that no source sends or promises."""
+    wired = [*found, *(signal for signals in promised.values() for signal in signals)]
+    cells = any(signal.startswith("cell_voltage_V.") for signal in wired)
+    if battery and "battery_current_A" not in wired:
         yield WiringFinding(
             "battery_current_A", Level.ERROR, "no source sends it; the charge cannot be counted without"
         )
-    if battery and "battery_voltage_V" not in found and not cells:
+    if battery and "battery_voltage_V" not in wired and not cells:
         yield WiringFinding("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
     if robot:
         places = [place.name for place in robot.places]
-        told = {_wheel_number(signal, places) for signal in found if signal.startswith(("wheel_speed", "wheel_counts"))}
+        told = {wheel_number(signal, places) for signal in wired if signal.startswith(("wheel_speed", "wheel_counts"))}
         for place in places[: robot.driven]:
             if places.index(place) not in told:
                 signal = f"wheel_speed_rad_s.{place}"
@@ -163,13 +168,9 @@ def _needed(found: Mapping[str, SignalRecord], battery: Battery | None, robot: R
 def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[WiringFinding]:
     """Findings about one signal alone."""
     quantity = quantity_of(signal)
-    if robot and quantity.each in ("wheel", "motor"):
-        places = [place.name for place in robot.places]
-        if _wheel_number(signal, places) is None:
-            yield WiringFinding(
-                signal, Level.ERROR, f"the robot has no such {quantity.each}; it has {', '.join(places)}"
-            )
-            return
+    if absent := no_such_part(signal, robot):
+        yield WiringFinding(signal, Level.ERROR, absent)
+        return
     if len(record.sources) > 1:
         both = " and ".join(record.sources)
         yield WiringFinding(signal, Level.ERROR, f"{both} both send it; leave it out of one of them")
@@ -185,7 +186,7 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         yield WiringFinding(
             signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
         )
-    low, high = _plausible(quantity.name, battery, robot)
+    low, high = plausible_values(quantity.name, battery, robot)
     lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
     if low <= lowest and highest <= high:
         often = "once" if math.isnan(record.rate_hz) else f"{record.rate_hz:.3g} Hz"
@@ -193,18 +194,6 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
     else:
         text = f"reads {lowest:.4g} to {highest:.4g}, plausible are {low:.3g} to {high:.3g}"
         yield WiringFinding(signal, Level.ERROR, f"{text}; {_unit_advice(quantity.name, lowest, highest, low, high)}")
-
-
-def _plausible(name: str, battery: Battery | None, robot: Robot | None) -> tuple[float, float]:
-    """Values that this battery or robot can have."""
-    if battery and name in ("battery_voltage_V", "cell_voltage_V"):
-        share = 1.0 if name == "battery_voltage_V" else 1.0 / battery.n_series
-        return 0.7 * share * battery.voltage_min_V, 1.1 * share * battery.voltage_max_V
-    if battery and name == "battery_current_A":
-        return -20.0 * battery.capacity_Ah, 20.0 * battery.capacity_Ah
-    if robot and name == "wheel_speed_rad_s":
-        return -_FASTEST_M_S / robot.wheel.radius_m, _FASTEST_M_S / robot.wheel.radius_m
-    return QUANTITIES[name].lowest, QUANTITIES[name].highest
 
 
 def _unit_advice(name: str, lowest: float, highest: float, low: float, high: float) -> str:
@@ -295,10 +284,9 @@ def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray
     """Rows of G of the wheels and the gyro that report, their values (rows, T) at common times, and their names."""
     check, places = WheelCheck(robot), [place.name for place in robot.places]
     chosen = {
-        signal: check.row(_wheel_number(signal, places) if "." in signal else None)
+        signal: check.row(wheel_number(signal, places) if "." in signal else None)
         for signal in found
-        if signal == "yaw_rate_rad_s"
-        or (signal.startswith("wheel_speed") and _wheel_number(signal, places) is not None)
+        if signal == "yaw_rate_rad_s" or (signal.startswith("wheel_speed") and wheel_number(signal, places) is not None)
     }
     if not chosen:
         return np.empty((0, 0)), np.empty((0, 0)), []
@@ -320,9 +308,9 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
     wrong: signals whose own sign is wrong.
     """
     places = [place.name for place in robot.places]
-    speeds = {_wheel_number(s, places): r for s, r in found.items() if s.startswith("wheel_speed") and s not in wrong}
+    speeds = {wheel_number(s, places): r for s, r in found.items() if s.startswith("wheel_speed") and s not in wrong}
     for signal, current in found.items():
-        if not signal.startswith("motor_current_A") or (k := _wheel_number(signal, places)) is None or k not in speeds:
+        if not signal.startswith("motor_current_A") or (k := wheel_number(signal, places)) is None or k not in speeds:
             continue
         speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
         turning = (np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)
@@ -331,10 +319,3 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
         elif np.sum(current.values[turning] * speed[turning]) < 0.0:
             text = "has the wrong sign: it brakes the wheel that it drives; current > 0 drives forward: scale = -1"
             yield WiringFinding(signal, Level.ERROR, text)
-
-
-def _wheel_number(signal: str, places: list[str]) -> int | None:
-    part = signal.partition(".")[2]
-    if part in places:
-        return places.index(part)
-    return int(part) if part.isdecimal() and int(part) < len(places) else None

@@ -18,7 +18,7 @@ from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.process import Process
 from ohmward.onboard.ros import types
-from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sinks.ros2 import KEPT, Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source, wheel_of
 from onboard.servers import free_port
 
@@ -67,6 +67,7 @@ def test_another_process_reads_what_the_sink_sends(router):
         process = other("listen", router, BATTERY_KEY, types.BATTERY_STATE, 2)
         assert process.stdout is not None
         tokens = await asyncio.to_thread(process.stdout.readline)
+        await asyncio.sleep(0.5)  # until the router has told the writer of its reader
         for k in range(20):
             feed.put(driven()._replace(time_s=1.0 + k))
             await asyncio.sleep(0.01)
@@ -83,6 +84,23 @@ def test_another_process_reads_what_the_sink_sends(router):
     dds = "sensor_msgs::msg::dds_::BatteryState_"
     assert f"MP/%/%robot1/ohmward/%robot1%battery_state/{dds}/{types.HASHES[types.BATTERY_STATE]}/::,10:,:,:,," in kinds
     assert any("/%diagnostics/" in kind for kind in kinds)
+
+
+def test_after_an_absence_of_the_network_come_the_newest_states_alone(router):
+    sink = Ros2Sink(**network(router), namespace="robot1", slow_s=0.0, interval_s=0.0)
+
+    async def deliver() -> list[str]:
+        process = other("listen", router, BATTERY_KEY, types.BATTERY_STATE, 2)
+        assert process.stdout is not None
+        await asyncio.to_thread(process.stdout.readline)
+        feed = Feed()
+        for k in range(60):
+            feed.put(driven()._replace(time_s=1.0 + k))
+        feed.end()
+        await sink.run(feed)
+        return (await asyncio.to_thread(process.communicate))[0].splitlines()
+
+    assert [json.loads(line)[0] for line in asyncio.run(deliver())] == list(range(1, KEPT + 1))
 
 
 def test_the_source_hears_another_process_and_the_estimate_follows(router):

@@ -158,6 +158,7 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
             "current_offset_A": float(charge.current_offset_A),
         }
         if reach := state.range:
+            values["range_assumed"] = str(bool(reach.assumed))
             quantiles = zip(("p10", "p50", "p90"), reach.distance_m, reach.duration_s, strict=True)
             for quantile, distance_m, duration_s in quantiles:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}

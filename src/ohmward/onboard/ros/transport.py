@@ -18,6 +18,9 @@ from ohmward.optional import require
 #: Takes a serialised message in; called from a thread of the transport.
 Receive = Callable[[bytes], None]
 
+#: Largest domain of ROS 2: beyond it the ports of UDP end.
+MOST_DOMAIN = 232
+
 
 class Transport(Protocol):
     """Way of messages to and from other nodes."""
@@ -62,7 +65,7 @@ class RosNetwork:
         if not self.node.isidentifier():
             raise InputError(f"node must be a name of letters, digits and _, got {self.node!r}")
         if self.domain is not None:
-            require_between("domain", self.domain, 0, 232)
+            require_between("domain", self.domain, 0, MOST_DOMAIN)
         for part in filter(None, self.namespace.split("/")):
             if not part.isidentifier():
                 raise InputError(f"namespace must be names of letters, digits and _ with /, got {self.namespace!r}")
@@ -73,11 +76,23 @@ class RosNetwork:
         Raises:
             OhmwardError: no router of zenoh, or a package that is not installed.
         """
-        domain = int(os.environ.get("ROS_DOMAIN_ID") or 0) if self.domain is None else self.domain
+        domain = domain_of_environment() if self.domain is None else self.domain
         use_rclpy = self.transport == "rclpy" or (self.transport == "auto" and find_spec("rclpy") is not None)
         if use_rclpy:
             return RclpyTransport(self.node, self.namespace, domain)
         return ZenohTransport(self.node, self.namespace, domain, self.router)
+
+
+def domain_of_environment() -> int:
+    """The domain that ROS_DOMAIN_ID names; 0 without.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    given = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not given.isdecimal() or int(given) > MOST_DOMAIN:
+        raise InputError(f"the environment variable ROS_DOMAIN_ID must be 0 to {MOST_DOMAIN}, got {given!r}")
+    return int(given)
 
 
 class RclpyTransport:

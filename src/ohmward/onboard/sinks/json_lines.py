@@ -7,8 +7,10 @@ import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 from ohmward.checks import require_between
+from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.plain import plain_state
 
@@ -32,7 +34,15 @@ class JsonLinesSink:
 
     async def run(self, feed: Feed) -> None:
         """Write lines until the feed ends."""
-        with nullcontext(sys.stdout) if self.path == "-" else Path(self.path).open("a", encoding="utf-8") as file:
+        with nullcontext(sys.stdout) if self.path == "-" else self._opened() as file:
             while states := await feed.batch():
                 file.writelines(json.dumps(plain_state(state), allow_nan=False) + "\n" for state in states)
                 file.flush()
+
+    def _opened(self) -> TextIO:
+        """The file, in a folder that is made where there is none."""
+        try:
+            Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+            return Path(self.path).open("a", encoding="utf-8")
+        except OSError as error:
+            raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); check the path") from error

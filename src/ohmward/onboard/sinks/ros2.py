@@ -20,6 +20,10 @@ from ohmward.onboard.ros.transport import RosNetwork
 
 _OF_BATTERY = tuple(quantity.name for quantity in BATTERY)
 
+#: Of the states that waited for the network so many are sent once it is there, as a writer keeps that many: readers of
+#: poses and speeds want those of now.
+KEPT = 10
+
 
 @dataclass(frozen=True)
 class Ros2Sink(RosNetwork):
@@ -58,6 +62,7 @@ class Ros2Sink(RosNetwork):
         transport = await asyncio.to_thread(self.open)
         translation = Translation(self, battery)
         try:
+            feed.put_back((await feed.batch())[-KEPT:])
             async for state in feed:
                 transport.check()
                 for topic, type_, payload in translation.messages(state):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,8 +42,16 @@ class TerminalSink:
 
 def show(line: str, out: TextIO) -> None:
     """Write a line, on a terminal over the one before."""
-    over, end = ("\r\x1b[2K", "") if out.isatty() else ("", "\n")
-    print(f"{over}{line}", end=end, file=out, flush=True)
+    if out.isatty():
+        print(f"\r\x1b[2K{within_terminal(line)}", end="", file=out, flush=True)
+    else:
+        print(line, file=out, flush=True)
+
+
+def within_terminal(line: str) -> str:
+    """The line as far as a row of the terminal holds it: one that breaks cannot be written over."""
+    width = shutil.get_terminal_size().columns - 1
+    return line if len(line) <= width else f"{line[: width - 1]}…"
 
 
 def line_of(state: RobotState) -> str:
@@ -54,10 +63,11 @@ def _parts(state: RobotState) -> Iterator[str]:
     if state.battery:
         yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
     if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:
-        yield f"range {state.range.distance_m.p50 / 1e3:.1f} km, {state.range.duration_s.p50 / _SECONDS_PER_HOUR:.1f} h"
+        reach, assumed = state.range, " (assumed)" if state.range.assumed else ""
+        yield f"range {reach.distance_m.p50 / 1e3:.1f} km, {reach.duration_s.p50 / _SECONDS_PER_HOUR:.1f} h{assumed}"
     if state.slip:
         yield f"speed {state.slip.speed_m_s:.2f} ± {BAND_95 * state.slip.speed_std_m_s:.2f} m/s"
-        yield f"slip {' '.join(f'{100 * slip:.0f}' for slip in state.slip.slip_ratio)} %"
+        yield f"slip {' '.join(f'{100 * slip:.0f}' if slip == slip else '-' for slip in state.slip.slip_ratio)} %"
     if state.pose:
         yield f"x {state.pose.x_m:.2f} y {state.pose.y_m:.2f} ± {BAND_95 * state.pose.position_std_m:.2f} m"
     wrong = [d.name for d in state.diagnostics if d.level != Level.OK]

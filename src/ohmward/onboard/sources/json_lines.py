@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import difflib
 import json
 import math
 import os
 import stat
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -16,15 +18,13 @@ from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.faulty import FaultyInput
+from ohmward.onboard.line_reader import LONGEST_LINE, LineReader
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.quantities import QUANTITIES, quantity_of
 
-#: Longest line that is read [bytes]; a longer one is left out.
-LONGEST_LINE = 1 << 16
-
-#: Lines of a burst that are read before others have their turn: some milliseconds.
-AT_ONCE = 16
+#: Likeness of a key to a quantity, from 0 to 1, beyond which it is taken for a slip of the pen.
+_NEARLY = 0.8
 
 
 @dataclass(frozen=True)
@@ -56,75 +56,74 @@ class JsonLinesSource:
     async def run(self, put: Put) -> None:
         """Read lines until the other side ends."""
         faulty = FaultyInput(self.name, "lines are no JSON object with a quantity")
+        wiring = Wiring(self.signals)
+
+        def take(line: bytes) -> None:
+            if message := self.message(line, wiring, time.monotonic()):
+                put(message)
+            else:
+                faulty.count(example=line.strip())
+
         if self.listen:
-            await self._serve(put, faulty)
-        if self.address == "-" and is_file(sys.stdin):
-            await self._read_file(put, faulty)
-        reader, writer = await self._streams()
-        try:
-            await self._read(reader, put, faulty)
-        finally:
-            if writer:
-                writer.close()
+            await self._serve(take, faulty)
+        elif self.address == "-" and is_at_once(sys.stdin):
+            await _read_file(take)
+        else:
+            await self._read(take, faulty)
         if self.address == "-":
             raise EndedError("standard input has ended")
         raise OhmwardError(f"{self.address} has closed the connection; is its process running?")
 
-    async def _read(self, reader: asyncio.StreamReader, put: Put, faulty: FaultyInput) -> None:
-        """Put the lines of one stream until it ends; of a line that is too long all is left out."""
-        wiring, rest, skipping = Wiring(self.signals), b"", False
-        while data := await reader.read(LONGEST_LINE):
-            *lines, rest = (rest + data).split(b"\n")
-            await self._put_lines(lines[1:] if skipping else lines, wiring, put, faulty)
-            skipping = skipping and not lines
-            if len(rest) > LONGEST_LINE:
-                faulty.count()
-                rest, skipping = b"", True
-        await self._put_lines([rest] if rest and not skipping else [], wiring, put, faulty)
+    async def _read(self, take: Callable[[bytes], None], faulty: FaultyInput) -> None:
+        """Take the lines of the address until it ends."""
+        ended: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
 
-    async def _put_lines(self, lines: list[bytes], wiring: Wiring, put: Put, faulty: FaultyInput) -> None:
-        for k, line in enumerate(lines, 1):
-            if message := self.message(line, wiring, time.monotonic()):
-                put(message)
-            else:
-                faulty.count()
-            if k % AT_ONCE == 0:
-                await asyncio.sleep(0)
+        def end(error: Exception | None) -> None:
+            if not ended.done():
+                ended.set_result(error)
 
-    async def _read_file(self, put: Put, faulty: FaultyInput) -> None:
-        """Put the lines of standard input where it is a file, which no event loop waits for."""
-        wiring = Wiring(self.signals)
-        while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
-            if message := self.message(line, wiring, time.monotonic()):
-                put(message)
-            else:
-                faulty.count()
-        raise EndedError("standard input has ended")
+        transport = await self._connect(lambda: LineReader(take, faulty.count, end))
+        try:
+            if error := await ended:
+                raise error
+        finally:
+            transport.close()
 
-    async def _serve(self, put: Put, faulty: FaultyInput) -> None:
+    async def _serve(self, take: Callable[[bytes], None], faulty: FaultyInput) -> None:
         """Listen, and read from whoever connects, any number at once."""
+        open_ones: set[LineReader] = set()
 
-        async def read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            try:
-                await self._read(reader, put, faulty)
-            except OSError as error:
-                LOG.info("source %s: a connection was lost (%s)", self.name, error)
-            finally:
-                writer.close()
+        def reader() -> LineReader:
+            def end(error: Exception | None) -> None:
+                open_ones.discard(found)
+                if error:
+                    LOG.info("source %s: a connection was lost (%s)", self.name, error)
 
-        host, port = self._host_and_port()
+            found = LineReader(take, faulty.count, end)
+            open_ones.add(found)
+            return found
+
+        server = await self._server(reader)
+        try:
+            async with server:
+                await server.serve_forever()
+        finally:
+            for one in open_ones:
+                if one.transport:
+                    one.transport.close()
+
+    async def _server(self, reader: Callable[[], LineReader]) -> asyncio.Server:
+        """The server at the address."""
+        loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()
         try:
             if port:
-                server = await asyncio.start_server(read, host, port, limit=LONGEST_LINE)
-            else:
-                await asyncio.to_thread(_remove_socket, self.address)
-                server = await asyncio.start_unix_server(read, self.address, limit=LONGEST_LINE)
+                return await loop.create_server(reader, host, port)
+            await asyncio.to_thread(_remove_socket, self.address)
+            return await loop.create_unix_server(reader, self.address)
         except OSError as error:
             raise OhmwardError(
                 f"{self.address} cannot be listened at ({error.strerror}); choose another port"
             ) from error
-        async with server:
-            await server.serve_forever()
 
     def message(self, line: bytes, wiring: Wiring, received_s: float) -> Message | None:
         """The message of a line; None where it is no JSON object or has no quantity."""
@@ -144,18 +143,15 @@ class JsonLinesSource:
         number = int(port) if host and port.isdecimal() and len(port) < 6 and "/" not in self.address else 0
         return host, number if number < 65536 else 0
 
-    async def _streams(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter | None]:
-        """The reader, and the writer of a socket, which closes it when it is let go."""
+    async def _connect(self, reader: Callable[[], LineReader]) -> asyncio.BaseTransport:
+        """The connection to the address."""
+        loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()
         if self.address == "-":
-            reader = asyncio.StreamReader(limit=LONGEST_LINE)
-            protocol = asyncio.StreamReaderProtocol(reader)
-            await asyncio.get_running_loop().connect_read_pipe(lambda: protocol, sys.stdin)
-            return reader, None
-        host, port = self._host_and_port()
+            return (await loop.connect_read_pipe(reader, sys.stdin))[0]
         try:
             if port:
-                return await asyncio.open_connection(host, port, limit=LONGEST_LINE)
-            return await asyncio.open_unix_connection(self.address, limit=LONGEST_LINE)
+                return (await loop.create_connection(reader, host, port))[0]
+            return (await loop.create_unix_connection(reader, self.address))[0]
         except OSError as error:
             raise OhmwardError(
                 f"no connection to {self.address} ({error.strerror or error}); is it listening?"
@@ -166,28 +162,51 @@ def own_names(found: dict[str, object]) -> dict[str, float]:
     """Values by signal where the keys are those of quantities; of an array one value for each wheel, motor or cell."""
     values: dict[str, float] = {}
     for key, value in found.items():
-        if key.partition(".")[0] not in QUANTITIES:
-            continue
-        if isinstance(value, list) and "." not in key:
-            values |= {f"{key}.{k}": as_number(number) for k, number in enumerate(value)}
-        elif isinstance(value, bool | int | float) or value is None:
-            values[key] = as_number(value)
-    return {signal: value for signal, value in values.items() if _is_signal(signal)}
+        if isinstance(value, list):
+            if key in QUANTITIES:
+                for k, number in enumerate(value):
+                    if signal := _signal(key, k):
+                        values[signal] = as_number(number)
+        elif (isinstance(value, bool | int | float) or value is None) and (signal := _signal(key)):
+            values[signal] = as_number(value)
+    return values
 
 
 @lru_cache(maxsize=1024)
-def _is_signal(signal: str) -> bool:
+def _name_misspelt(key: str) -> None:
+    """Log a key that is nearly that of a quantity; once."""
+    name = key.partition(".")[0]
+    if near := difflib.get_close_matches(name, QUANTITIES, n=1, cutoff=_NEARLY):
+        LOG.warning(
+            "the key %r is no quantity and left out; did you mean %s? Units are part of the names", name, near[0]
+        )
+
+
+@lru_cache(maxsize=1024)
+def _signal(key: str, number: int | None = None) -> str:
+    """The signal of a key, with the number of a wheel, motor or cell; "" where it is none."""
+    if key.partition(".")[0] not in QUANTITIES:
+        _name_misspelt(key)
+        return ""
+    signal = key if number is None else f"{key}.{number}"
     try:
         quantity_of(signal)
     except InputError:
-        return False
-    return True
+        return ""
+    return signal
 
 
-def is_file(stream: TextIO) -> bool:
-    """True where a stream is a file on disk and not a pipe or a terminal."""
+async def _read_file(take: Callable[[bytes], None]) -> None:
+    """Take the lines of standard input where it is a file, which no event loop waits for."""
+    while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
+        take(line)
+
+
+def is_at_once(stream: TextIO) -> bool:
+    """True for a file on disk and /dev/null, whose bytes are there at once; false for a pipe, socket or terminal."""
     try:
-        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+        mode = os.fstat(stream.fileno()).st_mode
+        return stat.S_ISREG(mode) or (stat.S_ISCHR(mode) and not stream.isatty())
     except (OSError, ValueError):
         return False
 

@@ -20,6 +20,8 @@ from ohmward.onboard.ros.transport import RosNetwork
 _LOOK_S = 1.0
 #: Words in the names of joints that do not tell which wheel it is.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
+#: The square of a quaternion of single precision differs from 1 by less; one that differs more is none.
+_UNIT = 0.01
 #: `power_supply_status` of a full battery.
 _FULL = 4.0
 
@@ -33,7 +35,7 @@ class Ros2Source(RosNetwork):
         battery_state: topic of `sensor_msgs/BatteryState`.
         joint_states: topic of `sensor_msgs/JointState`, whose velocities are those of wheels.
         joints: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`.
-        imu: topic of `sensor_msgs/Imu`.
+        imu: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch.
         odometry: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS.
         name: in diagnostics.
     """
@@ -123,13 +125,29 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
 
 
 def _body(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    """Yaw rate and acceleration; the first covariance is -1 where the unit has no such sensor."""
+    """Yaw rate, acceleration and pitch; the first covariance is -1 where the unit has no such sensor."""
     values = {}
     if numbers["angular_velocity_covariance[0]"] != -1.0:
         values["yaw_rate_rad_s"] = numbers["angular_velocity.z"]
     if numbers["linear_acceleration_covariance[0]"] != -1.0:
         values["acceleration_m_s2"] = numbers["linear_acceleration.x"]
+    pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"))
+    if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
+        values["pitch_rad"] = pitch_rad
     return values
+
+
+def pitch_of(x: float, y: float, z: float, w: float) -> float:
+    """Pitch [rad], > 0 with the nose up, from the quaternion of an attitude; nan where it is none.
+
+    It is the angle between the x axis of the unit and the horizon, sin(pitch) = 2 (x z - w y): REP-103 counts a turn
+    about y, to the left, as positive where the nose goes down. The zero of a message that was never filled, and the
+    identity of one that was only initialised, are no attitudes; a filter never shows either to the last bit.
+    """
+    norm = x * x + y * y + z * z + w * w
+    if not abs(norm - 1.0) <= _UNIT or x == y == z == 0.0:
+        return math.nan
+    return math.asin(min(max(2.0 * (x * z - w * y) / norm, -1.0), 1.0))
 
 
 def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:

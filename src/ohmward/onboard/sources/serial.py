@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 import time
 from collections.abc import AsyncIterator
@@ -114,7 +115,9 @@ class SerialSource:
             else:
                 there = [port.device for port in require("serial.tools.list_ports", "the serial line").comports()]
                 fix = f"there are: {', '.join(there)}" if there else "no port is there: is it plugged in?"
-            raise OhmwardError(f"{self.port} cannot be opened; {fix}") from error
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
+            raise OhmwardError(f"{self.port} cannot be opened ({reason}); {fix}") from error
 
     def _read(self, line: Any, received: Handover[tuple[bytes, float]], end: threading.Event) -> None:
         """Read bytes until the end."""

@@ -1,0 +1,58 @@
+"""Messages of ROS 2 as signals."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ohmward.onboard.ros import types
+from ohmward.onboard.ros.cdr import serialize
+from ohmward.onboard.sources.ros2 import Ros2Source, pitch_of
+
+UP_RAD = 0.2
+
+
+def unit(quaternion, covariance=0.0):
+    """Values of a message of an inertial unit."""
+    vector = {"x": 1.5, "y": 0.0, "z": 0.3}
+    message = {
+        "header": {"stamp": {"sec": 5, "nanosec": 0}, "frame_id": "base_link"},
+        "orientation": dict(zip("xyzw", map(float, quaternion), strict=True)),
+        "orientation_covariance": [covariance] + [0.0] * 8,
+        "angular_velocity": vector,
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": vector,
+        "linear_acceleration_covariance": [0.0] * 9,
+    }
+    found = Ros2Source(imu="/imu").message(types.IMU, serialize(types.IMU, message), 1.0)
+    assert found is not None
+    return found.values
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("roll", [0.0, 0.3])
+def test_pitch_is_that_of_the_nose_whatever_heading_and_roll(heading, roll):
+    attitude = Rotation.from_euler("ZYX", [heading, -UP_RAD, roll])
+    assert attitude.apply([1.0, 0.0, 0.0])[2] == pytest.approx(math.sin(UP_RAD))  # the nose is up
+    for quaternion in (attitude.as_quat(), -attitude.as_quat()):
+        assert unit(quaternion)["pitch_rad"] == pytest.approx(UP_RAD, abs=1e-12)
+
+
+def test_straight_up_and_rounded_quaternions():
+    up = Rotation.from_euler("ZYX", [0.4, -math.pi / 2, 0.0]).as_quat()
+    assert pitch_of(*(1.001 * up)) == pytest.approx(math.pi / 2, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "covariance"),
+    [
+        ((0, 0, 0, 0), 0.0),
+        ((0, 0, 0, 1), 0.0),
+        ((0, 0.1, 0, 0.995), -1.0),
+        ((np.nan, 0, 0, 1), 0.0),
+        ((0, 3, 0, 1), 0.0),
+    ],
+)
+def test_without_an_attitude_there_is_no_pitch(quaternion, covariance):
+    assert set(unit(quaternion, covariance)) == {"yaw_rate_rad_s", "acceleration_m_s2"}
