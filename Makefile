@@ -50,7 +50,6 @@ check: $(VENV)/dev.stamp
 
 soak: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/on_board.py
-	$(BIN)/python benchmarks/on_board_fuzz.py
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff format .

@@ -1,257 +1,252 @@
-"""The process on the robot under load, as a user runs it: latency, losses, processor and memory.
+"""The process on the robot for hours: `make soak` measures every part and writes benchmarks/on_board.md.
 
-Another process sends samples of wheels and motors at 1 kHz and of the battery at 100 Hz over a socket, as JSON lines
-with its own time stamps. `make soak` takes ten minutes of that, a simulated day at 20 times real time (72 minutes) and
-200 kills, and writes benchmarks/on_board.md; a minute of each: --seconds 60 --hours 0.33 --kills 10 --dry.
+    python benchmarks/on_board.py                  every part, then the page
+    python benchmarks/on_board.py load kills       two of them; the page then has them and what was measured before
+    python benchmarks/on_board.py --page           the page alone, of what was measured before
+    python benchmarks/on_board.py load day --seconds 60 --hours 0.33 --dry      a minute of each, without a page
+
+Parts: `load` at 1 kHz, `start` of the process, a simulated `day` at 20 times real time (72 minutes), `kills` of the
+process and of its `store`, an `outage` of the databases in real time, and `fuzz-...` of everything that listens. What
+was measured is kept in build/on_board until the part is measured again; of inputs at random every hundred thousand are,
+and --continue goes on after those of a run that was cut off. Each row says how long or how many it is of.
 """
 
 from __future__ import annotations
 
 import argparse
-import asyncio
 import json
-import math
 import os
-import resource
-import socket
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from figure import HERE, Figure, at_most, verdict
-from ohmward import generic_battery, save_battery
-from ohmward.onboard.assembly import assemble
-from ohmward.onboard.process import Process
-from ohmward.onboard.setup import SETUP_FILE
-from on_board_day import RATE, drive_a_day, growth, resident_MB
+from on_board_day import RATE, drive_a_day, growth
+from on_board_fuzz import LISTENERS, Fuzzed, fuzz
+from on_board_http import fuzz_http
+from on_board_load import SETTLE_S, measure
+from on_board_start import starts
 
-WHEELS_HZ, BATTERY_HZ = 1000, 100
-#: Of the start that is not counted: the first samples of a stream.
-SETTLE_S = 2.0
-#: The sender holds the connection so long after its last sample.
-END_S = 4.0
+PAGE = HERE / "on_board.md"
+KEPT = HERE.parent / "build" / "on_board"
+
+#: Inputs at random after which what was found is kept.
+CHUNK = 100_000
+#: Starts of the process; the first one compiles.
+STARTS = 6
+#: An input takes no longer than this, and memory grows by no more, as the tests demand of ten thousand.
+SLOWEST_S, GROWN_MB = 1.0, 10.0
 
 
-class Load(NamedTuple):
-    """Measurements of the process under load.
+class Scale(NamedTuple):
+    """How much of each part: seconds of the load, simulated hours, kills, inputs, seconds without the databases.
 
-    sent, estimated: samples of wheels and motors, and estimates of the drive.
-    p50_s, p99_s: from a sample's own time stamp to its estimate at a sink.
-    cpu: share of one core.
-    memory_MB: (M,) resident, along the run.
+    goes_on: a run that was cut off does.
     """
 
-    sent: int
-    estimated: int
-    p50_s: float
-    p99_s: float
-    cpu: float
-    memory_MB: np.ndarray
+    seconds: float = 600.0
+    hours: float = 24.0
+    kills: int = 200
+    inputs: int = 1_000_000
+    goes_on: bool = False
+    outage_s: float = 300.0
 
 
-class Histogram:
-    """Latencies in steps of 10 us up to a second, after the first `SETTLE_S`; a list of them would grow."""
+class Part(Protocol):
+    """A part of the page: measures, and gives its rows."""
 
-    def __init__(self):
-        self.number, self.counts = 0, np.zeros(100_001, dtype=int)
-
-    def add(self, latency_s: float) -> None:
-        self.number += 1
-        if self.number > SETTLE_S * WHEELS_HZ:
-            self.counts[min(max(round(1e5 * latency_s), 0), 100_000)] += 1
-
-    def quantile(self, share: float) -> float:
-        """Latency [s] that so many share."""
-        return float(np.searchsorted(np.cumsum(self.counts), share * self.counts.sum())) * 1e-5
+    def __call__(self, scale: Scale) -> Iterator[Figure]:
+        """The rows."""
+        ...
 
 
-@dataclass
-class Meter:
-    """A sink that measures the age of every estimate of the drive."""
-
-    clock_of: object
-    name: str = "meter"
-    interval_s: float = 0.0
-
-    async def run(self, feed):
-        self.latencies, self.memory_MB, self.cpu_s, last_s = Histogram(), [], [], math.nan
-        async for state in feed:
-            if state.drive_time_s == last_s or math.isnan(state.drive_time_s):
-                continue
-            last_s = state.drive_time_s
-            self.latencies.add(time.monotonic() - (last_s - self.clock_of.offset_s))
-            if self.latencies.number % WHEELS_HZ == 0:
-                self.memory_MB.append(resident_MB())
-                used = resource.getrusage(resource.RUSAGE_SELF)
-                self.cpu_s.append((time.monotonic(), used.ru_utime + used.ru_stime))
-
-
-def send(path: str, seconds: float) -> None:
-    """Send samples in time over a socket to whoever connects first."""
-    with socket.socket(socket.AF_UNIX) as server:
-        server.bind(path)
-        server.listen(1)
-        connection, _ = server.accept()
-        began_s = time.monotonic()
-        for k in range(round(seconds * WHEELS_HZ)):
-            time.sleep(max(began_s + k / WHEELS_HZ - time.monotonic(), 0.0))
-            connection.sendall(messages(k, time.monotonic()))
-        time.sleep(END_S)
-
-
-def messages(k: int, now_s: float) -> bytes:
-    """The k-th sample of wheels and motors, and with every tenth one of the battery."""
-    speed = 4.0 + 3.0 * math.sin(0.5 * k / WHEELS_HZ)
-    drive = {"time_s": now_s, "wheel_speed_rad_s": [speed] * 4, "motor_current_A": [0.5 + 0.1 * speed] * 2}
-    battery = {"time_s": now_s, "battery_current_A": -2.0 - 0.1 * speed, "battery_voltage_V": 13.1 - 0.003 * speed}
-    both = [drive] if k % (WHEELS_HZ // BATTERY_HZ) else [drive, battery]
-    return b"".join(json.dumps(message).encode() + b"\n" for message in both)
-
-
-SETUP = """
-format = "ohmward-setup/1"
-battery = "{folder}/battery.toml"
-robot = "rlma"
-state = "{folder}/state"
-[[source]]
-kind = "json-lines"
-address = "{folder}/socket"
-[[sink]]
-kind = "json-lines"
-path = "{folder}/states.jsonl"
-interval_s = 0.1
-"""
-
-
-class Clock:
-    """The offset that the process has found between the sender's clock and its own, which are the same."""
-
-    def __init__(self, process):
-        self.process = process
-
-    @property
-    def offset_s(self) -> float:
-        clock = self.process._clocks["json-lines"]
-        return min(clock._least_s, clock._least_before_s)
-
-
-async def run_until_quiet(process: Process) -> None:
-    """Run until no sample has come for a while."""
-    running = asyncio.create_task(process.run())
-    while not time.monotonic() - process.estimation.state.drive_time_s > 0.5 * END_S:
-        await asyncio.sleep(0.1)
-    process.stop()
-    await running
-
-
-def estimate(folder: str) -> dict[str, object]:
-    """Run the process until the sender ends; the figures of its meter."""
-    process = assemble(SETUP_FILE.load(f"{folder}/robot.toml"))
-    process.estimation.compile()
-    meter = Meter(Clock(process))
-    process.add_sink(meter)
-
-    asyncio.run(run_until_quiet(process))
-    (from_s, from_cpu), (to_s, to_cpu) = meter.cpu_s[int(SETTLE_S)], meter.cpu_s[-1]
-    return {
-        "cpu": (to_cpu - from_cpu) / (to_s - from_s),
-        "memory_MB": meter.memory_MB,
-        "estimated": meter.latencies.number,
-        "p50_s": meter.latencies.quantile(0.5),
-        "p99_s": meter.latencies.quantile(0.99),
-    }
-
-
-def measure(seconds: float) -> Load:
-    """Run both processes."""
-    with tempfile.TemporaryDirectory() as folder:
-        save_battery(generic_battery("lfp", 12.0, 4), f"{folder}/battery.toml")
-        Path(f"{folder}/robot.toml").write_text(SETUP.format(folder=folder))
-        words = [sys.executable, __file__, "--estimate", folder]
-        sender = subprocess.Popen([sys.executable, __file__, "--send", folder, "--seconds", str(seconds)])
-        while not Path(f"{folder}/socket").exists():
-            time.sleep(0.05)
-        found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout)
-        sender.wait()
-    return Load(sent=round(seconds * WHEELS_HZ), **found | {"memory_MB": np.array(found["memory_MB"])})
-
-
-def rows(seconds: float, hours: float, kills: int) -> Iterator[Figure]:
-    """Every figure of the page."""
-    yield from load_rows(seconds)
-    yield from day_rows(hours)
-    yield kill_row(kills)
-
-
-def load_rows(seconds: float) -> Iterator[Figure]:
+def load_rows(scale: Scale) -> Iterator[Figure]:
     """Wheels and motors at 1 kHz, the battery at 100 Hz."""
-    load, data = measure(seconds), f"1 kHz wheels and motors, 100 Hz battery, {seconds:.0f} s"
-    memory = load.memory_MB[int(SETTLE_S) :]
-    yield at_most(data, "JSON lines over a socket", "samples lost", load.sent - load.estimated, 0.0, ".0f")
-    yield at_most(data, "JSON lines over a socket", "sample to estimate, median [ms]", 1e3 * load.p50_s)
-    yield at_most(data, "JSON lines over a socket", "sample to estimate, 99 % [ms]", 1e3 * load.p99_s, 2.0)
-    yield at_most(data, "JSON lines over a socket", "share of one core", load.cpu, 0.25, ".1%")
-    yield at_most(data, "JSON lines over a socket", "memory, most [MB]", memory.max(), 150.0, ".0f")
-    yield at_most(data, "JSON lines over a socket", "memory at the end over that before", growth(list(memory)), 1.02)
-
-
-def day_rows(hours: float) -> Iterator[Figure]:
-    """A day at twenty times real time."""
-    looks, data = drive_a_day(hours), f"{hours:g} simulated hours at {RATE:g} x"
-    for quantity, values, bar in (
-        ("memory", [look.memory_MB for look in looks], 1.02),
-        ("open handles", [float(look.handles) for look in looks], 1.0),
-        ("time of a message", [look.message_s for look in looks], 1.2),
-    ):
-        yield at_most(
-            data, "50 Hz wheels, 10 Hz battery", f"{quantity} at the end over that before", growth(values), bar
-        )
-
-
-def kill_row(kills: int) -> Figure:
-    """Kills at random moments; the test says what must hold after each."""
-    test = f"{HERE.parent}/tests/onboard/test_state.py::test_the_charge_goes_on_after_many_kills"
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", test], env={**os.environ, "OHMWARD_KILLS": str(kills)}, check=False
+    load = measure(scale.seconds)
+    row = partial(
+        at_most, f"1 kHz wheels and motors, 100 Hz battery, {scale.seconds:.0f} s", "JSON lines over a socket"
     )
-    quantity = "snapshots that load, and the charge goes on inside its band"
-    value = f"all of {kills}" if run.returncode == 0 else "not all"
-    return Figure(f"{kills} SIGKILLs at random moments", "50 x replay", quantity, value, "all", run.returncode == 0)
+    memory = load.memory_MB[int(SETTLE_S) :]
+    yield row("samples lost", load.sent - load.estimated, 0.0, ".0f")
+    yield row("sample to estimate, median [ms]", 1e3 * load.p50_s)
+    yield row("sample to estimate, 99 % [ms]", 1e3 * load.p99_s, 2.0)
+    yield row("share of one core", load.cpu, 0.25, ".1%")
+    yield row("memory, most [MB]", memory.max(), 150.0, ".0f")
+    yield row("memory at the end over that before", growth(list(memory)), 1.02)
 
 
-def page(figures: Sequence[Figure]) -> str:
+def day_rows(scale: Scale) -> Iterator[Figure]:
+    """A day at twenty times real time."""
+    looks = drive_a_day(scale.hours)
+    row = partial(at_most, f"{scale.hours:g} simulated hours at {RATE:g} x", "50 Hz wheels, 10 Hz battery")
+    yield row("memory at the end over that before", growth([look.memory_MB for look in looks]), 1.02)
+    yield row("open handles at the end over that before", growth([float(look.handles) for look in looks]), 1.0)
+    yield row("time of a message at the end over that before", growth([look.message_s for look in looks]), 1.2)
+
+
+def start_rows(scale: Scale) -> Iterator[Figure]:
+    """Starts of the whole process."""
+    first, *later = starts(STARTS)
+    row = partial(at_most, "`ohmward run` until it is ready", "charge, slip, pose; page, store")
+    yield row("first start, which compiles [s]", first)
+    yield row(f"later starts, median of {len(later)} [s]", float(np.median(later)), 2.0)
+
+
+def kill_rows(scale: Scale) -> Iterator[Figure]:
+    """Kills of the whole process."""
+    test = "test_state.py::test_the_charge_goes_on_after_many_kills"
+    yield killed(test, scale.kills, "50 x replay", "snapshots that load, and the charge goes on inside its band")
+
+
+def store_rows(scale: Scale) -> Iterator[Figure]:
+    """Kills of a process that writes into the store."""
+    test = "test_store.py::test_no_row_is_lost_or_stored_twice_after_many_kills"
+    yield killed(test, scale.kills, "writing into the store", "stores intact, no acknowledged row lost or stored twice")
+
+
+def outage_rows(scale: Scale) -> Iterator[Figure]:
+    """Databases that are killed and come back while rows come at 10 Hz."""
+    met = passes("test_outage.py::test_databases_that_are_away_get_every_row_once", OHMWARD_OUTAGE_S=scale.outage_s)
+    yield Figure(
+        f"InfluxDB and PostgreSQL killed, away for {scale.outage_s:g} s",
+        "rows at 10 Hz, in real time",
+        "estimates go on, the fault is named, and after it every row is there once",
+        "all" if met else "not all",
+        "all",
+        met,
+    )
+
+
+def killed(test: str, kills: int, method: str, quantity: str) -> Figure:
+    """Kills at random moments; the test says what must hold after each."""
+    met = passes(test, OHMWARD_KILLS=kills)
+    value = f"all of {kills}" if met else "not all"
+    return Figure(f"{kills} SIGKILLs at random moments", method, quantity, value, "all", met)
+
+
+def passes(test: str, **settings: float) -> bool:
+    """True where a test holds with settings in its environment."""
+    words = [sys.executable, "-m", "pytest", "-q", f"{HERE.parent}/tests/onboard/{test}"]
+    environment = {**os.environ, **{name: f"{value:g}" for name, value in settings.items()}}
+    return subprocess.run(words, env=environment, check=False).returncode == 0
+
+
+def fuzz_rows(listener: str, scale: Scale) -> Iterator[Figure]:
+    """Inputs at random for what listens."""
+    kept = KEPT / f"fuzz-{listener}.chunks.json"
+    found = [Fuzzed(*chunk) for chunk in json.loads(kept.read_text())] if scale.goes_on and kept.exists() else []
+    while (rest := scale.inputs - sum(chunk.inputs for chunk in found)) > 0:
+        found.append(FUZZERS[listener](min(rest, CHUNK), seed=len(found) + 1))
+        keep(kept, found)
+    inputs, crashes = (sum(getattr(chunk, name) for chunk in found) for name in ("inputs", "crashes"))
+    row = partial(at_most, f"{inputs:,} inputs at random", listener)
+    yield row("inputs that end it", crashes, 0.0, ".0f")
+    yield row(
+        f"longest time of {'an answer beside them' if listener == 'http' else 'an input'} [ms]",
+        1e3 * max(c.slowest_s for c in found),
+        1e3 * SLOWEST_S,
+    )
+    yield row(f"most growth of memory in {CHUNK:,} [MB]", max(c.grown_MB for c in found), GROWN_MB)
+
+
+FUZZERS: dict[str, Callable[..., Fuzzed]] = {
+    **{listener: partial(fuzz, listener) for listener in LISTENERS},
+    "http": fuzz_http,
+}
+
+PARTS: dict[str, Part] = {
+    "load": load_rows,
+    "start": start_rows,
+    "kills": kill_rows,
+    "store": store_rows,
+    **{f"fuzz-{listener}": partial(fuzz_rows, listener) for listener in FUZZERS},
+    "outage": outage_rows,
+    "day": day_rows,
+}
+
+
+class Measured(NamedTuple):
+    """A part as it was measured: its rows, the day, and the minutes that it took."""
+
+    rows: list[Figure]
+    day: str
+    minutes: float
+
+
+def measured(name: str, scale: Scale) -> Measured:
+    """A part, measured now."""
+    began_s = time.monotonic()
+    rows = list(PARTS[name](scale))
+    return Measured(rows, f"{datetime.now(UTC):%Y-%m-%d}", (time.monotonic() - began_s) / 60.0)
+
+
+def keep(path: Path, found: object) -> None:
+    """Write what was found to a file of JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(found, default=float), encoding="utf-8")
+
+
+def kept_before() -> dict[str, Measured]:
+    """The parts that were measured before, in the order of the page."""
+    found = {}
+    for name in PARTS:
+        if (path := KEPT / f"{name}.json").exists():
+            rows, day, minutes = json.loads(path.read_text(encoding="utf-8"))
+            found[name] = Measured([Figure(*row) for row in rows], day, minutes)
+    return found
+
+
+def page(found: dict[str, Measured]) -> str:
     """The page as text."""
     head = ("| | by | | measured | bar | |", "|---|---|---|---|---|---|")
+    figures = chain.from_iterable(part.rows for part in found.values())
     lines = [f"| {f.data} | {f.method} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures]
     title = ("# The process on the robot", "", "Written by `make soak`, on a machine that does nothing else.", "")
-    return "\n".join((*title, *head, *lines)) + "\n"
+    times = ", ".join(f"{name} {part.day} ({part.minutes:.1f} min)" for name, part in found.items())
+    missing = ", ".join(name for name in PARTS if name not in found)
+    foot = ("", f"Measured: {times}.", *([f"Not measured: {missing}."] if missing else []))
+    return "\n".join((*title, *head, *lines, *foot)) + "\n"
+
+
+def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
+    """What was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all by default")
+    parser.add_argument("--seconds", type=float, default=Scale().seconds, help="of the load at 1 kHz")
+    parser.add_argument("--hours", type=float, default=Scale().hours, help="simulated, at 20 x")
+    parser.add_argument("--kills", type=int, default=Scale().kills)
+    parser.add_argument("--inputs", type=int, default=Scale().inputs, help="at random, for each that listens")
+    parser.add_argument("--outage", type=float, default=Scale().outage_s, metavar="S", help="without the databases")
+    parser.add_argument("--continue", action="store_true", dest="goes_on", help="go on with inputs of a run cut off")
+    parser.add_argument("--page", action="store_true", help="measure nothing")
+    parser.add_argument("--dry", action="store_true", help="print the page of these parts, keep and write nothing")
+    found = parser.parse_args(words)
+    if unknown := set(found.parts) - set(PARTS):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+    return found
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=600.0, help="of the load at 1 kHz")
-    parser.add_argument("--hours", type=float, default=24.0, help="simulated, at 20 x")
-    parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--dry", action="store_true", help="print the page instead of writing it")
-    parser.add_argument("--send", metavar="FOLDER", help=argparse.SUPPRESS)
-    parser.add_argument("--estimate", metavar="FOLDER", help=argparse.SUPPRESS)
-    args = parser.parse_args()
-    if args.send:
-        send(f"{args.send}/socket", args.seconds)
-    elif args.estimate:
-        print(json.dumps(estimate(args.estimate)))
-    else:
-        text = page(list(rows(args.seconds, args.hours, args.kills)))
-        print(text)
+    args = arguments()
+    scale = Scale(args.seconds, args.hours, args.kills, args.inputs, args.goes_on, args.outage)
+    now = {}
+    for name in () if args.page else args.parts or PARTS:
+        now[name] = measured(name, scale)
+        print(page({name: now[name]}), flush=True)
         if not args.dry:
-            (HERE / "on_board.md").write_text(text, encoding="utf-8")
+            keep(KEPT / f"{name}.json", now[name])
+    text = page(now if args.dry else kept_before())
+    print(text)
+    if not args.dry:
+        PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,11 @@
 """Inputs of any kind for what listens on board: no crash, no hang, no memory.
 
 Each input is a good one with bits flipped, pieces cut out, doubled or exchanged with another's, or nothing but random
-bytes. `python benchmarks/on_board_fuzz.py --inputs 1000000` is a part of `make soak`; the tests take ten thousand.
+bytes. `make soak` takes a million of each (`python benchmarks/on_board.py fuzz-serial`); the tests take ten thousand.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
 import resource
 import shutil
@@ -53,13 +52,14 @@ class Fuzzed(NamedTuple):
     """What inputs of any kind did to a listener.
 
     inputs: number of them.  slowest_s: most processor time that one took.  seconds: all of them together.
-    grown_MB: memory of the process, after the first ones.
+    grown_MB: memory of the process, after the first ones.  crashes: inputs whose exception was let out.
     """
 
     inputs: int
     slowest_s: float
     grown_MB: float
     seconds: float
+    crashes: int = 0
 
 
 def serial() -> tuple[Take, list[bytes]]:
@@ -216,9 +216,9 @@ def damaged(good: list[bytes], rng: random.Random) -> bytes:
 
 
 def fuzz(name: str, inputs: int, seed: int = 1) -> Fuzzed:
-    """Feed a listener; an exception that it lets out ends it, with the input that did it on standard error."""
+    """Feed a listener; an input whose exception it lets out stands on standard error."""
     take, good = LISTENERS[name]()
-    rng, slowest_s, first_MB, began_s = random.Random(seed), 0.0, 0.0, time.perf_counter()
+    rng, slowest_s, first_MB, crashes, began_s = random.Random(seed), 0.0, 0.0, 0, time.perf_counter()
     for k in range(inputs):
         if k == min(_WARM, inputs // 2):
             first_MB = resident_MB()
@@ -226,32 +226,14 @@ def fuzz(name: str, inputs: int, seed: int = 1) -> Fuzzed:
         from_s = time.thread_time()
         try:
             take(data)
-        except Exception:
-            print(f"{name}, input {k}: {data!r}", file=sys.stderr)
-            raise
+        except Exception as error:
+            print(f"{name}, input {k}, {error!r}: {data!r}", file=sys.stderr)
+            crashes += 1
         slowest_s = max(slowest_s, time.thread_time() - from_s)
-    return Fuzzed(inputs, slowest_s, resident_MB() - first_MB, time.perf_counter() - began_s)
+    return Fuzzed(inputs, slowest_s, resident_MB() - first_MB, time.perf_counter() - began_s, crashes)
 
 
 def resident_MB() -> float:
     """Memory of this process that is resident."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--inputs", type=int, default=1_000_000)
-    parser.add_argument("--listener", choices=LISTENERS, action="append")
-    args = parser.parse_args()
-    for name in args.listener or LISTENERS:
-        found = fuzz(name, args.inputs)
-        print(
-            f"{name:10}  {found.inputs:,} inputs in {found.seconds:.0f} s, slowest {1e3 * found.slowest_s:.1f} ms, "
-            f"memory {found.grown_MB:+.1f} MB",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    main()

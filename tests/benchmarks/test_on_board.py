@@ -1,17 +1,20 @@
 """A minute of what `make soak` does for hours; latency and share of a core want a machine that does nothing else."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from benchmarks.scripts import script
 
 on_board = script("on_board")
+on_board_load = script("on_board_load")
 on_board_day = script("on_board_day")
 
 
 @pytest.mark.slow
 def test_no_sample_is_lost_at_1_khz():
-    found = on_board.measure(10.0)
+    found = on_board_load.measure(10.0)
     assert found.estimated == found.sent == 10_000
     assert 0.0 < found.p50_s <= found.p99_s
     assert found.memory_MB.max() < 200.0
@@ -31,8 +34,8 @@ def test_growth_is_that_of_the_last_quarter():
 
 
 def test_quantiles_of_latencies():
-    histogram = on_board.Histogram()
-    skipped = int(on_board.SETTLE_S * on_board.WHEELS_HZ)
+    histogram = on_board_load.Histogram()
+    skipped = int(on_board_load.SETTLE_S * on_board_load.WHEELS_HZ)
     for latency_s in [9.0] * skipped + list(np.linspace(0.0, 0.01, 1001)) + [5.0]:
         histogram.add(latency_s)
     assert histogram.quantile(0.5) == pytest.approx(0.005, abs=2e-5)
@@ -40,8 +43,39 @@ def test_quantiles_of_latencies():
     assert histogram.number == skipped + 1002
 
 
-def test_the_page_names_bars_that_were_missed():
+def test_the_page_names_bars_that_were_missed_and_parts_that_were_not_measured():
     figures = [on_board.at_most("a", "b", "c", 3.0, 2.0), on_board.at_most("a", "b", "c", 1.0, 2.0)]
-    text = on_board.page(figures)
+    text = on_board.page({"load": on_board.Measured(figures, "2026-11-23", 10.04)})
     assert text.count("**missed**") == 1
     assert text.count("| met |") == 1
+    assert "Measured: load 2026-11-23 (10.0 min)." in text
+    assert "Not measured: start, kills, store, fuzz-serial" in text
+
+
+def test_parts_are_kept_until_they_are_measured_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(on_board, "KEPT", tmp_path)
+    monkeypatch.setattr(on_board, "PAGE", tmp_path / "page.md")
+    for part, inputs in (("fuzz-serial", 300), ("fuzz-can", 200), ("fuzz-serial", 100)):
+        monkeypatch.setattr(sys, "argv", ["on_board.py", part, "--inputs", str(inputs)])
+        on_board.main()
+    text = (tmp_path / "page.md").read_text()
+    assert text.count("100 inputs at random | serial") == 3
+    assert text.count("200 inputs at random | can") == 3
+    assert "300 inputs" not in text
+
+
+def test_inputs_of_a_run_that_was_cut_off_are_gone_on_with(tmp_path, monkeypatch):
+    monkeypatch.setattr(on_board, "KEPT", tmp_path)
+    monkeypatch.setattr(on_board, "CHUNK", 50)
+    seeds, fuzz = [], on_board.FUZZERS["serial"]
+
+    def watched(inputs, seed):
+        seeds.append(seed)
+        return fuzz(inputs, seed)
+
+    monkeypatch.setitem(on_board.FUZZERS, "serial", watched)
+    list(on_board.fuzz_rows("serial", on_board.Scale(inputs=100)))
+    rows = list(on_board.fuzz_rows("serial", on_board.Scale(inputs=200, goes_on=True)))
+    assert seeds == [1, 2, 3, 4]
+    assert rows[0].data == "200 inputs at random"
+    assert rows[0].met
