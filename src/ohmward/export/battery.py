@@ -14,6 +14,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.registry import chosen_name
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
@@ -58,6 +59,7 @@ def battery_export(
 ) -> Export:
     """The estimator `filter_name` of a battery, or the filter JOINT of its RC model, ready to be written.
 
+    filter_name: as of `SocEstimator`; "default" is the one that it takes.
     name: prefix of the symbols and files.
     soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
     sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
@@ -68,6 +70,7 @@ def battery_export(
     Raises:
         InputError: no such estimator or style of it, or the battery file lacks its model.
     """
+    filter_name = chosen_name(filter_name, battery)
     require_style(style, filter_name)
     if filter_name == JOINT:
         if curve_error_V is not None:

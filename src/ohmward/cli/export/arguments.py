@@ -11,6 +11,7 @@ EXAMPLES = """\
   ohmward export battery.toml -o firmware/soc
   ohmward export battery.toml --filter textbook-ekf --name cell --sample-time 1 --flash-kb 8 -o firmware/cell
   ohmward export battery.toml --filter textbook-joint --style loops --name joint -o firmware/joint
+  ohmward export battery.toml --language python --name model -o submission
   ohmward export robot.toml --filter ekf --name speed -o firmware/speed
   ohmward export rlma --filter slip-controller --name wheel -o firmware/wheel
 """
@@ -23,11 +24,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--filter",
-        default="ekf",
         metavar="NAME",
         help="as in `ohmward soc`, whose default gsf is three times as large as ekf; or textbook-joint for the "
         "parameters of the RC model; of a robot as in `ohmward slip`, or odometry, slip-controller or "
-        "speed-controller (default %(default)s)",
+        "speed-controller (default ekf in C; in Python that of `ohmward soc`)",
+    )
+    parser.add_argument(
+        "--language",
+        choices=("c", "python"),
+        default="c",
+        help="c: a C99 library in single precision; python: one file for a battery, which needs NumPy only and has "
+        "Model(X, z) over rows of current, voltage and temperature, as blind benchmarks call it (default %(default)s)",
     )
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
     parser.add_argument(

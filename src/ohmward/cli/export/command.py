@@ -1,10 +1,11 @@
-"""`ohmward export`: an estimator as a C99 library for a microcontroller."""
+"""`ohmward export`: an estimator as a C99 library for a microcontroller, or as one file of Python."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
+from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import make_robot, make_terrain
 from ohmward.cli.options import BUILT_IN
@@ -13,12 +14,20 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
+from ohmward.export.python_file import python_file
 from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.toml_file import noun_of
 
+#: Filter for a microcontroller unless another is named.
+_SMALL = "ekf"
+
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Write the library."""
+    """Write the library, or the file."""
+    if args.filter is None:
+        args.filter = DEFAULT if args.language == "python" else _SMALL
+    if args.language == "python":
+        return _write_python(args)
     export, contradictions = (_robot_export(args), []) if _is_robot(args.file) else _battery_export(args)
     notes = [f"warning: {text}" for text in contradictions]
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
@@ -26,6 +35,7 @@ def run(args: argparse.Namespace) -> Outcome:
     needed = size(export)
     figures = {
         "command": "export",
+        "language": args.language,
         "title": export.title,
         "filter": args.filter,
         "name": args.name,
@@ -51,6 +61,36 @@ def run(args: argparse.Namespace) -> Outcome:
         wording.fields(rows),
         wording.assumptions(notes),
         f"compile and check it here:\n  make -C {args.output} test",
+    )
+    return Outcome(figures, text, notes)
+
+
+def _write_python(args: argparse.Namespace) -> Outcome:
+    if args.style != "lines" or args.flash_kb or args.ram_kb:
+        raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
+    if _is_robot(args.file):
+        raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
+    export, contradictions = _battery_export(args)
+    notes = [f"warning: {text}" for text in contradictions]
+    files = {f"{export.name}.py": python_file(export, args.sample_time)}
+    (path,) = write_library(files, Path(args.output))
+    figures = {
+        "command": "export",
+        "language": args.language,
+        "title": export.title,
+        "filter": args.filter,
+        "name": args.name,
+        "sample_time_s": args.sample_time,
+        "operations": len(export.step.nodes),
+        "output": args.output,
+        "files": [path.name],
+        "notes": notes,
+    }
+    text = wording.paragraphs(
+        f"{path}: {export.title}",
+        wording.assumptions(notes),
+        f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
+        f"  from {export.name} import Model\n  soc, z = Model(X)",
     )
     return Outcome(figures, text, notes)
 

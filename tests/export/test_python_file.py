@@ -1,0 +1,137 @@
+"""An estimator as one file of Python: alone it gives what the estimator gives, on good samples and bad ones."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+
+import numpy as np
+import pytest
+
+from export.batteries import BATTERY, WITH_RC
+from ohmward import save_battery
+from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.cli.main import main
+from ohmward.errors import InputError
+from ohmward.export import battery_export, controller_export
+from ohmward.export.battery import vector_samples
+from ohmward.export.comparison import in_double_precision
+from ohmward.export.python_file import python_file
+from ohmward.toml_file import write_text
+from ohmward.traction import RLMA
+
+FILTERS = ("default", "ekf", "ukf", "textbook-ekf", "textbook-ukf", "coulomb", "rc")
+
+
+def loaded(text, folder, name="model"):
+    path = folder / f"{name}.py"
+    write_text(path, text)
+    spec = spec_from_file_location(name, path)
+    assert spec and spec.loader
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def rows(T=600):
+    """Current, voltage and temperature of a drive at 1 Hz, with values that are missing."""
+    rng = np.random.default_rng(3)
+    X = np.stack([rng.normal(-4.0, 3.0, T), 13.2 + 0.02 * rng.standard_normal(T), np.full(T, 21.0)], axis=1)
+    X[100:110, 0], X[150:160, 1], X[200:300, 2] = np.nan, np.nan, np.nan
+    return X
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_it_gives_what_the_estimator_gives(name, tmp_path):
+    """Beside the machine code of the same program, to rounding."""
+    export, X = battery_export(WITH_RC, name, "model"), rows()
+    model = loaded(python_file(export), tmp_path)
+    interval_s = np.where(np.arange(len(X)) == 0, 0.0, 1.0)
+    wanted = in_double_precision(export, SocSample(interval_s, *X.T), export.arguments).soc
+    np.testing.assert_allclose(model.Model(X)[0], wanted, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_faults_of_sensors_and_clock_have_the_same_results(name, tmp_path):
+    export, samples = battery_export(WITH_RC, name, "model"), vector_samples(WITH_RC)
+    model = loaded(python_file(export), tmp_path)
+    assert export.arguments == model.START
+    assert {flag.name: flag.value for flag in SocFlag} == model.FLAGS
+    state, outputs = model.start(model.Sample(*samples[0].tolist()), *model.START), []
+    for row in samples.tolist():
+        state, output = model.step(state, model.Sample(*row))
+        outputs.append(output)
+    wanted = in_double_precision(export, SocSample(*samples.T), export.arguments)
+    for field in ("soc", "soc_std", "flags"):
+        found = [getattr(output, field) for output in outputs]
+        np.testing.assert_allclose(found, getattr(wanted, field), rtol=1e-9, atol=1e-9)
+
+
+def test_a_run_in_parts_is_the_run(tmp_path):
+    model = loaded(python_file(battery_export(BATTERY, "ekf", "model")), tmp_path)
+    X = rows()
+    whole, _ = model.Model(X)
+    first, z = model.Model(X[:1])
+    second, z = model.Model(X[1:250], z)
+    third, _ = model.Model(X[250:], z)
+    np.testing.assert_array_equal(np.concatenate([first, second, third]), whole)
+    np.testing.assert_array_equal(model.Model(X, [])[0], whole)
+    with pytest.raises(ValueError, match="X must have rows"):
+        model.Model(X[:, :2])
+
+
+def test_an_hour_of_padding_with_the_first_row_or_zeros_costs_nothing(tmp_path):
+    """Blind benchmarks put 3,600 rows before each run."""
+    model = loaded(python_file(battery_export(BATTERY, "default", "model")), tmp_path)
+    X = np.stack([np.full(1200, -6.0), np.linspace(13.25, 13.1, 1200), np.full(1200, 25.0)], axis=1)
+    still = X[0] * [0.0, 1.0, 1.0]
+    for padding in (np.tile(still, (3600, 1)), np.zeros((3600, 3))):
+        soc = model.Model(np.vstack([padding, X]))[0]
+        assert np.isfinite(soc).all()
+        assert abs(soc[-1] - model.Model(X)[0][-1]) < 0.15  # of a flat curve: both know it to within their bands
+
+
+def test_another_interval_is_that_of_the_rows(tmp_path):
+    model = loaded(python_file(battery_export(BATTERY, "coulomb", "model", sample_time_s=10.0), 10.0), tmp_path)
+    soc = model.Model(np.tile([-12.0, 13.2, 25.0], (31, 1)))[0]
+    assert soc[0] - soc[-1] == pytest.approx(300.0 / 3600.0, rel=0.01)
+
+
+def test_it_needs_numpy_only(tmp_path):
+    loaded(python_file(battery_export(BATTERY, "ekf", "model")), tmp_path)
+    program = f"""\
+import sys
+sys.path.insert(0, {str(tmp_path)!r})
+sys.modules["ohmward"] = None
+from model import Model
+print(Model([[-1.0, 13.2, 25.0]])[0][0], "scipy" in sys.modules)"""
+    found = subprocess.run([sys.executable, "-I", "-c", program], capture_output=True, text=True, check=True)
+    soc, other = found.stdout.split()
+    assert 0.0 < float(soc) < 1.0 and other == "False"
+
+
+def test_the_name_of_a_battery_is_only_text(tmp_path):
+    named = dataclasses.replace(BATTERY, name='a"""\nraise SystemExit(3) \\')
+    assert loaded(python_file(battery_export(named, "ekf", "model")), tmp_path).Model.__name__ == "Model"
+
+
+def test_what_has_no_state_of_charge_is_refused():
+    with pytest.raises(InputError, match="estimators of the state of charge"):
+        python_file(controller_export(RLMA, "slip-controller", "wheel"))
+    with pytest.raises(InputError, match="name must be one that Python can import"):
+        python_file(battery_export(BATTERY, "ekf", "class"))
+
+
+def test_the_command_writes_it(tmp_path, capsys):
+    battery = str(tmp_path / "battery.toml")
+    save_battery(BATTERY, battery)
+    command = ["export", battery, "--language", "python", "--name", "model", "-o", str(tmp_path / "out")]
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"] == ["model.py"]
+    model = loaded((tmp_path / "out" / "model.py").read_text(encoding="utf-8"), tmp_path)
+    soc = model.Model(rows())[0]
+    assert np.isfinite(soc).all() and soc[-1] < soc[100]
+    for wrong, sentence in ((["--style", "loops"], "are for C"), (["--name", "a-b"], "import")):
+        assert main([*command, *wrong]) == 2
+        assert sentence in capsys.readouterr().err
