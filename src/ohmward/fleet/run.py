@@ -16,20 +16,38 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ohmward.atomic import replacing
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
-from ohmward.fleet.job import Job
 
 PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 
 #: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
 BATCH = 32
 
-#: Rows of each batch of paths, as they are finished, in any order.
-Executor = Callable[[Job, list[list[str]]], Iterator[list[dict[str, Any]]]]
+
+class FleetJob(Protocol):
+    """A job over named items: the logs of a fleet by their paths, the cells of a study."""
+
+    @property
+    def digest(self) -> str:
+        """Another one for every job with other results."""
+        ...
+
+    @property
+    def estimates(self) -> str | None:
+        """Folder for estimates, or None."""
+        ...
+
+    def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
+        """Rows of the items, in their order; one that failed has its reason in `error`."""
+        ...
+
+
+#: Rows of each batch of items, as they are finished, in any order.
+Executor = Callable[[Any, list[list[str]]], Iterator[list[dict[str, Any]]]]
 
 
 class Finished(NamedTuple):
@@ -50,7 +68,7 @@ class Finished(NamedTuple):
         return [row for row in self.rows if row.get("error")]
 
 
-def in_processes(job: Job, batches: Sequence[list[str]], processes: int = 1) -> Iterator[list[dict[str, Any]]]:
+def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch as it is finished; no more batches are under way than keep the processes busy.
 
     Raises:
@@ -74,7 +92,7 @@ def _one_thread() -> None:
     os.environ["OHMWARD_THREADS"] = "1"
 
 
-def _side_by_side(job: Job, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
+def _side_by_side(job: FleetJob, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch from a pool of processes."""
     waiting = iter(batches)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
@@ -87,7 +105,7 @@ def _side_by_side(job: Job, batches: Sequence[list[str]], processes: int) -> Ite
 
 def run_fleet(
     paths: Sequence[str],
-    job: Job,
+    job: FleetJob,
     folder: Path,
     work: Executor = in_processes,
     progress: Callable[[int, int], None] | None = None,
@@ -120,7 +138,7 @@ def run_fleet(
     return Finished(rows, resumed, folder / SUMMARY)
 
 
-def _begin(folder: Path, job: Job) -> dict[str, dict[str, Any]]:
+def _begin(folder: Path, job: FleetJob) -> dict[str, dict[str, Any]]:
     """Rows that an earlier run of the same job has left, by path; those of logs that failed are left out."""
     progress = folder / PROGRESS
     try:
@@ -136,8 +154,8 @@ def _begin(folder: Path, job: Job) -> dict[str, dict[str, Any]]:
     head, *rows = [row for row in map(_parsed, lines) if row is not None] or [{"job": job.digest}]
     if head.get("job") != job.digest:
         raise InputError(
-            f"{folder} holds results of another battery file, filter or way of reading; choose another folder or "
-            f"remove {progress}"
+            f"{folder} holds results of another battery file, filter or settings; choose another folder or remove "
+            f"{progress}"
         )
     return {row["path"]: row for row in rows if not row["error"]}
 

@@ -1,0 +1,24 @@
+"""`ohmward assess` as typed: table, page and JSON, and a wrong word."""
+
+from ohmward.cli.main import main
+
+ONLY = ["--only", "nca", "--only", "base", "--only", "coulomb", "--only", "textbook-ekf", "--runs", "2"]
+
+
+def test_table_page_and_json(as_json, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    found = as_json("assess", *ONLY, "--processes", "1", "--report", "limits.html")
+    assert [cell["method"] for cell in found["cells"]] == ["coulomb", "textbook-ekf"]
+    assert all(cell["rmse"] > 0.0 for cell in found["cells"]) and found["recommended"]
+    page = (tmp_path / "limits.html").read_text(encoding="utf-8")
+    assert "Recommendation" in page and 'class="number heat-' in page
+    assert main(["assess", *ONLY]) == 0  # goes on where all is done
+    text = capsys.readouterr().out
+    assert "base: everyday sensors" in text and "16 KB of flash" in text and "ohmward-assess/summary.csv" in text
+
+
+def test_a_word_that_names_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["assess", "--only", "nickel"]) == 2
+    assert "there is no 'nickel' to assess; there are lfp" in capsys.readouterr().err
+    assert not (tmp_path / "ohmward-assess").exists()
