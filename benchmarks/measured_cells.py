@@ -5,8 +5,6 @@ Which tests a user had is the name of the battery; the recordings are never amon
 
 from __future__ import annotations
 
-import ast
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -22,6 +20,7 @@ from ohmward.battery.identification import identify
 from ohmward.battery.identification.charge import count_charge
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs import Log, read_log
+from ohmward.reproduce.nmc_cell import first_soc, gitt_voltage
 
 HOUR = 3600.0
 A123_AH, PANASONIC_AH, ORNL_AH, VRLA_AH, I3_AH, NASA_AH = 2.03, 2.9, 30.34, 19.5, 61.7, 2.0
@@ -161,9 +160,7 @@ def tue_log(cell: str, test: str) -> Log:
 
 def tue_start(cell: str, test: str) -> float:
     """State of charge at the start of a record as the authors give it; without one the cell was full."""
-    with data_file("tue_cells/index.csv").open() as file:
-        scalars = {(row["cell"], row["test"]): row["scalars"] for row in csv.DictReader(file)}
-    return float(ast.literal_eval(scalars[cell, test]).get("initial_soc", 1.0))
+    return first_soc(data_file("tue_cells/index.csv").parent, cell, test)
 
 
 def tue_ocv(cell: str) -> OcvCurve:
@@ -181,7 +178,7 @@ def tue_ocv(cell: str) -> OcvCurve:
         mean_V, half_V = column("ocv_lfp_quasi_emf.csv", 1), column("ocv_lfp_hysteresis_data.csv", 1)
         return OcvCurve(values(np.maximum.accumulate(mean_V)), values(half_V))
     file = f"ocv_{cell}_gitt_data.csv"
-    mean = values(np.maximum.accumulate(column(file, 1)))
+    mean = gitt_voltage(tue_table(file), grid)
     if cell == "nmc":
         return OcvCurve(mean)
     return OcvCurve(mean, (), values(column(file, 2)), float(tue_table(file)[0, 3]))
