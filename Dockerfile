@@ -10,11 +10,12 @@ RUN python -m venv /opt/ohmward && /opt/ohmward/bin/pip install --no-cache-dir "
 FROM python:3.12-slim
 COPY --from=build /opt/ohmward /opt/ohmward
 # Compiled programs are kept only in a folder of the user's own.
-RUN useradd --system --uid 1801 --no-create-home --shell /usr/sbin/nologin ohmward \
+RUN useradd --system --uid 1801 --user-group --no-create-home --shell /usr/sbin/nologin ohmward \
     && install -d -m 0700 -o ohmward -g ohmward /var/lib/ohmward /var/cache/ohmward
 ENV PATH=/opt/ohmward/bin:$PATH \
     OHMWARD_CACHE=/var/cache/ohmward
-USER ohmward
+# By number, which a host can resolve too.
+USER 1801:1801
 WORKDIR /var/lib/ohmward
 VOLUME /var/lib/ohmward
 STOPSIGNAL SIGTERM
