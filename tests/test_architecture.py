@@ -22,7 +22,7 @@ BELOW: dict[str, set[str]] = {
     "atomic": {"errors"},
     "optional": {"errors"},
     "runs": set(),
-    "toml_file": {"errors", "atomic", "optional"},
+    "toml_file": {"errors", "checks", "atomic", "optional"},
     "trace": GROUND,
     "filters": {"trace"} | GROUND,
     "logs": GROUND,
@@ -35,9 +35,12 @@ BELOW: dict[str, set[str]] = {
     "simulate": {"battery", "traction", "published", "energy", "trace", "filters", "logs"} | GROUND,
     "fleet": {"battery", "published", "trace", "filters", "logs"} | GROUND,
     "figures": {"battery", "traction", "energy", "filters", "logs.log", "logs.drive_log", "report"} | GROUND,
+    "reproduce": {"battery", "traction", "published", "simulate", "figures", "trace", "filters", "logs", "report"}
+    | GROUND,
+    "assess": {"fleet", "battery", "published", "simulate", "trace", "filters", "logs"} | GROUND,
     "onboard": {"battery", "traction", "energy", "simulate", "trace", "filters", "logs", "report"} | GROUND,
     "cli": {
-        *("onboard",),
+        *("onboard", "reproduce", "assess"),
         *("fleet", "battery", "traction", "published", "energy", "simulate", "export", "filters", "logs", "report"),
         "figures",
     }

@@ -39,6 +39,8 @@ COMMANDS = {
     "export": "a filter or controller as a C99 library for a microcontroller",
     "twin": "a log through an exported C library on this machine: the firmware's own bits",
     "demo": "a simulated robot, from pulse test to the way home",
+    "assess": "limits of the methods: chemistries, sensors and faults on simulated shifts, and which method for which",
+    "reproduce": "tables and figures of the two publications, printed numbers beside those found here; their errata",
 }
 REFUSED, BUG, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
@@ -47,7 +49,7 @@ a first look:
   ohmward demo                                      a simulated robot, from battery test to the way home
   ohmward simulate --list                           drives of a simulated robot in closed loop
 
-with your own logs (CSV, Parquet or BDF):
+with your own logs (CSV and other text tables, Excel, MATLAB, HDF5, Parquet, BDF, JSON, bags):
   ohmward doctor test.csv                           what is in a log, what was assumed, what is wrong
   ohmward identify test.csv --capacity-ah 12 -o battery.toml
   ohmward learn day.csv --battery battery.toml -o battery.toml
