@@ -1,20 +1,23 @@
-"""Accuracy: `make accuracy` writes benchmarks/accuracy.md, `python benchmarks/accuracy.py vrla robotino` runs parts.
+"""Accuracy: `make accuracy` writes benchmarks/accuracy.md, `python benchmarks/accuracy.py vrla robotino` parts of it.
 
 The parts on measured data need what is not part of the repository: `../shared/data` or the folder named by
-OHMWARD_DATA. A part without its data is skipped with a message, and then the page stays as it is.
+OHMWARD_DATA. A part without its data is skipped with a message. What was measured is kept in build/accuracy until the
+part is measured again; the page is written where every part has its rows.
 """
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
+from pathlib import Path
 
 import battery_accuracy as battery
 from figure import HERE, Figure, verdict
 
 Part = Callable[[], Iterator]
-PAGE = HERE / "accuracy.md"
+PAGE, KEPT = HERE / "accuracy.md", HERE.parent / "build" / "accuracy"
 TRACTION = (
     "traction_mujoco",
     "observer_coverage",
@@ -46,13 +49,12 @@ def main() -> int:
     if isinstance(parts, str):
         print(parts, file=sys.stderr)
         return 2
-    rows = {name: measured(name, part) for name, part in parts.items()}
-    skipped = [name for name, found in rows.items() if found is None]
-    found = [row for part in rows.values() if part is not None for row in part]
-    if skipped:
-        print(f"skipped {', '.join(skipped)}: {PAGE.name} is unchanged", file=sys.stderr)
-    elif len(parts) == len(all_parts()):
-        PAGE.write_text(page(found), encoding="utf-8")
+    found = [row for name, part in parts.items() for row in measured(name, part)]
+    absent = [name for name in all_parts() if not kept(name).exists()]
+    if absent:
+        print(f"{PAGE.name} is unchanged: no rows yet of {', '.join(absent)}", file=sys.stderr)
+    else:
+        PAGE.write_text(page(row for name in all_parts() for row in pickle.loads(kept(name).read_bytes())), "utf-8")
     missed = [row for row in found if row.met is False]
     print(f"{len(found)} rows, {sum(row.met is True for row in found)} bars met, {len(missed)} missed")
     return 0
@@ -71,8 +73,13 @@ def chosen(names: Sequence[str]) -> dict[str, Part] | str:
     return {name: parts[name] for name in names} if names else parts
 
 
-def measured(name: str, part: Part) -> list | None:
-    """The rows of a part, shown as they come; None where its data are absent."""
+def kept(name: str) -> Path:
+    """The file with the rows of a part."""
+    return KEPT / f"{name}.pickle"
+
+
+def measured(name: str, part: Part) -> list[battery.Row | Figure]:
+    """The rows of a part, shown as they come and kept; none where its data are absent."""
     rows = []
     try:
         for row in part():
@@ -80,7 +87,9 @@ def measured(name: str, part: Part) -> list | None:
             print(line(row), flush=True)
     except FileNotFoundError as missing:
         print(f"{name}: {missing} is absent (set OHMWARD_DATA to the folder of the data)", file=sys.stderr)
-        return None
+        return []
+    KEPT.mkdir(parents=True, exist_ok=True)
+    kept(name).write_bytes(pickle.dumps(rows))
     return rows
 
 
