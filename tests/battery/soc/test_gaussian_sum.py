@@ -16,9 +16,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import (
     LEAST_LOG_WEIGHT,
     GaussianSumFilter,
-    GaussianSumState,
     normalised,
-    relative,
 )
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -58,7 +56,7 @@ def test_equal_members_are_the_filter_whatever_their_weights(log_weights):
     _, columns = drive_of(LFP, 0.7)
     settings = GaussianSumFilter(TheveninFilter(LFP, NOISE), 2)
     one = settings.member.init(row(columns, 0), 0.6)
-    end, found = scan(settings, columns, state=GaussianSumState((one, one), np.array(log_weights)))
+    end, found = scan(settings, columns, state=settings.begun((one, one), log_weights))
     _, expected = scan(settings.member, columns, 0.6)
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
@@ -95,7 +93,7 @@ def test_on_a_straight_cell_it_is_the_exact_posterior():
     settings = GaussianSumFilter(TheveninFilter(model, WHITE, EXACT, gate=1e9), 3)
     starts, stds, weights = (0.25, 0.45, 0.8), (0.05, 0.1, 0.03), (0.6, 0.1, 0.3)
     members = tuple(settings.member.start(row(columns, 0), m, s) for m, s in zip(starts, stds, strict=True))
-    _, found = scan(settings, columns, state=GaussianSumState(members, relative(np.log(weights))))
+    _, found = scan(settings, columns, state=settings.begun(members, list(np.log(weights))))
 
     grid = np.linspace(-0.2, 1.2, 20001)
     log_density = np.log(sum(w * norm.pdf(grid, m, s) for m, s, w in zip(starts, stds, weights, strict=True)))

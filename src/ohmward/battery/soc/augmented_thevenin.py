@@ -235,9 +235,8 @@ class AugmentedThevenin:
     def process_noise(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Q of this step from the state x, (n, n) for n states."""
         noise, p, dt_s, state = self.noise, self.model, clean.dt_s, self.split(x)
-        wander_A = where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * p.capacity_Ah
-        ratio = state.pair(self.coldness(clean.mean)).resistance_ratio
-        wander_V = [ratio * wander_A * r for r in pair_resistances(x[SOC], clean.mean, p)]
+        wander_A = self.wander_A(clean)
+        wander_V = [wander_A * r for r in self.pair_ohm(x, clean)]
         decays = pair_decays(clean.mean, p, dt_s)
         variances = AugmentedState(
             circuit=[
@@ -252,6 +251,15 @@ class AugmentedThevenin:
             model_error=1 - self.error_decay(clean.mean.current_A, clean) ** 2,
         )
         return np.diag(self.vector(variances))
+
+    def wander_A(self, clean: CleanSocSample) -> Scalar:
+        """Standard deviation [A] of the current as if by which the RC voltages wander."""
+        return where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * self.model.capacity_Ah
+
+    def pair_ohm(self, x: np.ndarray, clean: CleanSocSample) -> list[Any]:
+        """Resistances [ohm] of the RC pairs in state x."""
+        ratio = self.split(x).pair(self.coldness(clean.mean)).resistance_ratio
+        return [ratio * r for r in pair_resistances(x[SOC], clean.mean, self.model)]
 
     def hysteresis_variance(self, h: Scalar, clean: CleanSocSample) -> Scalar:
         """Process variance of the hysteresis state h: where it moves, its rate may be another; it may also be unknown.

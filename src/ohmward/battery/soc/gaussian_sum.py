@@ -22,12 +22,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.thevenin import pair_decays
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
-from ohmward.battery.soc.clean_sample import first_input
+from ohmward.battery.soc.clean_sample import CleanSocSample, first_input
+from ohmward.battery.soc.evidence import log_likelihood
 from ohmward.battery.soc.initial_soc import WRONG_SHARE, hypotheses
 from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocSample
-from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import choose
@@ -48,10 +50,12 @@ class GaussianSumState(NamedTuple):
 
     members: state of the filter of each hypothesis.
     log_weights: (K,), ln of the weights over that of the most likely hypothesis, at most 0.
+    wander_A2: (n,), variance of the current [A^2] as if by which each RC voltage has wandered.
     """
 
     members: tuple[FilterState, ...]
     log_weights: np.ndarray
+    wander_A2: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class GaussianSumFilter:
         u = first_input(first, filter_.limits.current_A)
         parts = hypotheses(first.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, soc, soc_std, self.count)
         members = tuple(filter_.start_from(first, part.start) for part in parts)
-        return GaussianSumState(members, relative([np.log(max(part.weight, _TINY)) for part in parts]))
+        return self.begun(members, [np.log(max(part.weight, _TINY)) for part in parts])
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> GaussianSumState:
         """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers.
@@ -100,7 +104,11 @@ class GaussianSumFilter:
         wrong = equal_cells(self.count - 1)
         members = tuple(self.member.start(first, *part) for part in [(soc, soc_std), *wrong])
         weights = [1.0 - WRONG_SHARE, *(WRONG_SHARE / len(wrong) for _ in wrong)]
-        return GaussianSumState(members, relative([math.log(weight) for weight in weights]))
+        return self.begun(members, [math.log(weight) for weight in weights])
+
+    def begun(self, members: tuple[FilterState, ...], log_weights: Sequence[Any]) -> GaussianSumState:
+        """State of a sum that begins with these members."""
+        return GaussianSumState(members, relative(log_weights), np.zeros(self.member.model.pairs))
 
     def step(self, state: GaussianSumState, sample: SocSample) -> tuple[GaussianSumState, SocEstimate]:
         """State and estimate after a sample."""
@@ -111,14 +119,34 @@ class GaussianSumFilter:
             for member, forget in zip(state.members, self.restarts, strict=True)
         ]
         believed = reduce(or_, (step.update.accepted for step in steps))
+        wander_A2 = self.wandered(state.wander_A2, taken.sample)
+        evidence = [
+            self.evidence(member, step.update, wander_A2, taken.sample)
+            for member, step in zip(state.members, steps, strict=True)
+        ]
         log_weights = relative(
             [
-                where(diverged, 0.0, log_weight) + where(believed, step.update.log_likelihood, 0.0)
-                for log_weight, step in zip(state.log_weights, steps, strict=True)
+                where(diverged, 0.0, log_weight) + where(believed, told, 0.0)
+                for log_weight, told in zip(state.log_weights, evidence, strict=True)
             ]
         )
-        after = GaussianSumState(tuple(step.state for step in steps), log_weights)
+        after = GaussianSumState(tuple(step.state for step in steps), log_weights, wander_A2)
         return after, with_misfit(mixed([step.estimate for step in steps], log_weights), self.sensor)
+
+    def wandered(self, before_A2: np.ndarray, clean: CleanSocSample) -> np.ndarray:
+        """(n,) variance of the current [A^2] as if by which each RC voltage has wandered, after this step."""
+        decays = pair_decays(clean.mean, self.member.model, clean.dt_s)
+        now_A2 = self.system.wander_A(clean) ** 2
+        return np.array([now_A2 + a * a * (old - now_A2) for a, old in zip(decays, before_A2, strict=True)])
+
+    def evidence(
+        self, before: FilterState, update: TheveninUpdate, wander_A2: np.ndarray, clean: CleanSocSample
+    ) -> Scalar:
+        """Log likelihood of the hypothesis that this filter holds; see `evidence.log_likelihood`."""
+        fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
+        ohm = self.system.pair_ohm(before.belief.mean, clean)
+        renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, wander_A2, fades, strict=True))
+        return log_likelihood(update.correction.innovation, update.R, update.error, renewed_V2, self.member.gate)
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:

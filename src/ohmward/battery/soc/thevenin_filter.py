@@ -34,7 +34,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, log, logical_not, maximum, minimum, where
+from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
@@ -81,7 +81,8 @@ class TheveninUpdate(NamedTuple):
     noise: moments for covariance matching.
     accepted: the condition that the voltage was used.
     contradicts: the condition that the voltage contradicts the belief.
-    log_likelihood: of the voltage, up to a constant; see `TheveninFilter.log_likelihood`.
+    R: by which the voltage was weighed [V^2].
+    error: of the voltage.
     """
 
     belief: Belief
@@ -91,7 +92,8 @@ class TheveninUpdate(NamedTuple):
     noise: adaptive.NoiseEstimate
     accepted: Any
     contradicts: Any
-    log_likelihood: Scalar
+    R: Scalar
+    error: VoltageError
 
 
 class TheveninStep(NamedTuple):
@@ -304,20 +306,9 @@ class TheveninFilter:
             noise=choose(believed, noise, state.noise),
             accepted=believed | told,
             contradicts=self.contradicts(correction.innovation, repeated) & logical_not(told),
-            log_likelihood=self.log_likelihood(correction.innovation, R[0, 0], error),
+            R=R[0, 0],
+            error=error,
         )
-
-    def log_likelihood(self, innovation: Innovation, R: Scalar, error: VoltageError) -> Scalar:
-        """Log density of a voltage before it was used, up to a constant that is the same for every belief.
-
-            -(nu^2 / S + ln(S / R) + ln(variance) / weight) / 2
-
-        It is that of one observation in every `weight` samples: S and R hold the weight, and the variance counts once
-        in that time. With weight 1 it is ln N(nu; 0, S). One outlier counts no more than the gate.
-        """
-        nu, S = innovation.value[0], innovation.cov[0, 0]
-        nis = minimum(nu * nu / S, self.gate)
-        return -0.5 * (nis + log(S / R) + log(error.variance) / error.weight)
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
         """True where the voltage contradicts the belief beyond the variance of an error that holds on.

@@ -75,7 +75,7 @@ def _tell_sum(
     parts = [_tell_filter(settings.member, member, estimate, told) for member in state.members]
     log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
     members = tuple(member for member, _ in parts)
-    return GaussianSumState(members, log_weights), mixed([part for _, part in parts], log_weights)
+    return state._replace(members=members, log_weights=log_weights), mixed([part for _, part in parts], log_weights)
 
 
 def with_told_soc(belief: Belief, told: SocNormal, gate: float) -> Belief:
