@@ -5,7 +5,7 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -68,6 +68,7 @@ def test_a_column_that_several_series_show_is_packed_once():
     assert len(data["columns"]) == 3
 
 
+@example(np.array([1.0, 1.0 + 1e-9, 1.0 + 1e-9]))
 @settings(max_examples=50)
 @given(hnp.arrays(float, st.integers(1, 50), elements=st.sampled_from([0.0, 1e-9, 1.0, 1.0 + 1e-9, 7.0, 1e3])))
 def test_samples_at_equal_times_stay_separate_samples(x):

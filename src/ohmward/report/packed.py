@@ -7,6 +7,7 @@ a million samples of a sensor take one to three megabytes.
 from __future__ import annotations
 
 import base64
+import math
 import zlib
 from typing import Any, Final
 
@@ -21,6 +22,8 @@ X_DIGITS: Final = 9
 GAP: Final = -(2**31)
 """Difference that stands for NaN; the value after it counts from the last one known."""
 _LARGEST: Final = 2**29
+_LARGEST_WHOLE: Final = 2.0**52
+"""Numbers of steps beyond this one are no longer told apart by a double."""
 _LEVEL: Final = 4
 
 
@@ -50,7 +53,9 @@ class Columns:
 
 
 def _packed_x(x: np.ndarray, x_axis: XAxis) -> dict[str, Any]:
-    per_unit = 10.0 ** (X_DIGITS - 1 + decimals(x_axis.high - x_axis.low))
+    farthest = max(abs(x_axis.low - x_axis.start), abs(x_axis.high - x_axis.start))
+    resolved = math.floor(math.log10(_LARGEST_WHOLE / max(farthest, 1.0)))
+    per_unit = 10.0 ** min(X_DIGITS - 1 + decimals(x_axis.high - x_axis.low), resolved)
     order = np.arange(x.size)
     whole = np.rint(x * (per_unit / x_axis.unit)).astype(np.int64)
     distinct = (np.maximum.accumulate(whole - order) + order).astype(float)
