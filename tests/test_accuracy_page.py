@@ -34,6 +34,7 @@ def page_file(monkeypatch, tmp_path):
     page = tmp_path / "accuracy.md"
     page.write_text("before")
     monkeypatch.setattr(accuracy, "PAGE", page)
+    monkeypatch.setattr(accuracy, "KEPT", tmp_path / "kept")
     return page
 
 
@@ -51,11 +52,15 @@ def test_it_writes_what_was_met_and_missed(monkeypatch, page_file, capsys):
     assert "2 rows, 1 bars met, 1 missed" in capsys.readouterr().out
 
 
-def test_a_page_with_a_part_left_out_is_not_written(monkeypatch, page_file, capsys):
+def test_the_page_is_written_where_every_part_has_rows(monkeypatch, page_file, capsys):
     assert run(monkeypatch, parts(RUN) | {"absent": absent}) == 0
-    assert "skipped absent" in capsys.readouterr().err
-    assert run(monkeypatch, parts(RUN) | {"other": lambda: iter([PLAIN])}, "other") == 0
+    said = capsys.readouterr().err
+    assert "absent: folder/file.csv is absent (set OHMWARD_DATA" in said
+    assert "accuracy.md is unchanged: no rows yet of absent" in said
     assert page_file.read_text() == "before"
+    assert run(monkeypatch, parts(RUN) | {"absent": lambda: iter([PLAIN])}, "absent") == 0
+    text = page_file.read_text()
+    assert "| sand | brush |" in text and "| car | ekf |" in text
 
 
 def test_an_unknown_part_is_refused_with_those_that_exist(monkeypatch, page_file, capsys):
