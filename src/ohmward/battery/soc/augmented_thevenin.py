@@ -120,11 +120,13 @@ class VoltageError(NamedTuple):
     model_std_V: standard deviation of the error that stays with SoC, the unit of the state `model_error`.
     variance: of all else [V^2].
     weight: factor of that variance in R, because errors hold on from sample to sample.
+    uncertain_V2: part of both by the errors of axis and overpotential [V^2].
     """
 
     model_std_V: Scalar
     variance: Scalar
     weight: Scalar
+    uncertain_V2: Scalar = 0.0
 
 
 @dataclass(frozen=True)
@@ -296,6 +298,7 @@ class AugmentedThevenin:
             + 0.5 * curvature_V * curvature_V
             + unmeasured_V * unmeasured_V,
             weight=noise.samples_per_error(clean.dt_s),
+            uncertain_V2=uncertain_V2,
         )
 
     def overpotentials(self, state: AugmentedState, u: CircuitInput) -> list[Any]:
