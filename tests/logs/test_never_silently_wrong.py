@@ -8,6 +8,7 @@ from ohmward.errors import InputError
 from ohmward.logs import read_drive, read_log
 
 NAMES = ("time", "current_A", "voltage_V")
+S = {"time": "s"}
 
 
 def log_text(time, names=NAMES):
@@ -47,6 +48,26 @@ def test_a_charge_that_no_battery_holds_asks_for_the_unit(write_text):
     rows = [f"{20 * n},{-5.0 if n % 100 else -1.0},{13.0 - 1e-6 * n + (0 if n % 100 else 0.1)}" for n in k]
     with pytest.raises(InputError, match=r"gives a charge of .* Ah one way .* --unit time=ms"):
         read_log(write_text("time,current_A,voltage_V\n" + "\n".join(rows)))
+
+
+@pytest.mark.parametrize(("interval", "doubted"), [(1.0, False), (5.0, False), (20.0, True), (60.0, True)])
+def test_seconds_that_may_be_milliseconds_are_doubted(write_text, interval, doubted):
+    """A battery logged every 20 s, or at 50 Hz in milliseconds: only who made the log knows."""
+    log = read_log(write_text(log_text(lambda t: interval * t)))
+    text = f"one sample every {interval:g} s: if these are milliseconds, say --unit time=ms"
+    assert any(note.level == "warning" and text in note.text for note in log.notes) == doubted
+    assert not any(text in note.text for note in read_log(write_text(log_text(lambda t: interval * t)), units=S).notes)
+
+
+@pytest.mark.parametrize(("interval", "refused"), [(0.02, False), (1.0, False), (20.0, True), (50.0, True)])
+def test_wheels_sampled_every_twenty_seconds_ask_for_the_unit(write_text, interval, refused):
+    path = write_text("time,left_wheel_speed_rad_s\n" + "\n".join(f"{interval * k:g},1.5" for k in range(100)))
+    if refused:
+        with pytest.raises(InputError, match=rf"a drive with a sample every {interval:g} s; say its unit"):
+            read_drive(path, ("left",), 1)
+    else:
+        assert read_drive(path, ("left",), 1).time_s[1] == pytest.approx(interval)
+    assert read_drive(path, ("left",), 1, units={"time": "ms"}).time_s[1] == pytest.approx(interval / 1e3)
 
 
 def test_a_duration_of_centuries_is_refused_whatever_the_unit(write_text):

@@ -15,6 +15,7 @@ from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_number
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
+from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.table import TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
@@ -162,6 +163,7 @@ def read_drive(
     wanted = Wanted(where or {}, extra, sort_time)
     rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
     channels = drive_channels(rows.table, found, wheels, mechanics)
+    require_plausible_drive(file.source, found.columns["time"], channels.time_s, rows.guessed_unit)
     log = _as_log(file, rows, channels, _order_notes(found, wheels))
     part = window_s(log.name, rows.start_unix_s, file.hints)
     return log if part is None else log.between(*part)

@@ -17,7 +17,7 @@ from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
-from ohmward.logs.plausible import require_plausible
+from ohmward.logs.plausible import guess_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.sign import CurrentSign, charging_current
 from ohmward.logs.state_column import state_column, with_direction
@@ -167,7 +167,9 @@ def _as_log(
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
-    require_plausible(file.source, chosen["time"], time_s, measured["current"], rows.guessed_unit)
+    clock = chosen["time"], time_s
+    require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
+    doubts = guess_notes(*clock, rows.guessed_unit)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     temperature, told = _temperature(file, measured.get("temperature"), time_s.size)
@@ -178,7 +180,7 @@ def _as_log(
         voltage_V=measured["voltage"],
         temperature_degC=temperature,
         extra={name: column for name, column in table.columns.items() if name not in own},
-        notes=(*table.notes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        notes=(*table.notes, *doubts, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )

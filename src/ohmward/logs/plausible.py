@@ -6,6 +6,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
+from ohmward.logs.note import Note
 
 YEAR_S = 365.25 * 86400.0
 _HOUR_S = 3600.0
@@ -20,10 +21,15 @@ LONGEST_FLOW_GUESSED_H = 60.0
 SHORTEST_S = 5e-5
 #: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
 CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
+#: Longest interval between samples of the wheels of a drive: slower ones show no slip.
+SLOWEST_DRIVE_S = 5.0
+#: From this interval on a guessed unit is worth a warning: twenty milliseconds read as seconds look like a slow logger.
+DOUBTFUL_FROM_S = 10.0
 #: Share of an interval by which loggers are late.
 _JITTER = 0.1
 #: So many intervals tell the usual one.
 _SAMPLES_LOOKED_AT = 10_000
+_ADVICE = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
 
 
 def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool) -> None:
@@ -37,10 +43,8 @@ def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: 
     """
     if time_s.size < 2:
         return
-    some = np.arange(0, time_s.size - 1, -(-time_s.size // _SAMPLES_LOOKED_AT))
-    interval, duration = float(np.median(time_s[some + 1] - time_s[some])), float(time_s[-1] - time_s[0])
-    advice = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
-    what = f"{source}: column {time.name!r}"
+    interval, duration = usual_interval_s(time_s), float(time_s[-1] - time_s[0])
+    advice, what = _ADVICE, f"{source}: column {time.name!r}"
     if duration > LONGEST_S:
         raise InputError(f"{what} gives a log of {duration / YEAR_S:,.0f} years; {advice}")
     if guessed and not _is_interval(interval):
@@ -53,6 +57,40 @@ def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: 
             f"{what} gives a charge of {longest_h * largest:,.4g} Ah one way at {largest:.4g} A at most, "
             f"{longest_h:,.0f} h of it; {advice}"
         )
+
+
+def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
+    """Refuse a drive whose wheels are sampled too seldom by a clock whose unit is a guess.
+
+    time: its column.  time_s: (T,) [s], increasing.  guessed: nothing told the unit of the time.
+
+    Raises:
+        InputError: names the interval and the options that set it right.
+    """
+    if guessed and time_s.size > 1 and not SHORTEST_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S:
+        raise InputError(
+            f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
+            f"{_ADVICE}"
+        )
+
+
+def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, ...]:
+    """A warning where seconds are a guess and the samples lie as far apart as if milliseconds were meant."""
+    if not guessed or time_s.size < 2 or (interval := usual_interval_s(time_s)) < DOUBTFUL_FROM_S:
+        return ()
+    return (
+        Note(
+            f"column {time.name!r} names no unit; as seconds it gives one sample every {interval:.3g} s: if these are "
+            "milliseconds, say --unit time=ms",
+            "warning",
+        ),
+    )
+
+
+def usual_interval_s(time_s: np.ndarray) -> float:
+    """Median of the intervals between samples of a time (T,), T > 1."""
+    some = np.arange(0, time_s.size - 1, -(-time_s.size // _SAMPLES_LOOKED_AT))
+    return float(np.median(time_s[some + 1] - time_s[some]))
 
 
 def _is_interval(seconds: float) -> bool:
