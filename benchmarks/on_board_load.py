@@ -150,7 +150,7 @@ async def run_until_quiet(process: Process) -> None:
 def estimate(folder: str) -> dict[str, object]:
     """Run the process until the sender ends; the figures of its meter."""
     process = assemble(SETUP_FILE.load(f"{folder}/robot.toml"))
-    process.estimation.compile()
+    process.estimation.compile(from_disk=True)
     meter = Meter(Clock(process))
     process.add_sink(meter)
 
@@ -170,6 +170,7 @@ def measure(seconds: float) -> Load:
     with tempfile.TemporaryDirectory() as folder:
         save_battery(generic_battery("lfp", 12.0, 4), f"{folder}/battery.toml")
         Path(f"{folder}/robot.toml").write_text(SETUP.format(folder=folder))
+        assemble(SETUP_FILE.load(f"{folder}/robot.toml")).estimation.compile(from_disk=True)  # a later start
         words = [sys.executable, __file__, "--estimate", folder]
         sender = subprocess.Popen([sys.executable, __file__, "--send", folder, "--seconds", str(seconds)])
         while not Path(f"{folder}/socket").exists():

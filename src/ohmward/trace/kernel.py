@@ -151,7 +151,12 @@ class Kernel:
     @cached_property
     def _live_step(self) -> MachineStep:
         """The same for live samples, from the disk where it is kept there."""
-        return self.machine if self._key is None else kept_steps.kept_step(self._key, lambda: self.machine)
+        if self._key is None:
+            return self.machine
+        # traced for this only: a process that runs for months does not hold the trace
+        return kept_steps.kept_step(
+            self._key, lambda: Kernel(self.function, *self.examples, constants=self.constants).machine
+        )
 
     def _run(self, in_machine_code: Callable[[], T], otherwise: Callable[[], T], worth: bool) -> T:
         """Run in machine code if asked for, or if left open and worth it; warn once where there is none."""
