@@ -45,6 +45,7 @@ BELOW: dict[str, set[str]] = {
         "figures",
     }
     | GROUND,
+    "__main__": {"cli.main"},
 }
 
 #: Modules that load another one by its name: the names of a package, a command, an optional package, and the figures of
