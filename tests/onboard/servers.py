@@ -70,6 +70,10 @@ def mosquitto(folder: Path, *settings: str) -> Iterator[Mosquitto]:
         broker.stop()
 
 
+#: A server that takes longer to start is broken [s].
+START_S = 30.0
+
+
 @contextlib.contextmanager
 def started(
     command: list[str], port: int, log: Path, end: int = signal.SIGKILL, **options: Any
@@ -78,7 +82,7 @@ def started(
     with log.open("ab") as out:
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, **options)
         try:
-            wait_for_port(port, 30.0)
+            wait_for_port(port, START_S)
             yield process
         finally:
             process.send_signal(end)
@@ -149,6 +153,8 @@ def postgresql(folder: Path, port: int) -> Iterator[str]:
     ]
     with started(command, port, folder / "pg.log", end=signal.SIGQUIT, **options):  # at once, with its children
         ready = [program("pg_isready", *places), "-h", "127.0.0.1", "-p", str(port), "-t", "1"]
+        until_s = time.monotonic() + START_S
         while subprocess.run(ready, capture_output=True, check=False).returncode != 0:
+            assert time.monotonic() < until_s, (folder / "pg.log").read_text()
             time.sleep(0.1)
         yield f"host=127.0.0.1 port={port} dbname=postgres user=rover"
