@@ -47,7 +47,7 @@ def test_an_event_is_the_kalman_update_by_soc_itself(method):
         density + 0.5 * np.log(2 * np.pi), abs=1e-9
     )
     assert update.voltage_V == pytest.approx(
-        settings.system.voltage(prior.mean, clean, settings.system.voltage_error(prior, clean))[0]
+        settings.system.voltage(prior.mean, clean, settings.voltage_error(prior, clean))[0]
     )
     assert np.isnan(float(update.voltage_std_V)) and bool(update.accepted) and not bool(update.contradicts)
 

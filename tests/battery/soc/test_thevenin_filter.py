@@ -12,6 +12,7 @@ from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -76,7 +77,7 @@ def peer_step(settings, state, sample):
         return settings.system.next_state(x, clean)
 
     def output(x, P):
-        error = settings.system.voltage_error(Belief(x, P), clean)
+        error = settings.voltage_error(Belief(x, P), clean)
         return lambda x: settings.system.voltage(x, clean, error), np.array([[float(error.variance * error.weight)]])
 
     if settings.method == "ekf":
@@ -258,3 +259,28 @@ def test_names_of_the_belief():
 def test_refuses(settings, message):
     with pytest.raises(InputError, match=message):
         TheveninFilter(NMC, **settings)
+
+
+PARABOLA = replace(STRAIGHT, ocv=OcvCurve(tuple(3.0 + 0.5 * np.linspace(0.0, 1.0, 201) ** 2)))
+JAGGED_V = PARABOLA.ocv.voltage_V + 1e-3 * (np.arange(201) % 2)
+UNEVEN = replace(STRAIGHT, ocv=OcvCurve(tuple(np.maximum.accumulate(JAGGED_V))))
+
+
+def test_the_tangent_of_a_parabola_leaves_out_what_a_second_order_filter_adds():
+    mean_V, variance_V2 = tangent_error(PARABOLA, 0.05)
+    assert mean_V == pytest.approx(0.5 * 1.0 * 0.05**2, rel=1e-3)
+    assert variance_V2 == pytest.approx(2.0 * mean_V**2, rel=1e-3)
+    assert tangent_error(STRAIGHT, 0.05) == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_unevenness_of_a_measured_curve_is_no_curvature():
+    """A millivolt up and down from point to point has a second derivative of tens of volts."""
+    slope = 0.5  # of the smooth curve
+    assert tangent_error(UNEVEN, 0.05, slope)[0] == pytest.approx(tangent_error(PARABOLA, 0.05, slope)[0], abs=1e-3)
+
+
+def tangent_error(model, std, slope=None):
+    system = TheveninFilter(model, PLAIN).system
+    u, circuit = CircuitInput(0.0, 25.0), np.zeros(model.pairs + 2)
+    slope = float(system.ocv_slope(np.array([0.5]), circuit, u)[0]) if slope is None else slope
+    return tuple(map(float, system.tangent_error(0.5, slope, std, circuit, u)))

@@ -60,12 +60,14 @@ from ohmward.trace.expression import Scalar
 #: Standard deviation [V] that an RC voltage has at the start at least, so that no variance is zero: far below a sensor.
 LEAST_PAIR_STD_V = 1e-5
 
-#: The curvature is taken at least this far inside the ends of the curve, which goes on there as a straight line.
+#: The tangent is taken at least this far inside the ends of the curve, which goes on there as a straight line.
 END_MARGIN = 0.01
 
-#: The curve bends alike over this SoC at most: a wider belief sees no more of its bend, and an unknown SoC would let no
-#: voltage in.
-BEND_STD = 0.1
+#: The tangent is judged over a SoC of this standard deviation at most, and by the steep ends of the curve, this much of
+#: SoC, only where a belief of the standard deviation `END_STD` reaches them: an unknown SoC would let no voltage in.
+TANGENT_STD = 0.2
+STEEP_END = 0.1
+END_STD = 0.1
 
 #: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
 RESISTANCE_CORRELATION = 0.7
@@ -121,12 +123,14 @@ class VoltageError(NamedTuple):
     variance: of all else [V^2].
     weight: factor of that variance in R, because errors hold on from sample to sample.
     uncertain_V2: part of both by the errors of axis and overpotential [V^2].
+    tangent_V: mean of what the tangent of the curve leaves out [V].
     """
 
     model_std_V: Scalar
     variance: Scalar
     weight: Scalar
     uncertain_V2: Scalar = 0.0
+    tangent_V: Scalar = 0.0
 
 
 @dataclass(frozen=True)
@@ -219,7 +223,8 @@ class AugmentedThevenin:
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
         _, *v, h = state.circuit
         circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
-        return voltage(circuit, u, self.model, state.ohmic(self.coldness(u))) + error.model_std_V * state.model_error
+        circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
+        return circuit_V + error.model_std_V * state.model_error + error.tangent_V
 
     def resistance_ratio(self, state: AugmentedState) -> Scalar:
         """Resistance to a steady current over that of the file, at the temperature of the file."""
@@ -284,8 +289,9 @@ class AugmentedThevenin:
         u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
         soc = state.circuit[SOC]
         inside = np.array([clip(self.curve_soc(state), END_MARGIN, 1 - END_MARGIN)])
-        slope, curvature = linearize(lambda s: self.ocv_slope(s, state.circuit, u), inside)
-        curvature_V = curvature[0, 0] * minimum(prior.cov[SOC, SOC], BEND_STD**2)
+        slope = self.ocv_slope(inside, state.circuit, u)
+        std = minimum(np.sqrt(prior.cov[SOC, SOC]), TANGENT_STD)
+        tangent_V, tangent_V2 = self.tangent_error(inside[0], slope[0], std, state.circuit, u)
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
@@ -293,13 +299,27 @@ class AugmentedThevenin:
         ocv_V = noise.ocv_std_V_per_K * (u.temperature_degC - self.model.ocv.reference_degC)
         return VoltageError(
             model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + uncertain_V2 + ocv_V * ocv_V),
-            variance=noise.voltage_std_V**2
-            + uncertain_V2
-            + 0.5 * curvature_V * curvature_V
-            + unmeasured_V * unmeasured_V,
+            variance=noise.voltage_std_V**2 + uncertain_V2 + tangent_V2 + unmeasured_V * unmeasured_V,
             weight=noise.samples_per_error(clean.dt_s),
             uncertain_V2=uncertain_V2,
+            tangent_V=tangent_V,
         )
+
+    def tangent_error(
+        self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput
+    ) -> tuple[Scalar, Scalar]:
+        """Mean [V] and variance [V^2] of what the tangent of the open-circuit voltage leaves out over a normal SoC.
+
+        By the points of Gauss and Hermite, sqrt(3) sigma away: derivatives would take the unevenness of a measured
+        curve for its shape.
+        """
+        away, near = math.sqrt(3.0) * std, math.sqrt(3.0) * minimum(std, END_STD)
+        low = maximum(soc - away, minimum(soc - near, STEEP_END))
+        high = minimum(soc + away, maximum(soc + near, 1.0 - STEEP_END))
+        low_V, middle_V, high_V = (open_circuit(np.array([s, *circuit[1:]]), u, self.model) for s in (low, soc, high))
+        above_V, below_V = high_V - middle_V - slope * (high - soc), low_V - middle_V - slope * (low - soc)
+        mean_V = (above_V + below_V) / 6.0
+        return mean_V, (above_V * above_V + below_V * below_V) / 6.0 - mean_V * mean_V
 
     def overpotentials(self, state: AugmentedState, u: CircuitInput) -> list[Any]:
         """Overpotentials [V] in this state: of the RC pairs, then the ohmic drop."""

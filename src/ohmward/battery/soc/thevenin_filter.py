@@ -285,7 +285,7 @@ class TheveninFilter:
         Charger and protection define full and empty, so that these pass every gate.
         """
         system, told = self.system, event.tells_soc
-        error = system.voltage_error(prior, clean)
+        error = self.voltage_error(prior, clean)
         error = choose(told, error._replace(variance=event.std * event.std, weight=1.0), error)
         R = np.array([[error.variance * error.weight]])
         R = R + where(told, 0.0, state.noise.residual[0, 0]) if self.matching else R
@@ -309,6 +309,11 @@ class TheveninFilter:
             R=R[0, 0],
             error=error,
         )
+
+    def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
+        """Errors of the voltage; sigma points see for themselves what a tangent leaves out of its mean."""
+        error = self.system.voltage_error(prior, clean)
+        return error._replace(tangent_V=0.0) if self.method == "ukf" else error
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
         """True where the voltage contradicts the belief beyond the variance of an error that holds on.
