@@ -1,6 +1,11 @@
 """`ohmward fleet` by hand."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -55,3 +60,21 @@ def test_refusals_write_nothing(folder, capsys, options, message):
     assert main(command) == 2
     assert message in capsys.readouterr().err
     assert not (folder / "out").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no signal to a group of processes")
+def test_an_interrupt_ends_all_processes_without_a_traceback(folder):
+    """As a terminal sends it: to the program and its processes, while these begin."""
+    log = (folder / "logs" / "robot0.csv").read_text()
+    for k in range(200):
+        (folder / "logs" / f"more{k}.csv").write_text(log)
+    words = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml"), "--processes", "2"]
+    command = [sys.executable, "-m", "ohmward", *words, "-o", str(folder / "out")]
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    while not (folder / "out" / "progress.jsonl").exists():
+        assert run.poll() is None
+        time.sleep(0.01)
+    time.sleep(0.3)
+    os.killpg(run.pid, signal.SIGINT)
+    _, said = run.communicate(timeout=30)
+    assert run.returncode == 130 and "Traceback" not in said

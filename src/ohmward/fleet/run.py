@@ -11,9 +11,11 @@ import csv
 import json
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -94,13 +96,34 @@ def _one_thread() -> None:
 
 def _side_by_side(job: FleetJob, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch from a pool of processes."""
-    waiting = iter(batches)
+    waiting, others = iter(batches), set(multiprocessing.active_children())
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
-        under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(waiting, 2 * processes)}
-        while under_way:
-            finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-            under_way |= {pool.submit(job.run, batch) for batch in islice(waiting, len(finished))}
-            yield from (future.result() for future in finished)
+        try:
+            with _interrupts_held():
+                under_way: set[Future] = {pool.submit(job.run, batch) for batch in islice(waiting, 2 * processes)}
+            while under_way:
+                finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                with _interrupts_held():
+                    under_way |= {pool.submit(job.run, batch) for batch in islice(waiting, len(finished))}
+                yield from (future.result() for future in finished)
+        except (KeyboardInterrupt, GeneratorExit):
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Processes that begin meanwhile never see an interrupt, whose traceback each of them would print."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def run_fleet(
