@@ -32,3 +32,9 @@ def test_a_battery_file_names_the_key(key):
     lines = [f"{key} = 1e298" if line.startswith(f"{key} = ") else line for line in text.split("\n")]
     with pytest.raises(InputError, match=f"{key} must be between .*, got 1e.298; correct it"):
         BATTERY_FILE.parse("\n".join(lines))
+
+
+@pytest.mark.parametrize("place", ["thevenin.tau_s", "noise.overpotential_share"])
+def test_a_number_too_long_for_a_float_is_refused(place):
+    with pytest.raises(InputError, match=f"{place} must be below 1.8e\\+308, got a longer number"):
+        require_credible(place, [1.0, 10**400])

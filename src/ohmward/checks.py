@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -88,10 +89,10 @@ def require_credible(place: str, value: Any) -> None:
     place: of the value, its key with its unit last, "thevenin.tau_s".  value: a number, or lists of numbers.
     """
     largest = next((size for end, size in LARGEST.items() if place.endswith(end)), None)
-    if largest is None:
-        return
     for number in _numbers(value):
-        if largest < abs(number) < float("inf"):
+        if isinstance(number, int) and abs(number) > sys.float_info.max:
+            raise InputError(f"{place} must be below {sys.float_info.max:.2g}, got a longer number; correct it")
+        if largest is not None and largest < abs(number) < float("inf"):
             raise InputError(f"{place} must be between {-largest:g} and {largest:g}, got {number:g}; correct it")
 
 
