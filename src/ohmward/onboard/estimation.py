@@ -12,8 +12,8 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.sample import SocEstimate
-from ohmward.battery.soc.told_soc import can_be_told
+from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.told_soc import can_be_told, soc_after_absence
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
@@ -33,9 +33,6 @@ FULL, CELL = "battery_full", "cell_voltage_V"
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
 
-
-#: The charge of before an absence is wrong where it is so many standard deviations from that by the voltage.
-CONTRADICTS = 3.0
 
 _NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
 
@@ -178,7 +175,7 @@ class Estimation:
         if math.isfinite(current_A):
             self.last_current_A = current_A
         if self.last_charge and math.isfinite(voltage_V):
-            charge = self._with_last_charge(self.last_charge, charge)
+            charge = self._with_last_charge(self.last_charge, charge, current_A, voltage_V)
             self.last_charge = None
         reach = None
         if self.range:
@@ -190,11 +187,15 @@ class Estimation:
         measured, self._beside = {**sample.values, **self._beside}, {}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
 
-    def _with_last_charge(self, before: SocNormal, charge: SocEstimate) -> SocEstimate:
+    def _with_last_charge(
+        self, before: SocNormal, charge: SocEstimate, current_A: float, voltage_V: float
+    ) -> SocEstimate:
         """The estimate with the charge before an absence, unless the voltage contradicts it."""
         assert self.soc is not None
-        differs = abs(before.soc - charge.soc) > CONTRADICTS * math.hypot(before.std, charge.soc_std)
-        return charge if differs or not can_be_told(self.soc.settings) else self.soc.tell_soc(*before)
+        if not can_be_told(self.soc.settings):
+            return charge
+        sample = SocSample(0.0, current_A, voltage_V, self._temperature_degC)
+        return self.soc.tell_soc(*soc_after_absence(self.soc.settings, sample, before))
 
     def _update_cells(self, sample: MeanSample) -> None:
         """The estimate of every cell, which begins where the pack's stands."""

@@ -16,8 +16,10 @@ import numpy as np
 
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
+from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
-from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import LEAST_CHARGE_GAIN, FilterState, TheveninFilter, forget_soc
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
@@ -33,6 +35,17 @@ def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
     """State of charge where a charger says full, its width by chemistry."""
     filter_ = settings.member if isinstance(settings, GaussianSumFilter) else settings
     return SocNormal(1.0, filter_.anchor_rule.full_std)
+
+
+def soc_after_absence(settings: TheveninFilter | GaussianSumFilter, sample: SocSample, before: SocNormal) -> SocNormal:
+    """SoC at the first sample after an absence, from its voltage and from what was known before.
+
+    A value that the voltage contradicts is overruled, as at every start.
+    """
+    filter_ = settings.member if isinstance(settings, GaussianSumFilter) else settings
+    u = first_input(sample, filter_.limits.current_A)
+    start = initial_soc(sample.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, *before)
+    return SocNormal(start.soc, start.std)
 
 
 def tell_soc(settings: Any, state: Any, estimate: SocEstimate, told: SocNormal) -> tuple[Any, SocEstimate]:
