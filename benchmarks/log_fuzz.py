@@ -11,6 +11,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -51,15 +52,16 @@ def run(files: int, seed: int) -> Counter[str]:
         return Counter(map(outcome, damaged(Path(folder), np.random.default_rng(seed), files)))
 
 
-def main(words: list[str]) -> int:
+def fuzz(words: list[str], what: str, run: Callable[[int, int], Counter[str]]) -> int:
+    """Run with the number of files and the seed of the command line, and tell; 1 where an error should not be."""
     files, seed = (int(word) for word in (*words, *(str(n) for n in (FILES, SEED)[len(words) :])))
     began = time.perf_counter()
     counts = run(files, seed)
-    print(f"{files:,} damaged logs in {time.perf_counter() - began:.0f} s")
-    for what, count in counts.most_common():
-        print(f"{count:8,} {what}")
+    print(f"{files:,} damaged {what} in {time.perf_counter() - began:.0f} s")
+    for outcome, count in counts.most_common():
+        print(f"{count:8,} {outcome}")
     return int(bool(set(counts) - {"read", "refused"}))
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(fuzz(sys.argv[1:], "logs", run))

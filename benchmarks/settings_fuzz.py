@@ -10,7 +10,6 @@ from __future__ import annotations
 import random
 import re
 import sys
-import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from log_fuzz import fuzz
 from ohmward import Battery, Log, SocEstimator, generic_battery, load_battery, save_battery
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.errors import OhmwardError
@@ -28,7 +28,6 @@ from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.terrain.file import Floors, load_floors, save_floors
 from ohmward.traction.terrain.floor import Floor
 
-FILES, SEED = 100_000, 1
 #: One accepted file in so many is used; for a battery a step is traced.
 USED = 20
 NUMBERS = ("nan", "inf", "-inf", "0", "-1", "1e308", "-1e308", "1e-308", "1e400", "9" * 400, "true", '"12"', "[]", "{}")
@@ -107,19 +106,16 @@ def outcome(kind: Kind, path: Path, text: str, use: bool) -> str:
     return "read"
 
 
-def main(words: list[str]) -> int:
-    files, seed = (int(word) for word in (*words, *(str(n) for n in (FILES, SEED)[len(words) :])))
-    began, counts, rng = time.perf_counter(), Counter[str](), random.Random(seed)
+def run(files: int, seed: int) -> Counter[str]:
+    """Number of files with each outcome."""
+    counts, rng = Counter[str](), random.Random(seed)
     with TemporaryDirectory() as folder:
         good = kinds(Path(folder))
         for _ in range(files):
             kind = rng.choice(good)
             counts[outcome(kind, Path(folder) / "file.toml", damaged(kind.text, rng), counts["read"] % USED == 0)] += 1
-    print(f"{files:,} damaged files in {time.perf_counter() - began:.0f} s")
-    for what, count in counts.most_common():
-        print(f"{count:8,} {what}")
-    return int(set(counts) > {"read", "refused"})
+    return counts
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(fuzz(sys.argv[1:], "files", run))

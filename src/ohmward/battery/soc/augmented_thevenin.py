@@ -290,7 +290,7 @@ class AugmentedThevenin:
         soc = state.circuit[SOC]
         inside = np.array([clip(self.curve_soc(state), END_MARGIN, 1 - END_MARGIN)])
         slope = self.ocv_slope(inside, state.circuit, u)
-        std = minimum(np.sqrt(prior.cov[SOC, SOC]), TANGENT_STD)
+        std = minimum(np.sqrt(maximum(prior.cov[SOC, SOC], 0.0)), TANGENT_STD)
         tangent_V, tangent_V2 = self.tangent_error(inside[0], slope[0], std, state.circuit, u)
         over_V2 = sum(v * v for v in self.overpotentials(state, u))  # they may cancel, their errors do not
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2

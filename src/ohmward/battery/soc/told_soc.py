@@ -33,8 +33,7 @@ def can_be_told(settings: Any) -> bool:
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
     """State of charge where a charger says full, its width by chemistry."""
-    filter_ = settings.member if isinstance(settings, GaussianSumFilter) else settings
-    return SocNormal(1.0, filter_.anchor_rule.full_std)
+    return SocNormal(1.0, _single(settings).anchor_rule.full_std)
 
 
 def soc_after_absence(settings: TheveninFilter | GaussianSumFilter, sample: SocSample, before: SocNormal) -> SocNormal:
@@ -42,10 +41,15 @@ def soc_after_absence(settings: TheveninFilter | GaussianSumFilter, sample: SocS
 
     A value that the voltage contradicts is overruled, as at every start.
     """
-    filter_ = settings.member if isinstance(settings, GaussianSumFilter) else settings
+    filter_ = _single(settings)
     u = first_input(sample, filter_.limits.current_A)
     start = initial_soc(sample.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, *before)
     return SocNormal(start.soc, start.std)
+
+
+def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
+    """The filter, of a sum that of every hypothesis."""
+    return settings.member if isinstance(settings, GaussianSumFilter) else settings
 
 
 def tell_soc(settings: Any, state: Any, estimate: SocEstimate, told: SocNormal) -> tuple[Any, SocEstimate]:

@@ -58,6 +58,8 @@ class Tuning(NamedTuple):
         file's noise and with the tuned.
     over_last: root mean square of the innovations over that of the steps from one voltage to the next.
     gain: of ln of the likelihood.
+    innovations: of each log, (T, 2) in their standard deviations with the file's noise and with the tuned; nan where
+        there was no voltage.
     """
 
     battery: Battery
@@ -67,6 +69,7 @@ class Tuning(NamedTuple):
     excess: float
     over_last: float
     gain: float
+    innovations: tuple[np.ndarray, ...]
 
     @property
     def explains(self) -> bool:
@@ -92,8 +95,8 @@ def tune_noise(
     """
     require_thevenin(battery)
     likelihood = Likelihood(NoiseModel(battery), logs, initial_soc or {})
-    nothing = np.zeros((1, len(FACTORS)))
-    voltages = sum(int(np.isfinite(likelihood.scored(log, nothing).innovation).sum()) for log in logs)
+    scored_before = [likelihood.scored(log, np.zeros((1, len(FACTORS)))) for log in logs]
+    voltages = sum(int(np.isfinite(one.innovation).sum()) for one in scored_before)
     if voltages < LEAST_VOLTAGES:
         raise InputError(
             f"only {voltages} samples of the logs have a current and a voltage that this battery can have, at least "
@@ -102,16 +105,18 @@ def tune_noise(
     found = maximum(likelihood, progress)
     factors = tuple(_judged(k, found, battery, logs) for k in range(len(FACTORS)))
     log_factors = np.array([0.0 if one.refused else math.log(one.factor) for one in factors])
-    scored = [likelihood.scored(log, np.vstack([np.zeros(len(FACTORS)), log_factors])) for log in logs]
-    before, after = np.sum([one.log_density.sum(axis=0) for one in scored], axis=0)
-    excess_before, excess = np.sqrt(np.nanmean(np.concatenate([one.innovation**2 for one in scored]), axis=0))
-    soc = np.concatenate([one.soc[:, 1] for one in scored])
-    innovation_V = np.concatenate([one.innovation_V[:, 1] for one in scored])
+    scored = [likelihood.scored(log, log_factors[None]) for log in logs]
+    before, after = (sum(float(one.log_density.sum()) for one in of) for of in (scored_before, scored))
+    innovations = tuple(np.hstack([a.innovation, b.innovation]) for a, b in zip(scored_before, scored, strict=True))
+    excess_before, excess = np.sqrt(np.nanmean(np.concatenate(innovations) ** 2, axis=0))
+    soc, innovation_V = (
+        np.concatenate(of) for of in zip(*((one.soc, one.innovation_V) for one in scored), strict=True)
+    )
     noise = with_factors(battery.noise, np.exp(log_factors))
     noise = replace(noise, model_std_V=_within(battery.noise, noise, soc.min(), soc.max()))
     tuned = replace(battery, noise=noise)
     over_last = _rms(innovation_V) / _step_V(logs)
-    return Tuning(tuned, factors, voltages, float(excess_before), float(excess), over_last, float(after - before))
+    return Tuning(tuned, factors, voltages, float(excess_before), float(excess), over_last, after - before, innovations)
 
 
 def _rms(values: np.ndarray) -> float:
@@ -147,9 +152,9 @@ def _judged(k: int, found: Maximum, battery: Battery, logs: Sequence[Log]) -> Tu
         return factor._replace(refused=f"its 95 % interval is wider than a factor {WIDEST_INTERVAL:g} to either side")
     if name == "voltage":
         return _resolved(factor, battery, logs)
-    if swept_soc(battery, logs) < LEAST_SWEEP:
+    if (swept := swept_soc(battery, logs)) < LEAST_SWEEP:
         return factor._replace(
-            refused=f"the charge moves by {100 * swept_soc(battery, logs):.1f} % only; errors that come with current "
+            refused=f"the charge moves by {100 * swept:.1f} % only; errors that come with current "
             f"and charge need at least {100 * LEAST_SWEEP:.0f} %"
         )
     return factor

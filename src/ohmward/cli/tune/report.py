@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.tuning.likelihood import Likelihood
-from ohmward.battery.tuning.noise_model import FACTORS, NoiseModel
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.tune.result import HEADER, NOT_TOLD, TuneTask, ending, factor_rows, innovations, title
 from ohmward.figures.parts import wall_clock
@@ -22,11 +20,7 @@ def make_page(task: TuneTask, figures: Mapping[str, Any]) -> Page:
     page = page.callout("info" if figures["explains"] else "warning", innovations(figures))
     page = page.table(HEADER, factor_rows(figures), "With 95 % intervals")
     page = page.callout("info", f"{NOT_TOLD}\n\n{ending(figures)}")
-    likelihood = Likelihood(NoiseModel(task.battery), task.logs, {})
-    log_factors = [0.0 if one.refused else np.log(one.factor) for one in task.tuning.factors]
-    both = np.vstack([np.zeros(len(FACTORS)), log_factors])
-    for log in task.logs:
-        found = likelihood.scored(log, both).innovation
+    for log, found in zip(task.logs, task.tuning.innovations, strict=True):
         page = page.heading(log.name).plot(
             _innovations(log.time_s, found[:, 0], "With the noise of the file"),
             _innovations(log.time_s, found[:, 1], "With the tuned noise"),
