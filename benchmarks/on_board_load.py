@@ -147,10 +147,16 @@ async def run_until_quiet(process: Process) -> None:
     await running
 
 
-def estimate(folder: str) -> dict[str, object]:
-    """Run the process until the sender ends; the figures of its meter."""
+def start(folder: str) -> Process:
+    """The process, with its steps in machine code."""
     process = assemble(SETUP_FILE.load(f"{folder}/robot.toml"))
     process.estimation.compile(from_disk=True)
+    return process
+
+
+def estimate(folder: str) -> dict[str, object]:
+    """Run the process until the sender ends; the figures of its meter."""
+    process = start(folder)
     meter = Meter(Clock(process))
     process.add_sink(meter)
 
@@ -166,17 +172,20 @@ def estimate(folder: str) -> dict[str, object]:
 
 
 def measure(seconds: float) -> Load:
-    """Run both processes."""
+    """Run the processes: a first start that compiles, the sender, the estimators."""
     with tempfile.TemporaryDirectory() as folder:
         save_battery(generic_battery("lfp", 12.0, 4), f"{folder}/battery.toml")
         Path(f"{folder}/robot.toml").write_text(SETUP.format(folder=folder))
-        assemble(SETUP_FILE.load(f"{folder}/robot.toml")).estimation.compile(from_disk=True)  # a later start
-        words = [sys.executable, __file__, "--estimate", folder]
-        sender = subprocess.Popen([sys.executable, __file__, "--send", folder, "--seconds", str(seconds)])
-        while not Path(f"{folder}/socket").exists():
-            time.sleep(0.05)
-        found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout)
-        sender.wait()
+        script = [sys.executable, __file__]
+        subprocess.run([*script, "--first-start", folder], check=True)  # measured is a later one
+        with subprocess.Popen([*script, "--send", folder, "--seconds", str(seconds)]) as sender:
+            try:
+                while not Path(f"{folder}/socket").exists():
+                    time.sleep(0.05)
+                run = subprocess.run([*script, "--estimate", folder], stdout=subprocess.PIPE, check=True)
+            finally:
+                sender.terminate()
+        found = json.loads(run.stdout)
     return Load(sent=round(seconds * WHEELS_HZ), **found | {"memory_MB": np.array(found["memory_MB"])})
 
 
@@ -184,10 +193,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--send", metavar="FOLDER", help=argparse.SUPPRESS)
+    parser.add_argument("--first-start", metavar="FOLDER", help=argparse.SUPPRESS)
     parser.add_argument("--estimate", metavar="FOLDER", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.send:
         send(f"{args.send}/socket", args.seconds)
+    elif args.first_start:
+        start(args.first_start)
     elif args.estimate:
         print(json.dumps(estimate(args.estimate)))
     else:
