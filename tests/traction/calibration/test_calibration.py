@@ -102,9 +102,30 @@ def test_a_floor_is_learnt_within_its_own_band():
     assert floor.drives == 12
 
 
+def test_how_slip_goes_with_direction_and_speed_is_learnt():
+    truth = replace(SOFT, across=0.6, side=-0.15, speed_power=-0.1, slowest_m_s=0.06, fastest_m_s=0.24)
+    floor = learn_floor("soft", around(truth, np.random.default_rng(8), (0.06, 0.12, 0.24)), OMNI)
+    assert abs(np.log(floor.across / 0.6)) < 3 * floor.across_std < 0.3
+    assert abs(floor.side + 0.15) < 3 * floor.side_std < 0.1
+    assert abs(floor.speed_power + 0.1) < 3 * floor.speed_power_std < 0.1
+    assert abs(np.log(floor.stiffness / SOFT.stiffness)) < 3 * floor.stiffness_std
+    assert floor.slowest_m_s == pytest.approx(0.06, rel=0.05)
+    assert floor.fastest_m_s == pytest.approx(0.24, rel=0.05)
+    plain = learn_floor("soft", around(SOFT, np.random.default_rng(8), (0.06, 0.12, 0.24)), OMNI)
+    assert abs(plain.side) < 3 * plain.side_std
+    assert abs(plain.speed_power) < 3 * plain.speed_power_std
+    assert floor.slip_std < 0.02
+
+
+def test_drives_at_one_speed_leave_the_speed_to_the_prior():
+    floor = learn_floor("soft", around(SOFT, np.random.default_rng(4)), OMNI)
+    assert floor.speed_power_std == pytest.approx(0.1, rel=0.1)
+
+
 def test_a_floor_on_which_nothing_slips_keeps_what_is_believed_of_friction():
     floor = learn_floor("smooth", around(SMOOTH, np.random.default_rng(6)), OMNI)
     assert floor.friction_std == pytest.approx(0.5, abs=0.05)
+    assert floor.across <= 1.0
 
 
 def test_radius_motor_and_floor_of_a_robot_with_two_driven_wheels_come_out(straight):

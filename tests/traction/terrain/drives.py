@@ -33,6 +33,8 @@ def on_floors(floors: tuple[Floor, ...], method: str = "ukf", told: bool = False
 def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Motion (3,) of the body and forces (3,) on the wheels, floor by wheel, while the rims move so."""
     G, load = robot.rolling, np.array(robot.wheel_load_N)
+    along, across = G @ rim, robot.sideways @ rim
+    factor = np.array([direction_and_speed(*of, np.hypot(*rim[:2])) for of in zip(floors, along, across, strict=True)])
     motion = rim.copy()
     for _ in range(200):
         push = np.zeros(3)
@@ -49,8 +51,16 @@ def steady(robot: Robot, floors: list[Floor], rim: np.ndarray) -> tuple[np.ndarr
             -np.sign(f) * np.log(1 - min(abs(f) / (m * n), 0.999)) * m / c
             for f, n, m, c in zip(F, load, [x.friction for x in floors], [x.stiffness for x in floors], strict=True)
         ]
-        motion = 0.5 * motion + 0.5 * (rim - np.linalg.solve(G, np.clip(slip, -1, 1)) * np.hypot(rim[0], rim[1]))
+        lost = np.linalg.solve(G, factor * np.clip(slip, -1, 1)) * np.hypot(rim[0], rim[1])
+        motion = 0.5 * motion + 0.5 * (rim - lost)
     return motion, F
+
+
+def direction_and_speed(floor: Floor, along: float, across: float, speed: float) -> float:
+    """Slip of a wheel over that of one that rolls straight ahead at the middle speed."""
+    size, middle = max(np.hypot(along, across), 1e-9), np.sqrt(floor.slowest_m_s * floor.fastest_m_s)
+    turned = np.hypot(along, floor.across * across) / size * (1 + floor.side * across / size)
+    return turned * (np.clip(speed, floor.slowest_m_s, floor.fastest_m_s) / middle) ** -floor.speed_power
 
 
 def omni_drive(

@@ -16,6 +16,7 @@ from ohmward.traction.terrain.floor import (
     like,
     slip_at_force,
     slip_belief,
+    slip_scale,
     slips_of_floors,
     unseen_floor,
 )
@@ -57,6 +58,59 @@ def test_the_belief_of_an_uncertain_floor_is_that_of_many_floors_drawn_from_it()
     np.testing.assert_allclose(belief.cov - floor.slip_std**2 * np.eye(3), np.cov(drawn.T), atol=2e-4)
 
 
+LOPSIDED = replace(SOFT, across=0.5, side=-0.15, speed_power=-0.1, slowest_m_s=0.05, fastest_m_s=0.2)
+
+
+@pytest.mark.parametrize(
+    ("along", "to_left", "speed", "factor"),
+    [
+        (0.1, 0.0, 0.1, 1.0),  # ahead at the middle speed
+        (0.0, 0.1, 0.1, 0.5 * 0.85),
+        (0.0, -0.1, 0.1, 0.5 * 1.15),
+        (0.2, 0.0, 0.2, 2.0**0.1),
+        (3.0, 0.0, 3.0, 2.0**0.1),  # as at the fastest that is known
+        (0.03, -0.04, 0.05, np.hypot(0.6, 0.4) * (1 + 0.15 * 0.8) * 0.5**0.1),
+    ],
+)
+def test_the_slip_goes_with_direction_and_speed(along, to_left, speed, factor):
+    scale = slip_scale(LOPSIDED, np.array([along]), np.array([to_left]), np.array([speed]))
+    assert scale.factor == pytest.approx(factor, rel=1e-4)
+    belief, plain = (slip_belief(LOPSIDED, np.array([0.3]), np.zeros(1), *of) for of in ([scale], []))
+    assert belief.mean == pytest.approx(factor * plain.mean, rel=1e-4)
+
+
+def test_a_plain_floor_slips_alike_in_all_directions_and_at_all_speeds():
+    scale = slip_scale(SOFT, np.array([0.1, 0.0, -2.0]), np.array([0.3, 0.1, 0.0]), np.array([2.0]))
+    np.testing.assert_allclose(scale.factor, 1.0, rtol=1e-12)
+    np.testing.assert_array_equal([std.max() for std in scale.std], 0.0)
+
+
+def test_what_is_unsure_of_direction_and_speed_is_common_to_all_wheels():
+    rng, share = np.random.default_rng(2), np.array([0.2, 0.3, -0.25])
+    sure = replace(LOPSIDED, friction_std=1e-9, stiffness_std=1e-9, slip_std=0.0)
+    unsure = replace(sure, across_std=0.05, side_std=0.03, speed_power_std=0.1)
+    moved = np.array([0.1, 0.05, -0.1]), np.array([0.03, -0.1, 0.02]), np.array([0.15])
+    normal = rng.normal(size=(20_000, 3))
+    drawn = [
+        slip_belief(f, share, np.zeros(3), slip_scale(f, *moved)).mean
+        for f in (
+            replace(sure, across=0.5 * np.exp(0.05 * x), side=-0.15 + 0.03 * y, speed_power=-0.1 + 0.1 * z)
+            for x, y, z in normal
+        )
+    ]
+    found = slip_belief(unsure, share, np.zeros(3), slip_scale(unsure, *moved)).cov
+    np.testing.assert_allclose(found, np.cov(np.array(drawn).T), rtol=0.05, atol=1e-7)
+
+
+def test_beyond_the_speeds_of_its_drives_a_floor_is_less_sure():
+    stds = [
+        slip_scale(LOPSIDED, np.array([v]), np.zeros(1), np.array([v])).std[2].item() for v in (0.02, 0.05, 0.2, 0.8)
+    ]
+    assert stds[1] == stds[2] == 0.0
+    assert stds[0] == pytest.approx(0.1 * np.log(0.05 / 0.02))
+    assert stds[3] == pytest.approx(0.1 * np.log(4.0))
+
+
 def test_an_uncertain_force_counts_by_the_slope_of_the_law():
     sure = replace(SOFT, friction_std=1e-9, stiffness_std=1e-9, slip_std=0.0)
     belief = slip_belief(sure, np.array([0.0]), np.array([0.01]))
@@ -85,6 +139,12 @@ def test_impossible_floors_are_refused(tmp_path):
         replace(SOFT, stiffness=-1.0)
     with pytest.raises(InputError, match=r"floor.correlation must be between -1 and 1, got 1"):
         replace(SOFT, correlation=1.0)
+    with pytest.raises(InputError, match=r"floor.side must be between -1 and 1, got -1"):
+        replace(SOFT, side=-1.0)
+    with pytest.raises(InputError, match=r"floor.speed_power must be between -1 and 1, got nan"):
+        replace(SOFT, speed_power=np.nan)
+    with pytest.raises(InputError, match=r"floor.slowest_m_s must not be above floor.fastest_m_s, got 0.3 and 0.2"):
+        replace(SOFT, slowest_m_s=0.3, fastest_m_s=0.2)
     with pytest.raises(InputError, match="'soft' comes twice"):
         Floors("robot", (SOFT, SOFT))
     (tmp_path / "f.toml").write_text('format = "ohmward-floors/1"\nrobot = "r"\n[[floor]]\nname = "x"\nstifness = 3\n')

@@ -1,12 +1,15 @@
 """The curves of a step against the rule that they stand for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction.terrain.floor import slip_belief, unseen_floor
+from ohmward.traction.terrain.demand import travel_speed, wheel_motion
+from ohmward.traction.terrain.floor import slip_belief, slip_scale, unseen_floor
 from ohmward.traction.terrain.slip_curves import MOST, SlipCurves
-from traction.terrain.drives import SMOOTH, SOFT
+from traction.terrain.drives import OMNI, SMOOTH, SOFT
 
 FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": unseen_floor((SMOOTH, SOFT))}
 #: Largest error of mean, sigma and covariance. Where friction is unknown the law lets go at each node of the rule, in
@@ -30,10 +33,19 @@ def test_slip_is_odd_and_ends_where_no_floor_gives_more():
     forth, back = (curves.belief(sign * np.array([0.3, 0.1, 5.0]), np.full(3, 0.02)) for sign in (1, -1))
     np.testing.assert_array_equal(forth.mean, -back.mean)
     np.testing.assert_allclose(forth.cov, back.cov, rtol=1e-12)
-    assert forth.mean[2] == curves.mean(MOST) == pytest.approx(1.0)
+    assert forth.mean[2] == pytest.approx(curves.mean(MOST)) == 1.0
 
 
 def test_traced_it_is_the_same():
-    curves, share, std = SlipCurves(SOFT), np.array([0.3, -0.2, 0.6]), np.array([0.02, 0.03, 0.04])
-    for found, expected in zip(Kernel(curves.belief, share, std)(share, std), curves.belief(share, std), strict=True):
+    floor = replace(SOFT, across=0.6, across_std=0.1, side=-0.2, side_std=0.05, speed_power=0.1, speed_power_std=0.02)
+    curves = SlipCurves(floor)
+
+    def belief(share, std, rim):
+        scale = slip_scale(floor, *wheel_motion(OMNI, rim), travel_speed(rim))
+        return curves.belief(share, std, scale)
+
+    at = np.array([0.3, -0.2, 0.6]), np.array([0.02, 0.03, 0.04]), np.array([0.2, -0.1, 0.3])
+    rule = slip_belief(floor, *at[:2], slip_scale(floor, *wheel_motion(OMNI, at[2]), travel_speed(at[2])))
+    for found, expected, curve in zip(Kernel(belief, *at)(*at), belief(*at), rule, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12)
+        np.testing.assert_allclose(found, curve, atol=1e-4)

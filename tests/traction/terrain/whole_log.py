@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from kernels import kernel_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
-from ohmward.traction.terrain.floor import slip_belief
+from ohmward.traction.terrain.floor import slip_belief, slip_scale
 from ohmward.traction.terrain.recognition import (
     LIKE_SHARE,
     MEMORY_S,
@@ -93,10 +93,12 @@ def slip_of(recognition, belief, std, share):
     """Slip of the robot and its sigma, as a mixture over the floors."""
     robot = recognition.robot
     load = static_loads(robot)
-    beliefs = [slip_belief(f, belief.force_N / load, std / load) for f in recognition.all_floors]
+    travel = np.hypot(*belief.rim[:, :2].T)
+    moved = belief.rim @ robot.rolling.T, belief.rim @ robot.sideways.T, travel[:, None]
+    beliefs = [slip_belief(f, belief.force_N / load, std / load, slip_scale(f, *moved)) for f in recognition.all_floors]
     weight = share**2 / (share**2).sum(axis=-1, keepdims=True)
     mean = sum(weight[..., k] * b.mean for k, b in enumerate(beliefs))
-    travel, back = np.hypot(*belief.rim[:, :2].T), np.linalg.inv(robot.rolling)
+    back = np.linalg.inv(robot.rolling)
     motion = belief.rim - travel[:, None] * mean @ back.T
     speed = np.hypot(*motion[:, :2].T)
     variance = []

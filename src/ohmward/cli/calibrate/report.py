@@ -15,7 +15,7 @@ from ohmward.report import Figure, Page, Series
 from ohmward.traction.calibration import Calibration
 from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.stretches import cut, travel_speed
-from ohmward.traction.terrain.floor import Floor, slip_belief
+from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
 
 
 def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
@@ -47,8 +47,9 @@ def _speeds(found: Calibration) -> Figure:
 
 
 def _law(found: Calibration, floor: Floor) -> Figure:
-    """Slip over force of the wheels, and the law with its band."""
+    """Slip over force of the wheels, as at the middle speed in their rolling direction, and the law with its band."""
     p = points(cut(found.drives, found.robot), found.robot)
+    slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
     most = float(np.abs(p.force_share).max())
     force = np.linspace(0.0, most, 60)
     law = slip_belief(floor, force[:, None], np.zeros((60, 1)))
@@ -58,9 +59,7 @@ def _law(found: Calibration, floor: Floor) -> Figure:
         "Traction over load [-]",
         "Slip [-]",
         series=[
-            Series(
-                np.abs(p.force_share).ravel(), (np.sign(p.force_share) * p.slip_ratio).ravel(), "stretches", "points"
-            ),
+            Series(np.abs(p.force_share).ravel(), (np.sign(p.force_share) * slip).ravel(), "stretches", "points"),
             Series(force, mean, "learnt", role="estimate"),
         ],
         bands=[band_95(force, mean, std, label="95 %")],

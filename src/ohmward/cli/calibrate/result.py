@@ -65,6 +65,7 @@ def floor_fields(floor: Floor) -> dict[str, str]:
         "floor": floor.name,
         "stiffness": f"{floor.stiffness:.3g} ± {wording.percent(BAND_95 * floor.stiffness_std, 0)} (95 %)",
         "friction": f"{floor.friction:.3g} ± {wording.percent(BAND_95 * floor.friction_std, 0)} (95 %)",
+        "across, side, speed power": f"{floor.across:.2f}, {floor.side:.2f}, {floor.speed_power:.2f}",
         "slip left unexplained": f"{floor.slip_std:.3f} of each wheel from drive to drive",
         "rolling, rollers": f"{floor.rolling:.3f}, {floor.roller:.3f} of the load",
     }

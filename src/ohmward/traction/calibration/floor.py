@@ -1,9 +1,9 @@
 """Learn a floor from drives on it: friction and stiffness of the traction, and the drag.
 
-    lambda = slip of the law at F / (mu N)        for every stretch and driven wheel, F from the motor current
+    lambda = h slip of the law at F / (mu N)      for every stretch and driven wheel, F from the motor current
 
-Maximum a posteriori of ln mu and ln C by Gauss and Newton (Levenberg's damping), the prior being any floor
-(`terrain.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
+Maximum a posteriori of ln mu, ln C, ln kappa, k and p by Gauss and Newton (Levenberg's damping), the prior being any
+floor (`terrain.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
 """
 
 from __future__ import annotations
@@ -20,40 +20,61 @@ from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, travel_speed
+from ohmward.traction.terrain.demand import (
+    drag_columns,
+    inertial_forces,
+    static_loads,
+    travel_speed,
+    wheel_motion,
+)
 from ohmward.traction.terrain.floor import (
+    ACROSS_STD,
     FRICTION,
     FRICTION_STD,
     ROLLING,
+    SIDE_STD,
+    SPEED_POWER_STD,
     STIFFNESS,
     STIFFNESS_STD,
     Floor,
     slip_at_force,
+    slip_factor,
 )
 
-_PRIOR = np.log([FRICTION, STIFFNESS])
-_PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD])
+_PRIOR = np.array([np.log(FRICTION), np.log(STIFFNESS), 0.0, 0.0, 0.0])
+_PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD, ACROSS_STD, SIDE_STD, SPEED_POWER_STD])
 #: Steps of Gauss and Newton, damping of the first, step of the numerical derivative, and least sigma of the residuals.
 _STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
 #: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
+#: Largest size of k and p.
+_MOST = 0.9
 _LENGTH_S = 0.3
-#: Standard deviation of a share of the drag that is taken as zero, because the fit would make it negative.
-_ZERO_STD = 1e-6
+#: Standard deviation of a value that is held, because the fit would leave what it can be.
+_HELD_STD = 1e-6
 
 
 class Points(NamedTuple):
-    """Stretches and driven wheels, (K, driven): slip ratio and force over load; drive: (K,)."""
+    """Stretches and driven wheels, (K, driven).
+
+    slip_ratio, force_share: lambda, and force over load.
+    along, across: motion in the rolling direction and across it [m/s].
+    travel_m_s: (K, 1) speed of the rims.
+    drive: (K,) number of the recording.
+    """
 
     slip_ratio: np.ndarray
     force_share: np.ndarray
+    along: np.ndarray
+    across: np.ndarray
+    travel_m_s: np.ndarray
     drive: np.ndarray
 
 
 class FloorFit(NamedTuple):
-    """logs: (2,) ln mu and ln C; cov: (2, 2); slip_std: unexplained part of a drive's slip."""
+    """values: (5,) ln mu, ln C, ln kappa, k and p; cov: (5, 5); slip_std: unexplained part of a drive's slip."""
 
-    logs: np.ndarray
+    values: np.ndarray
     cov: np.ndarray
     slip_std: float
 
@@ -78,15 +99,18 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
     Raises:
         InputError: no steady stretch, or no motor currents.
     """
-    law = fit_law(points(cut(drives, robot), robot))
+    at = points(cut(drives, robot), robot)
+    law = fit_law(at)
     drag = fit_drag(cut(drives, robot, length_s=_LENGTH_S), robot)
-    std = np.sqrt(np.diag(law.cov))
+    friction, stiffness, across = np.exp(law.values[:3]).tolist()
+    side, power = np.clip(law.values[3:], -_MOST, _MOST).tolist()
+    std = np.sqrt(np.diag(law.cov)).tolist()
     return Floor(
         name,
-        friction=float(np.exp(law.logs[0])),
-        friction_std=float(std[0]),
-        stiffness=float(np.exp(law.logs[1])),
-        stiffness_std=float(std[1]),
+        friction=friction,
+        friction_std=std[0],
+        stiffness=stiffness,
+        stiffness_std=std[1],
         correlation=float(np.clip(law.cov[0, 1] / (std[0] * std[1]), -0.999, 0.999)),
         slip_std=law.slip_std,
         rolling=drag.rolling,
@@ -94,6 +118,14 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
         drag_std=drag.std,
         force_std=drag.force_std,
         drives=len(drives),
+        across=across,
+        across_std=std[2],
+        side=side,
+        side_std=std[3],
+        speed_power=power,
+        speed_power_std=std[4],
+        slowest_m_s=float(at.travel_m_s.min()),
+        fastest_m_s=float(at.travel_m_s.max()),
     )
 
 
@@ -109,7 +141,9 @@ def points(s: Stretches, robot: Robot) -> Points:
     known = (np.isfinite(share) & np.isfinite(slip_m_s)).all(axis=1)
     if not known.any():
         raise InputError("a floor cannot be learnt without motor currents; the log has none")
-    return Points((slip_m_s / travel_speed(s.rim)[:, None])[known], share[known], s.drive[known])
+    travel_m_s = travel_speed(s.rim)[:, None]
+    along, across = (v[:, :n] for v in wheel_motion(robot, s.rim))
+    return Points(*(v[known] for v in (slip_m_s / travel_m_s, share, along, across, travel_m_s, s.drive)))
 
 
 def traction(s: Stretches, robot: Robot) -> np.ndarray:
@@ -120,28 +154,43 @@ def traction(s: Stretches, robot: Robot) -> np.ndarray:
 
 
 def fit_law(p: Points) -> FloorFit:
-    """Friction and stiffness, and the slip that they leave unexplained."""
-    wheels = p.force_share.shape[1]
-    share, slip = p.force_share.ravel(), p.slip_ratio.ravel()
-    logs, P0_inv = _PRIOR, np.diag(_PRIOR_STD**-2)
-    damping = _DAMPING
-    std = max(float(np.std(slip - _slip(logs, share))), _LEAST_STD)
+    """Friction and stiffness, how direction and speed change the slip, and the slip that they leave unexplained.
+
+    No more than the whole motion along the axle renews a contact: kappa is 1 where the fit would make it more.
+    """
+    fit = _fit(p, _PRIOR_STD)
+    if fit.values[2] <= 0:
+        return fit
+    held = _fit(p, np.where(np.arange(_PRIOR.size) == 2, _HELD_STD, _PRIOR_STD))
+    held.cov[2, 2] = _PRIOR_STD[2] ** 2
+    return held
+
+
+def _fit(p: Points, prior_std: np.ndarray) -> FloorFit:
+    slip, P0_inv = p.slip_ratio.ravel(), np.diag(prior_std**-2)
+    values, damping = _PRIOR, _DAMPING
+    std = max(float(np.std(slip - _slip(values, p))), _LEAST_STD)
+
+    def loss(at: np.ndarray) -> float:
+        return float(np.sum(((slip - _slip(at, p)) / std) ** 2) + np.sum(((at - _PRIOR) / prior_std) ** 2))
+
     for _ in range(_STEPS):
-        residual, J = slip - _slip(logs, share), _jacobian(logs, share)
+        residual, J = slip - _slip(values, p), _jacobian(values, p)
         H = J.T @ J / std**2 + P0_inv
-        gradient = J.T @ residual / std**2 + P0_inv @ (_PRIOR - logs)
-        trial = logs + np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
-        if _loss(trial, share, slip, std) <= _loss(logs, share, slip, std):
-            logs = trial
+        gradient = J.T @ residual / std**2 + P0_inv @ (_PRIOR - values)
+        trial = values + np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
+        if loss(trial) <= loss(values):
+            values = trial
             damping = damping / 4
         else:
             damping = damping * 8
-        std = max(float(np.sqrt(np.mean((slip - _slip(logs, share)) ** 2))), _LEAST_STD)
-    residual, J = slip - _slip(logs, share), _jacobian(logs, share)
+        std = max(float(np.sqrt(np.mean((slip - _slip(values, p)) ** 2))), _LEAST_STD)
+    residual, J = slip - _slip(values, p), _jacobian(values, p)
     H_inv = np.linalg.inv(J.T @ J / std**2 + P0_inv)
+    wheels = p.force_share.shape[1]
     g = scores(J, residual, np.repeat(p.drive, wheels)) / std**2
     cov = H_inv @ (g.T @ g + P0_inv) @ H_inv
-    return FloorFit(logs, cov, _between(residual.reshape(-1, wheels), p.drive))
+    return FloorFit(values, cov, _between(residual.reshape(-1, wheels), p.drive))
 
 
 def fit_drag(s: Stretches, robot: Robot) -> DragFit:
@@ -155,7 +204,7 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
     negative = fit.beta < 0
     if negative.any():
-        prior, prior_std = np.where(negative, 0.0, prior), np.where(negative, _ZERO_STD, prior_std)
+        prior, prior_std = np.where(negative, 0.0, prior), np.where(negative, _HELD_STD, prior_std)
         fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
     shares = np.maximum(fit.beta, 0.0)
     expected = D @ shares
@@ -165,18 +214,17 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     return DragFit(float(shares[0]), float(shares[1]), max(spread, 0.02), max(fit.std / load_N, 0.005))
 
 
-def _slip(logs: np.ndarray, share: np.ndarray) -> np.ndarray:
-    return slip_at_force(share, np.exp(logs[0]), np.exp(logs[1]))
+def _slip(values: np.ndarray, p: Points) -> np.ndarray:
+    """Slip (K driven,) that these values give."""
+    log_speed = np.log(p.travel_m_s / np.sqrt(p.travel_m_s.min() * p.travel_m_s.max()))
+    factor = slip_factor((np.exp(values[2]), *values[3:]), p.along, p.across, log_speed)
+    return (factor * slip_at_force(p.force_share, np.exp(values[0]), np.exp(values[1]))).ravel()
 
 
-def _jacobian(logs: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Slope of the slip over the logarithms, (K, 2), by central differences."""
-    nudges = _NUDGE * np.eye(2)
-    return np.column_stack([(_slip(logs + e, share) - _slip(logs - e, share)) / (2 * _NUDGE) for e in nudges])
-
-
-def _loss(logs: np.ndarray, share: np.ndarray, slip: np.ndarray, std: float) -> float:
-    return float(np.sum(((slip - _slip(logs, share)) / std) ** 2) + np.sum(((logs - _PRIOR) / _PRIOR_STD) ** 2))
+def _jacobian(values: np.ndarray, p: Points) -> np.ndarray:
+    """Slope of the slip over the values, (K driven, 5), by central differences."""
+    nudges = _NUDGE * np.eye(values.size)
+    return np.column_stack([(_slip(values + e, p) - _slip(values - e, p)) / (2 * _NUDGE) for e in nudges])
 
 
 def _between(residual: np.ndarray, drive: np.ndarray) -> float:

@@ -29,15 +29,20 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     motion: (..., freedoms) of the rims: the body's own is known only once the floor is. Drags learnt along it differ
         more from floor to floor, and leave less unexplained, than those along the body's.
     """
-    along, across = motion @ robot.rolling.T, motion @ robot.sideways.T
-    if not isinstance(robot.chassis, Omni):
-        across = np.zeros(np.shape(along))  # fixed wheels are taken to roll
+    along, across = wheel_motion(robot, motion)
     size = sqrt(along**2 + across**2 + FADING_M_S**2)
     load = static_loads(robot)
     rolling = _on_body(robot, load * along / size, load * across / size)
     rollers = _on_body(robot, np.zeros(np.shape(along)), load * tanh(across / (ROLLER_CREEP * size)))
     by_wheel = np.stack([rolling, rollers], axis=-2) @ np.linalg.pinv(robot.rolling[: robot.driven])
     return np.moveaxis(by_wheel, -1, -3)
+
+
+def wheel_motion(robot: Robot, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Motion (..., wheels) of each wheel in its rolling direction and across it; fixed wheels are taken to roll."""
+    along = motion @ robot.rolling.T
+    across = motion @ robot.sideways.T if isinstance(robot.chassis, Omni) else np.zeros(np.shape(along))
+    return along, across
 
 
 def inertial_forces(robot: Robot, acceleration: np.ndarray) -> np.ndarray:

@@ -13,8 +13,10 @@ from ohmward.traction.terrain.floor import Floor
 _HEADER = """\
 # Floors that a robot has learnt, one [[floor]] each. friction: traction over load of a wheel that spins; stiffness:
 # traction over load and slip where the slip is small; rolling, roller: what a wheel takes along its motion, and an
-# omni-wheel's rollers along its axle, over its load. Every *_std of these is relative; slip_std is a slip, force_std a
-# share of the load.
+# omni-wheel's rollers along its axle, over its load; across: share of the motion along an omni-wheel's axle that its
+# slip relates to; side: by which share it slips more as it moves to its left; speed_power: of the speed, from
+# slowest_m_s to fastest_m_s, with which the stiffness grows. Every *_std is relative, but those of side and
+# speed_power; slip_std is a slip, force_std a share of the load.
 """
 
 

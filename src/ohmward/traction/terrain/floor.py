@@ -1,15 +1,20 @@
 """A floor as a robot has learnt it: creep of wheels under force, and drag.
 
-F / N = mu (1 - e^(-C lambda / mu))        traction of a wheel at slip lambda = s / U, Burckhardt's law without its fall
-lambda = -(mu / C) ln(1 - F / (mu N))      its inverse: the slip that a force needs; the wheel spins where F >= mu N
+F / N = mu (1 - e^(-C sigma / mu))         traction of a wheel at slip sigma, Burckhardt's law without its fall
+sigma = -(mu / C) ln(1 - F / (mu N))       its inverse: the slip that a force needs; the wheel spins where F >= mu N
+lambda = s / U = h sigma,    h = sqrt((a^2 + kappa^2 c^2) / w^2) (1 + k c / w) (U / U_0)^-p,    w^2 = a^2 + c^2
 
 U is the speed of the rims over the ground as the wheels make it, s = r omega - v the slip speed of a wheel along its
-rolling direction. Rolling takes `rolling` of a wheel's load against its motion, and the rollers of an omni-wheel take
+rolling direction, in which it moves at a, and at c to its left. The factor h is 1 for fixed wheels at the speed U_0.
+The slip relates to the speed at which the contact is renewed: of the motion along the axle, which rollers take, the
+share kappa. Omni-wheels that lead, moving outward, slip more than those that trail, by k; and creep depends on speed,
+by the power p. Rolling takes `rolling` of a wheel's load against its motion, and the rollers of an omni-wheel take
 `roller` of it against the motion along their wheel's axle.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -18,6 +23,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
+from ohmward.trace import exp, log, maximum, minimum, sqrt
 from ohmward.traction.friction.burckhardt import Burckhardt
 
 #: Prior of a floor, rubber from carpet to concrete: medians, and sigmas of the logarithm. The stiffness of three floors
@@ -31,6 +37,11 @@ BETWEEN_SHARE = 0.8
 #: those of a known one. Two carpets under one robot take 0.21 and 0.25 of its weight; they differ by factors of 2.2 in
 #: stiffness and 1.7 in friction.
 LIKE_FRICTION_STD, LIKE_STIFFNESS_STD, LIKE_DRAG_STD = 0.5, 1.0, 0.2
+#: Sigma of ln kappa about 0, k about 0 and p about 0. Two floors under one omni robot have kappa 0.9 and 0.5, k -0.11
+#: and -0.16, and p -0.11 and 0.07.
+ACROSS_STD, SIDE_STD, SPEED_POWER_STD = 0.5, 0.2, 0.1
+#: Speed [m/s] below which a wheel stands.
+_STANDING_M_S = 1e-4
 #: Nodes of the quadrature over friction, and over stiffness.
 _NODES = 11
 #: A floor of which a force takes all but this share of the friction, or more, is less probable the more it takes: rough
@@ -52,6 +63,10 @@ class Floor:
         drag_std: of both, relative, >= 0.
         force_std: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0.
         drives: number of recordings that it was learnt from; 0 for a floor that was never met.
+        across, across_std: kappa, share of the motion along a wheel's axle that its slip relates to, > 0.
+        side, side_std: k, in (-1, 1), absolute.
+        speed_power, speed_power_std: p, by which the stiffness grows with the speed, absolute.
+        slowest_m_s, fastest_m_s: speeds between which it does, learnt; U_0 is their geometric mean. > 0.
     """
 
     name: str
@@ -66,14 +81,35 @@ class Floor:
     drag_std: float = ROLLING_STD
     force_std: float = 0.03
     drives: int = 0
+    across: float = 1.0
+    across_std: float = 0.0
+    side: float = 0.0
+    side_std: float = 0.0
+    speed_power: float = 0.0
+    speed_power_std: float = 0.0
+    slowest_m_s: float = 0.1
+    fastest_m_s: float = 0.1
 
     def __post_init__(self) -> None:
-        require_each_positive("floor.", self, "friction", "stiffness", "force_std")
-        require_each_not_negative(
-            "floor.", self, "friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives"
-        )
+        positive = ("friction", "stiffness", "force_std", "across", "slowest_m_s", "fastest_m_s")
+        not_negative = ("friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives")
+        require_each_positive("floor.", self, *positive)
+        require_each_not_negative("floor.", self, *not_negative, "across_std", "side_std", "speed_power_std")
+        for name in ("side", "speed_power"):
+            if not abs(getattr(self, name)) < 1:
+                raise InputError(f"floor.{name} must be between -1 and 1, got {getattr(self, name):g}")
+        if self.slowest_m_s > self.fastest_m_s:
+            raise InputError(
+                f"floor.slowest_m_s must not be above floor.fastest_m_s, got {self.slowest_m_s:g} and "
+                f"{self.fastest_m_s:g}"
+            )
         if not -1 < self.correlation < 1:
             raise InputError(f"floor.correlation must be between -1 and 1, got {self.correlation:g}")
+
+    @property
+    def middle_m_s(self) -> float:
+        """U_0, the speed at which `stiffness` holds."""
+        return math.sqrt(self.slowest_m_s * self.fastest_m_s)
 
     @property
     def law(self) -> Burckhardt:
@@ -103,6 +139,56 @@ class SlipBelief(NamedTuple):
     cov: np.ndarray
 
 
+class SlipScale(NamedTuple):
+    """Slip of wheels over that of the law at their force, for how they move.
+
+    factor: h (..., n).
+    std: its relative standard deviations, (..., n) each, of causes that all wheels have in common.
+    """
+
+    factor: Any = 1.0
+    std: tuple[Any, ...] = ()
+
+
+#: Wheels that roll straight ahead at the middle speed.
+AS_LEARNT = SlipScale()
+
+
+def slip_scale(floor: Floor, along: Any, across: Any, travel_m_s: Any) -> SlipScale:
+    """Dependence of the slip on direction and speed; beyond the speeds of its drives it may go on so or stay.
+
+    along, across: (..., n) motion of each wheel in its rolling direction and to its left [m/s].
+    travel_m_s: (..., 1) speed U of the rims.
+    """
+    speed = maximum(travel_m_s, _STANDING_M_S)
+    within = minimum(maximum(speed, floor.slowest_m_s), floor.fastest_m_s)
+    ways = floor.across, floor.side, floor.speed_power
+    to_left = across / _size(along, across)
+    counted = (floor.across * across) ** 2
+    by_speed = (floor.speed_power_std * log(speed / floor.middle_m_s)) ** 2
+    by_speed = by_speed + (floor.speed_power * log(speed / within)) ** 2
+    return SlipScale(
+        slip_factor(ways, along, across, log(within / floor.middle_m_s)),
+        (
+            floor.across_std * counted / (along**2 + counted + _STANDING_M_S**2),
+            floor.side_std * to_left / (1.0 + floor.side * to_left),
+            sqrt(by_speed),
+        ),
+    )
+
+
+def slip_factor(ways: Sequence[Any], along: Any, across: Any, log_speed: Any) -> Any:
+    """Factor h (..., n) of the slip; ways: kappa, k and p; log_speed: (..., 1) ln(U / U_0)."""
+    kappa, k, p = ways
+    size = _size(along, across)
+    renewed = sqrt(along**2 + (kappa * across) ** 2 + _STANDING_M_S**2) / size
+    return renewed * (1.0 + k * across / size) * exp(-p * log_speed)
+
+
+def _size(along: Any, across: Any) -> Any:
+    return sqrt(along**2 + across**2 + _STANDING_M_S**2)
+
+
 def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
     """Slip ratio at which the ground gives this force over load; +-1, a wheel that spins, where it cannot."""
     size = np.minimum(np.abs(force_share) / friction, 1.0)
@@ -111,10 +197,13 @@ def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
     return np.sign(force_share) * np.minimum(slip, 1.0)
 
 
-def slip_belief(floor: Floor, force_share: np.ndarray, force_std: np.ndarray) -> SlipBelief:
+def slip_belief(
+    floor: Floor, force_share: np.ndarray, force_std: np.ndarray, scale: SlipScale = AS_LEARNT
+) -> SlipBelief:
     """Belief in the slip of wheels on this floor.
 
     force_share, force_std: (..., n) traction over load, and its standard deviation.
+    scale: for how the wheels move.
 
     The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law is nonlinear where they
     are uncertain. `slip_curves` has the same for a traced step.
@@ -125,8 +214,21 @@ def slip_belief(floor: Floor, force_share: np.ndarray, force_std: np.ndarray) ->
     cov = np.einsum("q...i,q...j->...ij", off, off)
     shifted = (slips_of_floors(floor, force_share + e) for e in (force_std, -force_std))
     ahead, behind = ((probable * slip).sum(axis=0) for slip, probable in shifted)
-    own = floor.slip_std**2 + ((ahead - behind) / 2) ** 2
-    return SlipBelief(mean, cov + own[..., None] * np.eye(mean.shape[-1]))
+    own = ((ahead - behind) / 2) ** 2
+    return scaled(SlipBelief(mean, cov + own[..., None] * np.eye(mean.shape[-1])), scale, floor)
+
+
+def scaled(law: SlipBelief, scale: SlipScale, floor: Floor) -> SlipBelief:
+    """Belief in lambda, with what the floor leaves unexplained, from that in sigma."""
+    mean = law.mean * scale.factor
+    cov = law.cov * _outer(scale.factor + 0.0 * law.mean)
+    for std in scale.std:
+        cov = cov + _outer(mean * std)
+    return SlipBelief(minimum(maximum(mean, -1.0), 1.0), cov + floor.slip_std**2 * np.eye(mean.shape[-1]))
+
+
+def _outer(v: Any) -> Any:
+    return v[..., :, None] * v[..., None, :]
 
 
 def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

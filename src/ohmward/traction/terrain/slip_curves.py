@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.trace import minimum, table
 from ohmward.traction.friction.odd_functions import direction_and_size
-from ohmward.traction.terrain.floor import Floor, SlipBelief, slips_of_floors
+from ohmward.traction.terrain.floor import AS_LEARNT, Floor, SlipBelief, SlipScale, scaled, slips_of_floors
 
 #: Largest force over load of the curves, more than any floor gives, and the distance of their points.
 MOST, SPACING = 2.0, 0.01
@@ -42,15 +42,15 @@ class SlipCurves:
         strongest = functions[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(size[: -MODES - 1 : -1], 0.0))
         return np.vstack([mean, np.diag(cov), strongest.T])
 
-    def belief(self, force_share: np.ndarray, force_std: np.ndarray) -> SlipBelief:
+    def belief(self, force_share: np.ndarray, force_std: np.ndarray, scale: SlipScale = AS_LEARNT) -> SlipBelief:
         """The slip of n wheels; force_share, force_std: (n,) traction over load, and its standard deviation."""
         mean = np.array([self.mean(share) for share in force_share])
         modes = np.array([self.modes(share) for share in force_share])
         cov = modes @ modes.T
         for i, (share, std) in enumerate(zip(force_share, force_std, strict=True)):
             by_force = (self.mean(share + std) - self.mean(share - std)) / 2
-            cov[i, i] = self.variance(share) + self.floor.slip_std**2 + by_force * by_force
-        return SlipBelief(mean, cov)
+            cov[i, i] = self.variance(share) + by_force * by_force
+        return scaled(SlipBelief(mean, cov), scale, self.floor)
 
     def mean(self, force_share: Any) -> Any:
         """Mean slip ratio of a wheel at a force over its load."""

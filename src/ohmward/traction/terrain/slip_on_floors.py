@@ -1,10 +1,10 @@
 """Slip of a robot on floors that it has learnt, or never met, from encoders and motor currents alone.
 
 The filter (`wheel_filter`) gives the motion of the rims and the force of each wheel; the forces tell the floor under
-each wheel (`recognition`); the floor tells the creep of a wheel under its force (`floor`). Over several floors the slip
-is their terrain mixture, and wide on a floor that was never met.
+each wheel (`recognition`); the floor tells the creep of a wheel under its force and motion (`floor`). Over several
+floors the slip is their terrain mixture, and wide on a floor that was never met.
 
-    lambda_i = sum over floors p_i lambda_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
+    lambda_i = sum over floors p_i h_i sigma_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
 All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the
 body, which is in the forces besides the drag, is that of the rims, filtered.
@@ -39,9 +39,10 @@ from ohmward.traction.terrain.demand import (
     static_loads,
     travel_speed,
     undetermined_force_std,
+    wheel_motion,
 )
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.floor import Floor, SlipBelief
+from ohmward.traction.terrain.floor import Floor, SlipBelief, slip_scale
 from ohmward.traction.terrain.outside_speed import (
     LossState,
     averaged,
@@ -210,9 +211,12 @@ class SlipOnFloors:
 
     def slips(self, belief: WheelBelief) -> list[SlipBelief]:
         """Belief in the slip of the driven wheels on each of all floors, from their forces."""
-        load_N = static_loads(self.wheels.robot)[: self.wheels.robot.driven]
+        robot = self.wheels.robot
+        load_N = static_loads(robot)[: robot.driven]
         share, share_std = belief.force_N / load_N, belief.force_std_N / load_N
-        return [curves.belief(share, share_std) for curves in self.curves]
+        along, across = (v[: robot.driven] for v in wheel_motion(robot, belief.rim))
+        u = travel_speed(belief.rim)
+        return [curves.belief(share, share_std, slip_scale(curves.floor, along, across, u)) for curves in self.curves]
 
     def conclude(
         self, belief: WheelBelief, slips: SlipBelief, probability: np.ndarray, moving: Scalar
