@@ -139,6 +139,8 @@ def test_impossible_floors_are_refused(tmp_path):
         replace(SOFT, stiffness=-1.0)
     with pytest.raises(InputError, match=r"floor.correlation must be between -1 and 1, got 1"):
         replace(SOFT, correlation=1.0)
+    with pytest.raises(InputError, match=r"floor.across must be > 0 and at most 1, got 1.1"):
+        replace(SOFT, across=1.1)
     with pytest.raises(InputError, match=r"floor.side must be between -1 and 1, got -1"):
         replace(SOFT, side=-1.0)
     with pytest.raises(InputError, match=r"floor.speed_power must be between -1 and 1, got nan"):

@@ -118,7 +118,7 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
         drag_std=drag.std,
         force_std=drag.force_std,
         drives=len(drives),
-        across=across,
+        across=min(across, 1.0),
         across_std=std[2],
         side=side,
         side_std=std[3],

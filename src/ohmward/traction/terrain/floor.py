@@ -63,7 +63,7 @@ class Floor:
         drag_std: of both, relative, >= 0.
         force_std: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0.
         drives: number of recordings that it was learnt from; 0 for a floor that was never met.
-        across, across_std: kappa, share of the motion along a wheel's axle that its slip relates to, > 0.
+        across, across_std: kappa, share of the motion along a wheel's axle that its slip relates to, in (0, 1].
         side, side_std: k, in (-1, 1), absolute.
         speed_power, speed_power_std: p, by which the stiffness grows with the speed, absolute.
         slowest_m_s, fastest_m_s: speeds between which it does, learnt; U_0 is their geometric mean. > 0.
@@ -91,10 +91,12 @@ class Floor:
     fastest_m_s: float = 0.1
 
     def __post_init__(self) -> None:
-        positive = ("friction", "stiffness", "force_std", "across", "slowest_m_s", "fastest_m_s")
+        positive = ("friction", "stiffness", "force_std", "slowest_m_s", "fastest_m_s")
         not_negative = ("friction_std", "stiffness_std", "slip_std", "rolling", "roller", "drag_std", "drives")
         require_each_positive("floor.", self, *positive)
         require_each_not_negative("floor.", self, *not_negative, "across_std", "side_std", "speed_power_std")
+        if not 0 < self.across <= 1:
+            raise InputError(f"floor.across must be > 0 and at most 1, got {self.across:g}")
         for name in ("side", "speed_power"):
             if not abs(getattr(self, name)) < 1:
                 raise InputError(f"floor.{name} must be between -1 and 1, got {getattr(self, name):g}")
