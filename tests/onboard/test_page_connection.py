@@ -102,3 +102,14 @@ def test_a_login_without_its_body_and_a_body_that_is_broken(monkeypatch, caplog)
             assert status(broken) == b"400"
         time.sleep(0.1)
     assert not caplog.records
+
+
+@pytest.mark.parametrize(("request_line", "answer"), [("POST /api/now", b"405"), ("GET /events", b"200")])
+def test_a_body_that_is_broken_after_its_answer_has_begun_ends_the_connection(port, caplog, request_line, answer):
+    with client(port) as one:
+        one.sendall(f"{request_line} HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n".encode())
+        assert status(one) == answer
+        one.sendall(b"zz\r\n")
+        while one.recv(1 << 16):
+            pass
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]

@@ -25,8 +25,9 @@ class PatientConnection(asyncio.Protocol):
     cycle: Any
     loop: asyncio.AbstractEventLoop
     transport: asyncio.Transport
-    #: State of h11 after something that is no HTTP.
+    #: State of h11 after something that is no HTTP, and states in which it sends an answer.
     error_state: Any
+    answerable: tuple[Any, ...]
     _asks: asyncio.TimerHandle | None = None
     _reads: asyncio.TimerHandle | None = None
 
@@ -48,6 +49,13 @@ class PatientConnection(asyncio.Protocol):
         elif self._asks:
             self._asks.cancel()
             self._asks = None
+
+    def send_400_response(self, message: str) -> None:
+        """Say that this was no HTTP; a connection whose answer has begun, before the request was whole, only ends."""
+        if self.conn.our_state in self.answerable:
+            super().send_400_response(message)
+        else:
+            self.transport.close()
 
     def pause_writing(self) -> None:
         """Wait for a client that does not read."""
@@ -77,4 +85,5 @@ def connection_type() -> Any:
     """The class of a connection for `uvicorn.Config(http=...)`."""
     h11 = require("h11", "the live page")
     h11_impl = require("uvicorn.protocols.http.h11_impl", "the live page")
-    return type("Connection", (PatientConnection, h11_impl.H11Protocol), {"error_state": h11.ERROR})
+    states = {"error_state": h11.ERROR, "answerable": (h11.IDLE, h11.SEND_RESPONSE)}
+    return type("Connection", (PatientConnection, h11_impl.H11Protocol), states)
