@@ -6,6 +6,7 @@ import pytest
 
 from cli.examples import CAPACITY_AH, START_SOC, battery, drive
 from ohmward.battery.file import save_battery
+from ohmward.battery.soc.sample import STD_OF
 from ohmward.battery.soc.score import score
 from ohmward.cli.main import main
 from ohmward.logs import read_log
@@ -15,6 +16,7 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
+    "current_offset_std_A", "soh_capacity_std", "resistance_ratio_std",
     "explanation", "fits", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
@@ -54,6 +56,23 @@ def test_a_log_shorter_than_an_hour_has_no_errors_after_it(here, as_json):
     found = as_json("soc", "short.csv", "--battery", "battery.toml", "--truth", "soc_true")
     assert found["soc_rmse"] < 0.02
     assert all(found[name] is None for name in LATE)
+
+
+def test_the_errors_of_what_was_learnt_are_those_of_the_last_sample(here, as_json):
+    found = as_json(*SOC, "--rest-current", "0", "-o", "estimates.csv")
+    last = (here / "estimates.csv").read_text().splitlines()
+    row = dict(zip(last[0].split(","), last[-1].split(","), strict=True))
+    names = [name for pair in STD_OF.items() for name in pair][2:]
+    assert {name: found[name] for name in names} == {name: pytest.approx(float(row[name])) for name in names}
+    assert abs(found["current_offset_A"] - 0.02) < 3 * found["current_offset_std_A"] < 0.06
+    assert 0.0 < found["soh_capacity_std"] < 0.1 and 0.0 < found["resistance_ratio_std"] < 0.1
+
+
+def test_a_filter_that_learns_nothing_has_no_errors_of_it(here, capsys):
+    main([*SOC, "--filter", "coulomb", "--report", "soc.html"])
+    text = capsys.readouterr().out
+    assert "current offset" not in text and "capacity " not in text.split("Assumed")[0]
+    assert "95 % of resistance" not in (here / "soc.html").read_text(encoding="utf-8")
 
 
 def test_the_estimates_file_is_a_log(here):

@@ -136,9 +136,9 @@ def test_missing_values_and_faults_are_survived_and_flagged():
 
 
 def test_an_estimate_of_the_charge_brings_its_uncertainty():
-    nan = math.nan
     tested = replace(BATTERY, noise=replace(BATTERY.noise, capacity_std=0.02))
-    sure, unsure = (SocEstimate(0.6, std, nan, nan, nan, nan, nan, nan, 0) for std in (0.001, 0.1))
+    unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
+    sure, unsure = (unknown._replace(soc=0.6, soc_std=std, flags=0) for std in (0.001, 0.1))
     widths = []
     for soc in (sure, unsure):
         left = driven(RangeEstimator(tested, NEW, refresh_s=600.0), slice(0, 3), soc=soc)[-1].usable_J

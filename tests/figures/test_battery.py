@@ -42,6 +42,23 @@ def test_the_error_is_estimate_minus_reference():
     assert figure.bands[0].high == pytest.approx(19.59964)
 
 
+def test_offset_capacity_and_resistance_have_bands_of_95_per_cent():
+    known = {"current_offset_A": 0.1, "soh_capacity": 0.9, "resistance_ratio": 1.2}
+    stds = {"current_offset_std_A": 0.02, "soh_capacity_std": 0.05, "resistance_ratio_std": 0.3}
+    shown = estimates(**{name: np.full(T, value) for name, value in (known | stds).items()})
+    (band,) = pictures.offset_figure(LOG, shown).bands
+    assert (band.low[0], band.high[0]) == pytest.approx((100 - 39.19928, 100 + 39.19928))
+    capacity, resistance = pictures.health_figure(LOG, shown).bands
+    assert (capacity.low[0], capacity.high[0]) == pytest.approx((90 - 9.79982, 90 + 9.79982))
+    assert np.log([resistance.low[0] / 120, resistance.high[0] / 120]) == pytest.approx([-0.489991, 0.489991], rel=1e-5)
+
+
+def test_a_resistance_that_cannot_be_has_no_band():
+    ratio = np.where(TIME_S < 100, -0.1, 1e-9)
+    band = pictures.health_figure(LOG, estimates(resistance_ratio=ratio, resistance_ratio_std=np.ones(T))).bands[1]
+    assert np.isnan(band.high[:100]).all() and np.isfinite(band.high[100:]).all()
+
+
 def test_first_seconds_do_not_flatten_the_errors():
     std = np.where(TIME_S < 2, 0.5, 0.01)
     figure = pictures.soc_error_figure(LOG, estimates(soc_std=std), np.full(T, 0.5))

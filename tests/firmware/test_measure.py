@@ -48,7 +48,7 @@ def test_every_bit_is_right_and_nothing_is_hidden(machine):
     assert found.state == 40 and 500 < found.sizes.code < 2048 and found.sizes.static == 0
     assert 100 < found.answer.vectors.least <= found.answer.vectors.mean <= found.most < 450
     assert 100 < found.answer.log.least <= found.mean <= found.most
-    assert found.ram == 40 + 16 + 36 + found.answer.stack and 0 < found.answer.stack < 256
+    assert found.ram == 40 + 16 + 48 + found.answer.stack and 0 < found.answer.stack < 256
 
 
 @needs_tools

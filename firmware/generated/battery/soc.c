@@ -257,7 +257,10 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     output->voltage_std_V = t199;
     output->innovation_V = t200;
     output->current_offset_A = NAN;
+    output->current_offset_std_A = NAN;
     output->soh_capacity = NAN;
+    output->soh_capacity_std = NAN;
     output->resistance_ratio = NAN;
+    output->resistance_ratio_std = NAN;
     output->flags = t201;
 }

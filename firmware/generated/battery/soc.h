@@ -39,9 +39,12 @@ typedef struct {
     float voltage_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
     float voltage_std_V; /* terminal voltage [V] expected before the measurement, and its standard deviation */
     float innovation_V; /* measured minus expected voltage [V]; nan when the voltage was not used */
-    float current_offset_A; /* reading of the current sensor at zero current [A] */
-    float soh_capacity; /* capacity over the battery file's */
-    float resistance_ratio; /* resistance over the battery file's */
+    float current_offset_A; /* current sensor's reading at zero current [A], and its standard deviation */
+    float current_offset_std_A; /* current sensor's reading at zero current [A], and its standard deviation */
+    float soh_capacity; /* capacity over the battery file's, and its standard deviation */
+    float soh_capacity_std; /* capacity over the battery file's, and its standard deviation */
+    float resistance_ratio; /* resistance over the battery file's, and its standard deviation */
+    float resistance_ratio_std; /* resistance over the battery file's, and its standard deviation */
     float flags; /* sum of `SocFlag` values; 0 is a sample without incident */
 } soc_output;
 

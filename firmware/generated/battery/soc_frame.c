@@ -85,7 +85,10 @@ void soc_output_values(const soc_output *output, float *values)
     values[3] = output->voltage_std_V;
     values[4] = output->innovation_V;
     values[5] = output->current_offset_A;
-    values[6] = output->soh_capacity;
-    values[7] = output->resistance_ratio;
-    values[8] = output->flags;
+    values[6] = output->current_offset_std_A;
+    values[7] = output->soh_capacity;
+    values[8] = output->soh_capacity_std;
+    values[9] = output->resistance_ratio;
+    values[10] = output->resistance_ratio_std;
+    values[11] = output->flags;
 }

@@ -23,7 +23,7 @@ extern "C" {
 size_t soc_frame(uint8_t *frame, uint8_t number, uint8_t sequence, uint32_t time_us, const float *values, size_t count);
 
 #define SOC_SAMPLE_VALUES 4u
-#define SOC_OUTPUT_VALUES 9u
+#define SOC_OUTPUT_VALUES 12u
 
 /* Members as values, in the order of their tables in README.md. */
 void soc_sample_values(const soc_sample *sample, float *values);

@@ -12,7 +12,7 @@ from ohmward.battery.models.rc import RcModel, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans
+from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans, lognormal_band_95
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
@@ -96,18 +96,26 @@ def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> F
 
 
 def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
-    """Estimated offset of the current sensor."""
-    series = [Series(log.time_s, 1e3 * estimates.current_offset_A, "estimate", role="estimate")]
-    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, height_px=180)
+    """Estimated offset of the current sensor with its 95 % band."""
+    offset_mA, std_mA = 1e3 * estimates.current_offset_A, 1e3 * estimates.current_offset_std_A
+    series = [Series(log.time_s, offset_mA, "estimate", role="estimate")]
+    band = band_95(log.time_s, offset_mA, std_mA)
+    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, [band], height_px=180)
 
 
 def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
-    """Estimated capacity and resistance as shares of the battery file's."""
+    """Estimated capacity and resistance as shares of the battery file's, with their 95 % bands."""
+    capacity, capacity_std = 100 * estimates.soh_capacity, 100 * estimates.soh_capacity_std
+    resistance, resistance_std = 100 * estimates.resistance_ratio, 100 * estimates.resistance_ratio_std
     series = [
-        Series(log.time_s, 100 * estimates.soh_capacity, "capacity", role="estimate"),
-        Series(log.time_s, 100 * estimates.resistance_ratio, "resistance", role="comparison"),
+        Series(log.time_s, capacity, "capacity", role="estimate"),
+        Series(log.time_s, resistance, "resistance", role="comparison"),
     ]
-    return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, height_px=180)
+    bands = [
+        band_95(log.time_s, capacity, capacity_std, (0.0, np.inf), "95 % of capacity"),
+        lognormal_band_95(log.time_s, resistance, resistance_std, "95 % of resistance", "comparison"),
+    ]
+    return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, bands, height_px=180)
 
 
 def voltage_error_figure(log: Log, estimates: SocEstimate) -> Figure:

@@ -18,6 +18,9 @@ from ohmward.runs import runs
 #: More spans than this would be a grey wall; the longest are drawn.
 MOST_SPANS = 300
 
+#: Half width of a band of logarithms that is drawn at most; wider says nothing.
+_WIDEST_LOGARITHM = 10.0
+
 
 class Timed(Protocol):
     """A log, or a run over one."""
@@ -44,6 +47,13 @@ def band_95(
     """The 95 % band, cut at the limits of the quantity."""
     low, high = mean - BAND_95 * std, mean + BAND_95 * std
     return Band(x, np.clip(low, *limits, out=low), np.clip(high, *limits, out=high), label, role)
+
+
+def lognormal_band_95(x: np.ndarray, mean: np.ndarray, std: np.ndarray, label: str, role: Meaning) -> Band:
+    """The 95 % band of a quantity > 0 whose logarithm is in error; a gap where the mean is not > 0."""
+    known = np.where(mean > 0.0, mean, np.nan)
+    factor = np.exp(np.minimum(BAND_95 * std / known, _WIDEST_LOGARITHM))
+    return Band(x, known / factor, known * factor, label, role)
 
 
 def spans_where(time_s: np.ndarray, condition: np.ndarray, label: str, role: Meaning) -> list[Span]:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.filters.belief import unpack
+from ohmward.filters.belief import Belief, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.published.rc_joint import JointState, RcJoint, nominal_of
-from ohmward.trace import logical_not, maximum, where
+from ohmward.trace import linearize, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Relative standard deviation of the parameters at the start at least: a joint filter that is too sure learns nothing.
@@ -56,9 +58,12 @@ class RcAdaptiveSoc:
         )
         soc, estimate = self.soc.step(state.soc, sample, parameters)
         soh_capacity, resistance_ratio = self.ratios(parameters.circuit)
+        soh_capacity_std, resistance_ratio_std = self.ratio_stds(unpack(joint.belief))
         return SchemeState(joint, soc), estimate._replace(
             soh_capacity=soh_capacity,
+            soh_capacity_std=where(diverged, 1.0, soh_capacity_std),
             resistance_ratio=resistance_ratio,
+            resistance_ratio_std=where(diverged, 1.0, resistance_ratio_std),
             flags=estimate.flags + flags_of({SocFlag.NOT_POSITIVE_DEFINITE: diverged}),
         )
 
@@ -67,6 +72,11 @@ class RcAdaptiveSoc:
         file = self.soc.model.circuit
         capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
         return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
+
+    def ratio_stds(self, belief: Belief) -> list[Scalar]:
+        """Standard deviations of both in the belief of the joint filter: sqrt(diag(G P G')), G their Jacobian."""
+        _, G = linearize(lambda x: np.array(self.ratios(self.joint.circuit(x))), belief.mean)
+        return [np.sqrt(maximum(variance, 0.0)) for variance in np.diag(G @ belief.cov @ G.T)]
 
 
 def adaptive_soc_of(

@@ -101,6 +101,13 @@ class RcThreeStates:
         """SoC where the OCV curve passes V_cb, and half the width that one sigma of V_cb has on the curve."""
         bulk_V, std_V = posterior.mean[0], np.sqrt(posterior.cov[0, 0])
         width = self.link.soc_beyond(bulk_V + std_V) - self.link.soc_beyond(bulk_V - std_V)
-        nan = math.nan
         soc = clip(self.link.soc_beyond(bulk_V), 0.0, 1.0)
-        return SocEstimate(soc, 0.5 * width, expected_V, np.sqrt(variance_V2), innovation_V, nan, nan, nan, 0.0)
+        unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
+        return unknown._replace(
+            soc=soc,
+            soc_std=0.5 * width,
+            voltage_V=expected_V,
+            voltage_std_V=np.sqrt(variance_V2),
+            innovation_V=innovation_V,
+            flags=0.0,
+        )

@@ -45,8 +45,8 @@ def run(settings, columns, soc=None, std=0.03):
 
 
 def estimate_of(soc, std):
-    nothing = math.nan
-    return SocEstimate(soc, std, nothing, nothing, nothing, nothing, nothing, nothing, 0.0)
+    unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
+    return unknown._replace(soc=soc, soc_std=std, flags=0.0)
 
 
 def half_points(run):

@@ -22,7 +22,7 @@ STORE = typesys.get_typestore(typesys.Stores.LATEST)
 
 
 def charge(soc: float = 0.5, offset_A: float = 0.0) -> SocEstimate:
-    return SocEstimate(soc, 0.02, 13.2, 0.01, 0.0, offset_A, 0.9, 1.2, 0)
+    return SocEstimate(soc, 0.02, 13.2, 0.01, 0.0, offset_A, 0.01, 0.9, 0.03, 1.2, 0.1, 0)
 
 
 def driven() -> RobotState:

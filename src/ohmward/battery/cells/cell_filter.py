@@ -44,10 +44,9 @@ from ohmward.battery.models.thevenin import (
     pair_decays,
     pair_resistances,
 )
-from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
+from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.sample import SocFlag, SocSample
-from ohmward.battery.soc.thevenin_filter import LEAST_CHARGE_GAIN
 from ohmward.checks import require_positive
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of

@@ -86,6 +86,9 @@ HYSTERESIS_TURN_VARIANCE = 0.01
 #: Far below the resistance of any battery [ohm].
 _LEAST_OHM = 1e-9
 
+#: The largest capacity that is told is ten times the file's: the gain is its inverse.
+LEAST_CHARGE_GAIN = 0.1
+
 #: Index of the state of charge in the state.
 SOC = 0
 
@@ -231,7 +234,30 @@ class AugmentedThevenin:
         soc, u = state.circuit[SOC], CircuitInput(-1.0, self.model.reference_degC)
         ohmic_ohm, pair_ohm = ohmic_resistance(soc, u, self.model), sum(pair_resistances(soc, u, self.model))
         grown_ohm = ohmic_ohm * exp(state.ohmic_log_ratio) + pair_ohm * exp(state.pair_log_ratio)
-        return where(ohmic_ohm + pair_ohm > 0.0, grown_ohm / (ohmic_ohm + pair_ohm + _LEAST_OHM), 1.0)
+        per_ohm = 1.0 / (ohmic_ohm + pair_ohm + _LEAST_OHM)
+        return where(ohmic_ohm + pair_ohm > 0.0, grown_ohm * per_ohm, 1.0)
+
+    def known(self, belief: Belief) -> dict[str, Scalar]:
+        """SoC, offset, capacity and resistance with their standard deviations, as the fields of `SocEstimate`.
+
+        Of a function g of the state that is sqrt(G P G'), G = dg/dx. The capacity of the battery cannot be told from
+        the gain of the sensor that counts it, whose error is added.
+        """
+        x, P = self.split(belief.mean), belief.cov
+        variances = self.split(np.diag(P))
+        soh = 1.0 / maximum(x.charge_gain, LEAST_CHARGE_GAIN)
+        ratio, G = linearize(lambda x: np.array([self.resistance_ratio(self.split(x))]), belief.mean)
+        return {
+            "soc": x.circuit[SOC],
+            "soc_std": np.sqrt(maximum(variances.circuit[SOC], 0.0)),
+            "current_offset_A": x.offset_A,
+            "current_offset_std_A": np.sqrt(maximum(variances.offset_A, 0.0)),
+            "soh_capacity": soh,
+            "soh_capacity_std": soh
+            * np.sqrt(soh * soh * maximum(variances.charge_gain, 0.0) + self.sensor.gain_std**2),
+            "resistance_ratio": ratio[0],
+            "resistance_ratio_std": np.sqrt(maximum((G @ P @ G.T)[0, 0], 0.0)),
+        }
 
     def error_decay(self, current_A: Scalar, clean: CleanSocSample) -> Scalar:
         """Decay factor of the model error by the charge of this step."""

@@ -97,8 +97,8 @@ class CoulombCounting:
         offset = self.sensor.offset_std_A * state.elapsed_s / self.model.capacity_As
         gain = np.hypot(self.noise.capacity_std, self.sensor.gain_std) * state.moved
         std = np.sqrt(state.white_variance + offset**2 + gain**2)
-        unknown = math.nan * state.soc
-        return SocEstimate(state.soc, std, unknown, unknown, unknown, unknown, unknown, unknown, flags)
+        unknown = SocEstimate(*[math.nan * state.soc] * len(SocEstimate._fields))
+        return unknown._replace(soc=state.soc, soc_std=std, flags=flags)
 
 
 def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Thevenin) -> Scalar:

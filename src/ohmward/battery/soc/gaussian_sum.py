@@ -28,7 +28,7 @@ from ohmward.battery.soc.clean_sample import CleanSocSample, first_input
 from ohmward.battery.soc.evidence import log_likelihood
 from ohmward.battery.soc.initial_soc import WRONG_SHARE, hypotheses
 from ohmward.battery.soc.misfit import with_misfit
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import STD_OF, SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, pack, unpack
@@ -200,21 +200,16 @@ def most_likely(members: Sequence[Any], log_weights: Sequence[Any] | np.ndarray)
 
 
 def mixed(estimates: Sequence[SocEstimate], log_weights: Sequence[Any] | np.ndarray) -> SocEstimate:
-    """Estimate of the sum: means of the states, the standard deviation of SoC; voltage and flags as most likely."""
+    """Estimate of the sum: means and standard deviations of the states; voltage and flags as most likely."""
     weights = normalised(log_weights)
-
-    def mean(values: Iterable[Scalar]) -> Scalar:
-        return sum(weight * value for weight, value in zip(weights, values, strict=True))
-
-    soc = mean(e.soc for e in estimates)
-    variance = mean(e.soc_std * e.soc_std + (e.soc - soc) * (e.soc - soc) for e in estimates)
-    return most_likely(estimates, log_weights)._replace(
-        soc=soc,
-        soc_std=sqrt(variance),
-        current_offset_A=mean(e.current_offset_A for e in estimates),
-        soh_capacity=mean(e.soh_capacity for e in estimates),
-        resistance_ratio=mean(e.resistance_ratio for e in estimates),
-    )
+    states: dict[str, Scalar] = {}
+    for name, name_std in STD_OF.items():
+        means = [getattr(estimate, name) for estimate in estimates]
+        mean = sum(w * m for w, m in zip(weights, means, strict=True))
+        stds = [getattr(estimate, name_std) for estimate in estimates]
+        variance = sum(w * (s * s + (m - mean) * (m - mean)) for w, m, s in zip(weights, means, stds, strict=True))
+        states |= {name: mean, name_std: sqrt(variance)}
+    return most_likely(estimates, log_weights)._replace(**states)
 
 
 #: Mass of a hypothesis that the first voltage rules out.

@@ -28,9 +28,9 @@ class SocEstimate(NamedTuple):
     soc, soc_std: state of charge in [0, 1] and its standard deviation.
     voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and its standard deviation.
     innovation_V: measured minus expected voltage [V]; nan when the voltage was not used.
-    current_offset_A: reading of the current sensor at zero current [A].
-    soh_capacity: capacity over the battery file's.
-    resistance_ratio: resistance over the battery file's.
+    current_offset_A, current_offset_std_A: current sensor's reading at zero current [A], and its standard deviation.
+    soh_capacity, soh_capacity_std: capacity over the battery file's, and its standard deviation.
+    resistance_ratio, resistance_ratio_std: resistance over the battery file's, and its standard deviation.
     flags: sum of `SocFlag` values; 0 is a sample without incident.
     """
 
@@ -40,9 +40,21 @@ class SocEstimate(NamedTuple):
     voltage_std_V: Any
     innovation_V: Any
     current_offset_A: Any
+    current_offset_std_A: Any
     soh_capacity: Any
+    soh_capacity_std: Any
     resistance_ratio: Any
+    resistance_ratio_std: Any
     flags: Any
+
+
+#: States in an estimate, and where it has their standard deviations.
+STD_OF = {
+    "soc": "soc_std",
+    "current_offset_A": "current_offset_std_A",
+    "soh_capacity": "soh_capacity_std",
+    "resistance_ratio": "resistance_ratio_std",
+}
 
 
 class SocFlag(SampleFlag):

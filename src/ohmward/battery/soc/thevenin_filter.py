@@ -38,8 +38,6 @@ from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
-#: The largest capacity that is told is ten times the file's: the gain is its inverse.
-LEAST_CHARGE_GAIN = 0.1
 
 
 class FilterState(NamedTuple):
@@ -376,17 +374,12 @@ class TheveninFilter:
 
     def estimate(self, posterior: Belief, update: TheveninUpdate, clean: CleanSocSample, flags: Scalar) -> SocEstimate:
         """Estimate after the sample."""
-        x = self.system.split(posterior.mean)
         used = clean.voltage_measured & (update.voltage_std_V > 0.0)  # nan where an event told SoC
         return SocEstimate(
-            soc=x.circuit[SOC],
-            soc_std=np.sqrt(maximum(posterior.cov[SOC, SOC], 0.0)),
+            **self.system.known(posterior),
             voltage_V=update.voltage_V,
             voltage_std_V=update.voltage_std_V,
             innovation_V=where(used, clean.voltage_V - update.voltage_V, math.nan),
-            current_offset_A=x.offset_A,
-            soh_capacity=1.0 / maximum(x.charge_gain, LEAST_CHARGE_GAIN),
-            resistance_ratio=self.system.resistance_ratio(x),
             flags=flags,
         )
 

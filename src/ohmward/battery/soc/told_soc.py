@@ -20,7 +20,7 @@ from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.battery.soc.thevenin_filter import LEAST_CHARGE_GAIN, FilterState, TheveninFilter, forget_soc
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.kalman import correct_state
@@ -72,16 +72,9 @@ def _tell_filter(
 ) -> tuple[FilterState, SocEstimate]:
     belief = with_told_soc(unpack(state.belief), told, settings.gate)
     belief, _ = settings.within_limits(belief)
-    x = settings.system.split(belief.mean)
+    known = {name: float(value) for name, value in settings.system.known(belief).items()}
     after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=state.anchors._replace(discharged=0.0))
-    return after, estimate._replace(
-        soc=float(belief.mean[SOC]),
-        soc_std=math.sqrt(max(float(belief.cov[SOC, SOC]), 0.0)),
-        current_offset_A=float(x.offset_A),
-        soh_capacity=float(1.0 / max(x.charge_gain, LEAST_CHARGE_GAIN)),
-        resistance_ratio=float(settings.system.resistance_ratio(x)),
-        flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED,
-    )
+    return after, estimate._replace(**known, flags=SocFlag(int(estimate.flags)) | SocFlag.ANCHORED)
 
 
 def _tell_sum(

@@ -11,8 +11,8 @@ from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.soc.anchors import HEADER as HEADER_OF_ANCHORS
 from ohmward.cli.soc.anchors import TITLE, anchor_rows
 from ohmward.cli.soc.cells import HEADER, cell_rows, cells_result
-from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, headline, result
-from ohmward.cli.wording import duration, percent, quantity, sentence
+from ohmward.cli.soc.result import CAUSE_HEADER, SQUARES, cause_rows, headline, learnt, result
+from ohmward.cli.wording import duration, normal, percent, quantity, sentence
 from ohmward.figures import battery as pictures
 from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
 from ohmward.figures.parts import wall_clock
@@ -61,7 +61,7 @@ def _numbers(figures: dict) -> dict[str, str]:
         "Largest error": percent(figures["soc_max_error"]),
         "Truth in 95 % band": percent(figures["coverage_95"], 1),
         "Voltage error, RMS": quantity(figures["voltage_rmse_V"], "mV", 1e3),
-        "Current offset": quantity(figures["current_offset_A"], "mA", 1e3),
+        "Current offset": normal(learnt(figures, "current_offset_A"), "mA", 1e3),
     }
     return {label: value for label, value in numbers.items() if value != "-"}
 

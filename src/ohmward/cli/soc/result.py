@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.sample import STD_OF
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
@@ -27,6 +28,9 @@ from ohmward.published.registry import title_of
 #: Columns of the causes of the band's width, and how to read them.
 CAUSE_HEADER = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
 SQUARES = "the squares of the parts add up to that of the band"
+
+#: Quantities that a filter learns beside SoC, and their standard deviations, as an estimate names them.
+LEARNT = tuple(name for pair in STD_OF.items() for name in pair if not name.startswith("soc"))
 
 
 def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = None) -> dict[str, Any]:
@@ -49,9 +53,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = No
         "soc_min": float(estimates.soc.min()),
         "soc_max": float(estimates.soc.max()),
         "voltage_rmse_V": voltage.rmse if voltage else None,
-        "current_offset_A": float(estimates.current_offset_A[-1]),
-        "soh_capacity": float(estimates.soh_capacity[-1]),
-        "resistance_ratio": float(estimates.resistance_ratio[-1]),
+        **{name: float(getattr(estimates, name)[-1]) for name in LEARNT},
         "anchors": anchor_list(task, answer),
         "cells": cells_summary(cells) if cells else None,
         "weakest_unseen": None if cells else unseen_summary(task.battery, estimates),
@@ -86,19 +88,27 @@ def headline(figures: dict[str, Any]) -> str:
 def result(figures: dict[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
     band = wording.percent(BAND_95 * figures["soc_std_final"], 1)
+    offset = wording.normal(learnt(figures, "current_offset_A"), "mA", 1e3)
+    capacity = wording.normal(learnt(figures, "soh_capacity"), "%", 100)
+    resistance = wording.lognormal(learnt(figures, "resistance_ratio"), "%", 100)
     rows = {
         "SoC at the end": f"{wording.percent(figures['soc_final'], 1)} ± {band} (95 %)",
         "SoC before": f"started at {wording.percent(figures['soc_initial'], 1)}, "
         f"ran from {wording.percent(figures['soc_min'], 1)} to {wording.percent(figures['soc_max'], 1)}",
         **unseen_result(figures),
         "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3),
-        "current offset": wording.quantity(figures["current_offset_A"], "mA", 1e3),
-        "capacity": f"{wording.percent(figures['soh_capacity'], 1)} of the battery file's",
-        "resistance": f"{wording.percent(figures['resistance_ratio'], 1)} of the battery file's",
+        "current offset": f"{offset} (95 %)",
+        "capacity": f"{capacity} of the battery file's (95 %)",
+        "resistance": f"{resistance} of the battery file's (95 %)",
         "flagged samples": wording.flagged(figures["flags"]),
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
     return {name: value for name, value in rows.items() if value.split()[0] != "-"}
+
+
+def learnt(figures: dict[str, Any], name: str) -> dict[str, float]:
+    """Mean and standard deviation of a quantity of `LEARNT` at the end."""
+    return {"mean": figures[name], "std": figures[STD_OF[name]]}
 
 
 def causes(figures: dict[str, Any]) -> str:
@@ -143,9 +153,7 @@ def estimate_table(task: SocTask, answer: SocRun, cells: PackRun | None = None) 
         "voltage_expected_V": e.voltage_V,
         "voltage_expected_std_V": e.voltage_std_V,
         "innovation_V": e.innovation_V,
-        "current_offset_A": e.current_offset_A,
-        "soh_capacity": e.soh_capacity,
-        "resistance_ratio": e.resistance_ratio,
+        **{name: getattr(e, name) for name in LEARNT},
         "flags": e.flags.astype(int),
     }
     columns |= cell_columns(cells) if cells else {}

@@ -53,7 +53,7 @@ class PatientConnection(asyncio.Protocol):
     def send_400_response(self, message: str) -> None:
         """Say that this was no HTTP; a connection whose answer has begun, before the request was whole, only ends."""
         if self.conn.our_state in self.answerable:
-            super().send_400_response(message)
+            super().send_400_response(message)  # type: ignore[misc]  # of uvicorn
         else:
             self.transport.close()
 
