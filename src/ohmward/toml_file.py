@@ -231,7 +231,8 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not text in UTF-8; is it a {what}? Save it as UTF-8") from error
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        other = isinstance(error.__cause__, tomllib.TOMLDecodeError) and Path(path).suffix.lower() != ".toml"
+        raise InputError(f"{path}: is no TOML; is it a {what}?" if other else f"{path}: {error}") from error
 
 
 def text_of(path: str | PathLike[str]) -> str:

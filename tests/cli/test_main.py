@@ -1,3 +1,4 @@
+import json
 import os
 import re
 import shlex
@@ -5,6 +6,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -144,6 +146,34 @@ def test_a_closed_pipe_is_quiet(here):
     done = ohmward_in_a_shell("set -o pipefail; ohmward doctor day.csv | true", cwd=here)
     assert done.stderr == ""
     assert done.returncode in (0, main.BROKEN_PIPE)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("option", ["", "--json"])
+def test_a_full_disk_under_standard_output_is_no_fault_of_ohmward(here, option):
+    done = ohmward_in_a_shell(f"ohmward doctor day.csv {option} > /dev/full", cwd=here)
+    assert done.returncode == main.REFUSED
+    assert done.stderr.splitlines()[-1] == (
+        "ohmward: error: standard output takes no more (No space left on device); free the disk, or send it elsewhere"
+    )
+
+
+def test_a_battery_file_that_is_written_again_is_kept_beside_the_new_one(tmp_path, capsys):
+    file = tmp_path / "battery.toml"
+    words = ["--capacity-ah", "12", "-o", str(file), "--json"]
+    assert main.main(["generic", "--chemistry", "lfp", *words]) == 0
+    assert json.loads(capsys.readouterr().out)["backup"] is None
+    before = file.read_bytes()
+    assert main.main(["generic", "--chemistry", "nmc", *words]) == 0
+    backup = Path(json.loads(capsys.readouterr().out)["backup"])
+    assert backup == tmp_path / "battery.toml.bak" and backup.read_bytes() == before != file.read_bytes()
+
+
+def test_a_file_in_the_place_of_another_is_named(here, capsys):
+    assert main.main(["soc", "day.csv", "--battery", "day.csv"]) == main.REFUSED
+    assert capsys.readouterr().err.endswith("day.csv: is no TOML; is it a battery file?\n")
+    assert main.main(["soc", "battery.toml", "--battery", "battery.toml"]) == main.REFUSED
+    assert "battery.toml: is a TOML file, not a log" in capsys.readouterr().err
 
 
 def test_an_interrupt_ends_with_130(here, monkeypatch):

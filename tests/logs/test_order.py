@@ -40,7 +40,11 @@ def test_rows_in_order_are_left_alone():
     [
         ([*range(50), *range(50)], r"f.csv holds several recordings: the time falls from 49 s to 0 s at line 52"),
         ([*range(50), *range(45, 95)], r"runs backwards at line 52 \(first from 49.000000 s to 45.000000 s; 4 of 100"),
-        ([5, 4, 4, 3, 2, 0], r"f.csv: the time falls from line to line: the newest row stands first; .*--sort-time"),
+        (
+            [5, 4, 4, 3, 2, 0],
+            r"f.csv: the time falls from line to line 4 times: the newest row stands first; .*--sort-time",
+        ),
+        ([3, 1, 4, 2, 0, 5], r"f.csv: the time falls from line to line 3 times: the rows are shuffled; .*--sort-time"),
         ([0, 2, 1, 4, 3, 6, 5], r"runs backwards at line 4, 6, 8 .*--sort-time \(sort_time=True\).*recording=1"),
     ],
 )

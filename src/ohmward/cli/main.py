@@ -14,7 +14,7 @@ from importlib import import_module
 from types import ModuleType
 
 from ohmward import __version__
-from ohmward.cli.outcome import carry_out, show
+from ohmward.cli.outcome import carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
@@ -98,8 +98,7 @@ def _status(words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # the reader has gone: let the interpreter's last flush go nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        close_output()
         return BROKEN_PIPE
     except Exception as error:
         traceback.print_exc()

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 
 if TYPE_CHECKING:
     from ohmward.report import Page
@@ -51,14 +52,32 @@ def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.
 
 
 def show(outcome: Outcome, *, as_json: bool) -> None:
-    """Print the outcome; as JSON, standard output carries one object and nothing else."""
-    if not as_json:
-        if outcome.text:  # `run` has written its own lines
-            print(outcome.text, flush=True)
-        return
-    for note in outcome.notes:
-        print(note, file=sys.stderr)
-    print(json.dumps(plain(outcome.summary), indent=2, ensure_ascii=False, allow_nan=False), flush=True)
+    """Print the outcome; as JSON, standard output carries one object and nothing else.
+
+    Raises:
+        BrokenPipeError: nobody reads any more.
+        OhmwardError: standard output takes no more for another reason, as on a full disk.
+    """
+    text = outcome.text  # empty where `run` has written its own lines
+    if as_json:
+        for note in outcome.notes:
+            print(note, file=sys.stderr)
+        text = json.dumps(plain(outcome.summary), indent=2, ensure_ascii=False, allow_nan=False)
+    try:
+        if text:
+            print(text, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        close_output()
+        raise OhmwardError(
+            f"standard output takes no more ({error.strerror}); free the disk, or send it elsewhere"
+        ) from error
+
+
+def close_output() -> None:
+    """Let the interpreter's last flush of standard output go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def plain(value: Any) -> Any:

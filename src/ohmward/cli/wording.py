@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 from ohmward.filters.consistency import BAND_95
 
@@ -112,3 +112,8 @@ def assumptions(notes: Sequence[str]) -> str:
 def flagged(counts: Mapping[str, int]) -> str:
     """Flags with their counts in one line, "none" without any."""
     return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items()) or "none"
+
+
+def written_battery(figures: Mapping[str, Any]) -> str:
+    """The battery file that was written (`output`), and where the one before is (`backup`)."""
+    return f"battery file: {figures['output']}" + (f"; before: {figures['backup']}" if figures["backup"] else "")

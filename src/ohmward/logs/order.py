@@ -67,9 +67,11 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
     """Raise InputError where more is out of order than a few rows that were written `late` (T,)."""
     time_s = table.columns[time]
     steps = np.diff(time_s)
-    if np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+    falls, rises = np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)
+    if falls > rises:
+        order = "the newest row stands first" if rises < 0.1 * falls else "the rows are shuffled"
         raise InputError(
-            f"{table.source}: the time falls from {table.place} to {table.place}: the newest row stands first; "
+            f"{table.source}: the time falls from {table.place} to {table.place} {falls:,} times: {order}; "
             "sort the rows with --sort-time (sort_time=True)"
         )
     restarts = find_restarts(time_s)

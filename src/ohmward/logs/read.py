@@ -99,6 +99,8 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
 
 def _open_file(path: Path, hints: FileHints) -> TableFile:
     """The columns of one file, its format told by its first bytes."""
+    if path.suffix.lower() == ".toml":
+        raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     for magic, opener in OPENERS:

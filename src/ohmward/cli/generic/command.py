@@ -6,16 +6,17 @@ import argparse
 from dataclasses import asdict
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.file import save_battery
+from ohmward.battery.file import replace_battery
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.sensor import with_sensor
+from ohmward.cli.wording import written_battery
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the battery file."""
     check_output("--output", args.output, (".toml",))
     battery, _ = with_sensor(generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name), args)
-    save_battery(battery, args.output)
+    backup = replace_battery(battery, args.output)
     summary = {
         "command": "generic",
         "name": battery.name,
@@ -25,6 +26,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "sensor": asdict(battery.sensor),
         "not_identified": list(battery.not_identified),
         "output": args.output,
+        "backup": str(backup) if backup else None,
     }
-    text = f"battery file: {args.output}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
+    text = f"{written_battery(summary)}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
     return Outcome(summary, text)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 
-from ohmward.battery.file import save_battery
+from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, identify_in_detail
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.identify.report import make_page
@@ -26,11 +26,10 @@ def run(args: argparse.Namespace) -> Outcome:
     began = time.perf_counter()
     found = _identify(logs, args)
     seconds = time.perf_counter() - began
-    if args.output:
-        save_battery(found.battery, args.output)
+    backup = replace_battery(found.battery, args.output) if args.output else None
     figures = summary(found, seconds)
     notes = _notes(logs) + figures["notes"]
-    figures |= {"notes": notes, "output": args.output, "report": args.report}
+    figures |= {"notes": notes, "output": args.output, "backup": str(backup) if backup else None, "report": args.report}
     page = partial(make_page, found, notes)
     return Outcome(figures, describe(found.battery, figures), notes, page, status=int(not found.fits))
 

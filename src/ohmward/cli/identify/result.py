@@ -43,9 +43,7 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
     measured = wording.quantity(figures["capacity_measured_Ah"], "Ah", digits=4)
     capacity = f"{battery.capacity_Ah:g} Ah given" + ("" if measured == "-" else f", {measured} measured")
     title = f"battery {battery.name!r}: {figures['model']}, {capacity}; identified in {figures['seconds']:.2g} s"
-    written = (
-        f"battery file: {figures['output']}" if figures["output"] else "No battery file written; name one with -o."
-    )
+    written = wording.written_battery(figures) if figures["output"] else "No battery file written; name one with -o."
     return wording.paragraphs(
         title,
         "" if figures["fits"] else MISFIT,

@@ -104,7 +104,7 @@ def ending(figures: Mapping[str, Any]) -> str:
     lines = []
     for file in figures["files"]:
         if file["written"]:
-            lines.append(f"battery file: {file['output']}" + (f"; before: {file['backup']}" if file["backup"] else ""))
+            lines.append(wording.written_battery(file))
         else:
             lines.append(f"battery file: {file['output']}, nothing new")
     return "\n".join(lines) or "No battery file written: no log was of any use."

@@ -122,7 +122,7 @@ def innovations(figures: Mapping[str, Any]) -> str:
 def ending(figures: Mapping[str, Any]) -> str:
     """The file that was written, or the reason why none was."""
     if figures["output"]:
-        return f"battery file: {figures['output']}" + (f"; before: {figures['backup']}" if figures["backup"] else "")
+        return wording.written_battery(figures)
     if not figures["explains"]:
         return "No battery file written: no noise explains the logs."
     return "No battery file written; name one with -o."
