@@ -60,6 +60,11 @@ def test_more_confidence_turns_earlier():
     assert 0.0 < wary < 0.9 * bold
 
 
+def test_a_plan_that_takes_no_time_is_refused():
+    with pytest.raises(InputError, match="the plan takes no time"):
+        get_home(certain(), [Leg(0.0, "grass", 0.5)], battery(), HALF)
+
+
 def test_an_empty_plan_is_refused():
     with pytest.raises(InputError, match="the plan has no leg"):
         get_home(certain(), [], battery(), HALF)

@@ -67,6 +67,27 @@ def test_a_drive_on_learnt_floors():
     assert drive_figures(observed).friction_ratio is None
 
 
+#: Wheel speeds of a Robotino that drives ahead at 0.3 m/s, to the left, and in between.
+DIRECTIONS = {"ahead": (0.3, 0.0, 0.0), "to the left": (0.0, 0.3, 0.0), "askew": (0.2, 0.2, 0.0)}
+
+
+@pytest.mark.parametrize("motion", DIRECTIONS.values(), ids=DIRECTIONS)
+@pytest.mark.parametrize("floors", [False, True])
+def test_the_way_of_an_omnidirectional_robot_counts_in_every_direction(motion, floors):
+    wheels = ROBOTINO.rolling[: ROBOTINO.driven] @ np.array(motion) / ROBOTINO.wheel.radius_m
+    log = drive(ROBOTINO, wheels[None], 0.4 * np.sign(wheels)[None])
+    if floors:
+        observed = observe_on_floors(ROBOTINO, log, Floors("robot", (CARPET,)))
+    else:
+        observed = observe_drive(ROBOTINO, log, hard_terrain("dry asphalt"))
+    assert drive_figures(observed).distance_m == pytest.approx(np.hypot(*motion[:2]) * TIME_S[-1], rel=0.2)
+
+
+def test_a_log_of_another_robot_is_refused():
+    with pytest.raises(InputError, match="has 3 wheels and 3 motors, robot 'RLMA' has 4 and 2"):
+        observe_drive(RLMA, drive(ROBOTINO, np.ones((1, 3)), 0.5), hard_terrain("dry asphalt"))
+
+
 def test_an_unknown_filter_is_refused():
     with pytest.raises(InputError, match="filter must be one of"):
         observe_drive(RLMA, drive(RLMA, np.full((TIME_S.size, 4), 3.0), 0.6), hard_terrain("dry asphalt"), "pf")

@@ -9,7 +9,7 @@ rolling resistance, the efficiency of the electronics, and an idle power that is
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_ener
 from ohmward.traction.dynamics.forces import RobotInput, Scene, normal_loads
 from ohmward.traction.robot.motor import copper_loss, friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimator import motion_of
 
 #: Terms that add up to the power of a recorded drive: no load is pulled, and nothing is integrated.
 DRIVE_TERMS = ("idle", "copper", "drive", "slip", "rolling", "climb", "kinetic", "residual")
@@ -129,7 +131,9 @@ def _kinetic_rate_W(time_s: np.ndarray, observed: ObservedMotion, robot: Robot) 
 
 
 def _motion(observed: ObservedMotion, robot: Robot) -> np.ndarray:
-    """(T, freedoms) speeds of the body; observers know none to the side."""
+    """(T, freedoms) speeds of the body; those to the side are those of an omni-directional robot's wheels."""
+    if robot.freedoms == 3:
+        return motion_of(robot, cast("SlipEstimate", observed))
     motion = np.zeros((len(observed.speed_m_s), robot.freedoms))
     motion[:, 0] = observed.speed_m_s
     motion[:, -1] = observed.yaw_rate_rad_s

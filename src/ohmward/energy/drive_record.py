@@ -16,8 +16,9 @@ from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimator import SlipRun, observe
+from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.terrain.demand import travel_speed
 
 #: Columns that hold the slope of the ground [rad], the first that is there.
 SLOPE_COLUMNS = ("grade_rad", "pitch_rad")
@@ -34,8 +35,8 @@ class ObservedWheels(NamedTuple):
 class BodyMotion(NamedTuple):
     """Motion at the samples of the battery's log.
 
-    speed_m_s: (T,) forward.
-    grade_rad: (T,) > 0 with the nose up; None on ground that is taken as level.
+    speed_m_s: (T,) forward; of an omni-directional robot in whatever direction.
+    grade_rad: (T,) > 0 where it climbs forward; None on ground that is taken as level.
     wheels: the observed drive on its own clock; None where speed and grade are columns of the log.
     notes: everything that was assumed.
     """
@@ -90,8 +91,12 @@ def observe_motion(
     """
     chosen = make_observer(robot, drive, terrain)
     track = observe(chosen.observer, drive, progress)
-    speed = np.interp(time_s, drive.time_s, track.estimates.speed_m_s)
-    grade = np.interp(time_s, drive.time_s, track.estimates.grade_rad)
+    speed_m_s, grade_rad = track.estimates.speed_m_s, track.estimates.grade_rad
+    if robot.freedoms == 3:  # to the side it travels too, and only its forward part climbs
+        forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))
+        grade_rad = grade_rad * forward_m_s / np.maximum(speed_m_s, np.finfo(float).tiny)
+    speed = np.interp(time_s, drive.time_s, speed_m_s)
+    grade = np.interp(time_s, drive.time_s, grade_rad)
     level = not chosen.observer.states.grade and "pitch_rad" not in drive.channels
     wheels = ObservedWheels(drive, track, chosen.observer.scene)
     return BodyMotion(speed, None if level else grade, wheels, (*drive.notes, *chosen.notes))

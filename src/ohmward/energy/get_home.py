@@ -61,14 +61,17 @@ def get_home(
     """Forecast for a plan, driven as part of the drive under way; call `begin_drive` first for a drive of its own.
 
     Raises:
-        InputError: an empty plan, a terrain that is not known, a confidence outside 0.5 to 0.999.
+        InputError: a plan that is empty or takes no time, a terrain that is not known, a confidence outside 0.5 to
+            0.999.
     """
     require_between("confidence", confidence, 0.5, 0.999)
     if not plan:
         raise InputError("the plan has no leg; add at least one [[leg]]")
     stretches = [stretch_of(leg) for leg in plan]
     z = normal_points(DIMENSIONS)
-    power_W = energy_demand(c, stretches).mean_J / total_time_s(stretches)
+    if not (duration_s := total_time_s(stretches)) > 0.0:
+        raise InputError("the plan takes no time: no leg has a distance or a stop; give one of them")
+    power_W = energy_demand(c, stretches).mean_J / duration_s
     battery_points = discharge(battery, state, power_W, z[BATTERY])
     usable = usable_J(battery_points)
 

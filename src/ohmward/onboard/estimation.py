@@ -25,7 +25,8 @@ from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimator import SlipEstimator
+from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
+from ohmward.traction.terrain.demand import travel_speed
 
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
@@ -179,13 +180,19 @@ class Estimation:
             self.last_charge = None
         reach = None
         if self.range:
-            speed_m_s = self.state.slip.speed_m_s if self.state.slip else None
+            speed_m_s = self._travel_speed_m_s()
             self.range.state = self.range.state._replace(forecast_s=time_s)  # `forecast` makes it
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
         measured, self._beside = {**sample.values, **self._beside}, {}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
+
+    def _travel_speed_m_s(self) -> float | None:
+        """Speed for the range: forward, of an omni-directional robot in whatever direction."""
+        if self.state.slip is None or self.robot is None or self.robot.freedoms < 3:
+            return self.state.slip.speed_m_s if self.state.slip else None
+        return float(travel_speed(motion_of(self.robot, self.state.slip)))
 
     def _with_last_charge(
         self, before: SocNormal, charge: SocEstimate, current_A: float, voltage_V: float

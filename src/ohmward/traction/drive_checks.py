@@ -16,6 +16,7 @@ from ohmward.logs.log import Note
 from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimator import require_wheels
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 from ohmward.traction.speed_observer.turning import yaw_rate_of_wheels
 
@@ -43,8 +44,10 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
     """A warning for each fault that was found.
 
     Raises:
-        InputError: the speed of the wheels and that from outside cannot be of one robot in these units.
+        InputError: other wheels than the robot's, or the speed of the wheels and that from outside cannot be of one
+            robot in these units.
     """
+    require_wheels(robot, log)
     checks = (
         _stuck_encoders,
         _spikes,

@@ -267,10 +267,7 @@ def _episodes(observed: ObservedDrive, wheels: list[str]) -> list[SlipEpisode]:
 
 def travel_speed_m_s(observed: ObservedDrive) -> np.ndarray:
     """(T,) speed of the body in whatever direction."""
-    estimates: SlipEstimate = observed.track.estimates
-    if observed.on_floors:
-        return np.abs(estimates.speed_m_s)
-    return np.linalg.norm(motion_of(observed.robot, estimates)[:, :-1], axis=1)
+    return travel_speed(motion_of(observed.robot, observed.track.estimates))
 
 
 def floor_figures(on_floors: OnFloors) -> FloorFigures:

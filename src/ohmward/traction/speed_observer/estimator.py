@@ -139,16 +139,21 @@ def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.na
     Raises:
         InputError: the log has other wheels than the observer's robot.
     """
-    robot, found = observer.scene.robot, (log.wheel_speed_rad_s.shape[1], log.motor_current_A.shape[1])
+    require_wheels(observer.scene.robot, log)
+    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
+    nothing = np.full(len(log), math.nan)
+    given = {name: nothing if (values := getattr(log, name)) is None else values for name in SlipSample._fields[3:]}
+    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
+
+
+def require_wheels(robot: Robot, log: DriveLog) -> None:
+    """Raise InputError where a log has other wheels or motors than a robot."""
+    found = log.wheel_speed_rad_s.shape[1], log.motor_current_A.shape[1]
     if found != (len(robot.places), robot.driven):
         raise InputError(
             f"log {log.name!r} has {found[0]} wheels and {found[1]} motors, robot {robot.name!r} has "
             f"{len(robot.places)} and {robot.driven}; read the log for this robot"
         )
-    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    nothing = np.full(len(log), math.nan)
-    given = {name: nothing if (values := getattr(log, name)) is None else values for name in SlipSample._fields[3:]}
-    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
 
 
 def considered_step(
@@ -171,8 +176,8 @@ def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEsti
 
 
 def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
-    """Motion (T, freedoms) of the body from the speeds of the wheels' centres in estimates (T, ...)."""
-    rim = robot.wheel.radius_m * estimates.radius_ratio[:, None] * estimates.wheel_speed_rad_s
+    """Motion (..., freedoms) of the body from the speeds of the wheels' centres in estimates (...)."""
+    rim = robot.wheel.radius_m * np.asarray(estimates.radius_ratio)[..., None] * estimates.wheel_speed_rad_s
     return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
 
 
