@@ -143,3 +143,45 @@ def test_bad_messages_are_refused():
         inbox.put(0.0, wheel_speed_rad_s=[1.0])
     with pytest.raises(InputError, match="delay_s"):
         SensorInbox(RLMA, delay_s=-1.0)
+
+
+ODD = {
+    "no time": [math.inf, NAN, -math.inf],
+    "a day ahead, once": [86400.0],
+    "a day back, once": [-86400.0],
+}
+
+
+@pytest.mark.parametrize("stamps", ODD.values(), ids=ODD)
+def test_odd_stamps_are_left_out_and_nothing_else(stamps):
+    arriving = messages(steps=100)
+    odd = [(stamp_s, {"yaw_rate_rad_s": 0.1}) for stamp_s in stamps]
+    inbox, found = SensorInbox(RLMA), []
+    for stamp_s, message in [*arriving[:120], *odd, *arriving[120:]]:
+        inbox.put(stamp_s, **message)
+        found += inbox.take()
+    assert inbox.left_out == len(odd)
+    assert [s["time_s"] for s in [*found, *inbox.flush()]] == [s["time_s"] for s in samples_of(arriving)[0]]
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_clock_that_is_set_costs_one_message(step_s):
+    arriving = messages(steps=200)
+    inbox, found = SensorInbox(RLMA), []
+    for k, (stamp_s, message) in enumerate(arriving):
+        inbox.put(stamp_s + step_s * (k >= 200), **message)
+        found += inbox.take()
+    times_s = np.array([s["time_s"] for s in [*found, *inbox.flush()]])
+    assert inbox.left_out == 1
+    before = np.abs(times_s) < 100.0
+    assert before.sum() + 2 >= np.count_nonzero([t < arriving[200][0] for t, m in arriving if "wheel_speed_rad_s" in m])
+    assert abs(len(times_s) - 200) <= 2 and before[:50].all() and not before[-50:].any()
+
+
+def test_a_count_at_the_stamp_of_the_one_before_is_not_lost():
+    inbox, found = SensorInbox(RLMA, delay_s=0.0, counts_per_turn=1000), []
+    for stamp_s, count in [(0.0, 0), (0.1, 100), (0.1, 150), (0.2, 200), (0.3, 300)]:
+        inbox.put(stamp_s, wheel_counts=[count, count])
+        found += inbox.take()
+    speeds = [s["wheel_speed_rad_s"][0] for s in [*found, *inbox.flush()]]
+    assert_allclose([speed for speed in speeds if math.isfinite(speed)], 2 * math.pi, rtol=1e-9)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
-from ohmward.filters.estimator import PerWheel, number, numbers
+from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.encoder import differences
 
@@ -58,7 +58,7 @@ class SensorInbox:
             what comes late then goes with the next sample, a wheel's speed within `gather_s`.
 
     Attributes:
-        left_out: number of messages that came too late.
+        left_out: number of messages that came too late, or whose stamp was no time, or far from all others.
     """
 
     def __init__(
@@ -81,8 +81,9 @@ class SensorInbox:
         self._wheels, self._driven = len(robot.places), robot.driven
         self._waiting: list[tuple[float, int, _Message]] = []
         self._order = count()
-        self._newest_s = -math.inf
-        self._taken_s = -math.inf
+        self._newest_s = self._taken_s = -math.inf
+        self._odd_s = math.nan
+        self._before_clock_set: list[dict[str, Any]] = []
         self._counts: dict[int, tuple[float, int]] = {}
         self._start_s = self._sample_s = self._speed_s = math.nan
         self._reported_s: dict[int, float] = {}
@@ -125,7 +126,7 @@ class SensorInbox:
         )
         of_wheels = message.speeds or message.counts
         latest_s = (self.gather_s if of_wheels else self.silence_s) if self.prompt else 0.0
-        if not stamp_s >= self._taken_s - latest_s:
+        if self._is_odd(stamp_s) or not stamp_s >= self._taken_s - latest_s:
             self.left_out += 1
             return
         self._newest_s = max(self._newest_s, stamp_s)
@@ -133,11 +134,29 @@ class SensorInbox:
 
     def take(self) -> list[dict[str, Any]]:
         """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`."""
-        return self._take(self._newest_s - self.delay_s)
+        done, self._before_clock_set = self._before_clock_set, []
+        return [*done, *self._take(self._newest_s - self.delay_s)]
 
     def flush(self) -> list[dict[str, Any]]:
         """All samples that are left, at the end of a drive."""
-        return [*self._take(math.inf), *self._close()]
+        done, self._before_clock_set = self._before_clock_set, []
+        return [*done, *self._take(math.inf), *self._close()]
+
+    def _is_odd(self, stamp_s: float) -> bool:
+        """True for a stamp that is no time, or more than `CLOCK_SET_S` from the others; two such set the clock."""
+        if not math.isfinite(stamp_s):
+            return True
+        if math.isinf(self._newest_s) or abs(stamp_s - self._newest_s) <= CLOCK_SET_S:
+            self._odd_s = math.nan
+            return False
+        if not abs(stamp_s - self._odd_s) <= CLOCK_SET_S:
+            self._odd_s = stamp_s
+            return True
+        self._before_clock_set = self.flush()
+        self._newest_s = self._taken_s = -math.inf
+        self._counts, self._reported_s, self._odd_s = {}, {}, math.nan
+        self._clear(math.nan)
+        return False
 
     def _take(self, until_s: float) -> list[dict[str, Any]]:
         samples: list[dict[str, Any]] = []
@@ -163,12 +182,11 @@ class SensorInbox:
             return message.speeds
         speeds = dict(message.speeds)
         for wheel, counted in message.counts.items():
-            now = stamp_s, int(counted)
-            if wheel in self._counts and stamp_s > self._counts[wheel][0]:
-                before_s, before = self._counts[wheel]
-                (turned,) = differences(np.array([[before], [now[1]]]), self.bits)[:, 0]
+            before_s, before = self._counts.setdefault(wheel, (stamp_s, int(counted)))
+            if stamp_s > before_s:
+                (turned,) = differences(np.array([[before], [int(counted)]]), self.bits)[:, 0]
                 speeds[wheel] = 2 * math.pi * turned / self.counts_per_turn / (stamp_s - before_s)
-            self._counts[wheel] = now
+                self._counts[wheel] = stamp_s, int(counted)
         return speeds
 
     def _is_over(self, stamp_s: float, speeds: Mapping[int, float]) -> bool:
