@@ -37,8 +37,8 @@ def test_a_signal_that_has_died_is_not_waited_for():
     waits = [b - a for a, b in pairwise(times)]
     assert max(waits) <= LONGEST_S + 0.11
     assert all(wait == pytest.approx(0.1) for a, wait in zip(times, waits, strict=False) if a > USUAL_S + LONGEST_S)
-    back = inbox.put(40.0, {"v": 12.1})
-    assert back == MeanSample(40.0, {"v": 12.1})
+    assert inbox.put(40.0, {"v": 12.1}) is None  # the current still reports, and belongs to it
+    assert inbox.put(40.05, {"i": 1.0}) == MeanSample(40.05, {"v": 12.1, "i": 1.0})
 
 
 def test_what_is_no_number_was_not_measured():

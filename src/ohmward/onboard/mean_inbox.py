@@ -61,7 +61,7 @@ class MeanInbox:
         self._reported_s[signal] = self._newest_s
 
     def _is_complete(self) -> bool:
-        return len(self._sums) >= len(self._awaited) or not self._newest_s - self._began_s < LONGEST_S
+        return self._awaited <= self._sums.keys() or not self._newest_s - self._began_s < LONGEST_S
 
     def _close(self) -> MeanSample:
         sample = MeanSample(self._newest_s, {s: self._sums[s] / self._counts[s] for s in self._sums})

@@ -79,13 +79,12 @@ class ChargeMemory(NamedTuple):
         """The memory after estimates (T,) along a log."""
         full = is_full(estimates.soc, estimates.soc_std)
         diverged = (estimates.flags.astype(int) & SocFlag.DIVERGED) > 0
-        memory = self
-        for happened in (np.arange(len(full)) == 0, full, diverged):
-            if happened.any():
-                last = len(full) - 1 - int(np.argmax(happened[::-1]))
-                row = SocEstimate(*(float(column[last]) for column in estimates))
-                at_s = float(time_s[last])
-                memory = memory.after(at_s, row) if not at_s < memory.anchor_s else memory._replace(diverged_s=at_s)
+        if not len(full):
+            return self
+        lasts = {len(full) - 1 - int(np.argmax(happened[::-1])) for happened in (full, diverged) if happened.any()}
+        memory = ChargeMemory() if time_s[0] < self.anchor_s else self  # a clock that was set tells no times before it
+        for row in sorted({0} | lasts):
+            memory = memory.after(float(time_s[row]), SocEstimate(*(float(column[row]) for column in estimates)))
         return memory
 
     def history(self, now_s: float) -> ChargeHistory:

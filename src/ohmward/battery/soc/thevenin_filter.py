@@ -1,6 +1,6 @@
 """State of charge by a Kalman filter on the Thevenin model and the errors of sensors and model.
 
-The states are those of `AugmentedThevenin`: the model's, and four that make the sigma honest.
+The states are those of `AugmentedThevenin`: the model's, and those of the errors that make the sigma honest.
 
 One step works with the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
 Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which sets the gain
