@@ -299,7 +299,7 @@ class Drift:
 
     def step(self, state, sample):
         soc = state[0] + self.rates[0] * sample.dt_s
-        return (soc,), SocEstimate._make([soc, 0.1, *[math.nan] * 6, 0.0])
+        return (soc,), SocEstimate._make([soc, 0.1, *[math.nan] * (len(SocEstimate._fields) - 3), 0.0])
 
 
 def test_settings_without_a_hash_are_compiled_for_themselves():

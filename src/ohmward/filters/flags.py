@@ -12,6 +12,9 @@ import numpy as np
 from ohmward.trace import where
 from ohmward.trace.expression import Scalar
 
+#: Flags are counted so many samples at a time: a log of ten million would take more memory for it than for all else.
+_BLOCK = 1 << 20
+
 
 class SampleFlag(IntFlag):
     """Base of the flags of a sample; printed by name: `NO_CURRENT|GAP`, and `0` without any."""
@@ -51,6 +54,10 @@ def flags_of(conditions: Mapping[IntFlag, Scalar | bool]) -> Scalar:
 
 def count_flags(flags: np.ndarray, kinds: type[IntFlag]) -> dict[str, int]:
     """Number of samples (T,) that carry each flag, by name; flags that never occur are left out."""
-    values = np.asarray(flags).astype(int)
-    counted = {kind.name.lower(): int(np.count_nonzero(values & kind)) for kind in kinds if kind.name}
+    flags = np.asarray(flags).ravel()
+    samples = np.zeros(2 * int(max(kinds)), dtype=int)  # by the sum of their flags
+    for block in np.array_split(flags, 1 + flags.size // _BLOCK):
+        samples += np.bincount(block.astype(np.intp), minlength=samples.size)
+    sums = np.arange(samples.size)
+    counted = {kind.name.lower(): int(samples[sums & int(kind) != 0].sum()) for kind in kinds if kind.name}
     return {name: count for name, count in counted.items() if count}

@@ -78,7 +78,7 @@ class ChargeMemory(NamedTuple):
     def after_log(self, time_s: np.ndarray, estimates: SocEstimate) -> ChargeMemory:
         """The memory after estimates (T,) along a log."""
         full = is_full(estimates.soc, estimates.soc_std)
-        diverged = (estimates.flags.astype(int) & SocFlag.DIVERGED) > 0
+        diverged = (estimates.flags.astype(np.int32) & np.int32(SocFlag.DIVERGED)) > 0
         if not len(full):
             return self
         lasts = {len(full) - 1 - int(np.argmax(happened[::-1])) for happened in (full, diverged) if happened.any()}

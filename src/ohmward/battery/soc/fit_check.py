@@ -63,6 +63,6 @@ def lasting_error(run: Run[SocEstimate]) -> float:
     if np.count_nonzero(used) < LEAST_INNOVATIONS:
         return math.nan
     normalised = e.innovation_V[used] / e.voltage_std_V[used]
-    _, minutes = np.unique(run.time_s[used] // LASTING_S, return_inverse=True)
-    means = np.bincount(minutes, normalised) / np.bincount(minutes)
-    return float(np.sqrt(max(np.mean(normalised**2), np.mean(means**2))))
+    begins = np.flatnonzero(np.diff(run.time_s[used] // LASTING_S, prepend=-np.inf))
+    means = np.add.reduceat(normalised, begins) / np.diff(begins, append=normalised.size)
+    return float(np.sqrt(max(normalised @ normalised / normalised.size, np.mean(means**2))))

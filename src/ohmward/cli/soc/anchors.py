@@ -25,7 +25,7 @@ def anchor_list(task: SocTask, answer: SocRun) -> list[dict[str, Any]]:
     """
     if task.battery.thevenin is None:
         return []
-    used = np.flatnonzero(answer.flags.astype(int) & int(answer.flag_type["ANCHORED"]))
+    used = np.flatnonzero(answer.flags.astype(np.int32) & np.int32(answer.flag_type["ANCHORED"]))
     before = -1
     found = []
     for anchor in find_anchors(task.log, task.battery):
