@@ -126,7 +126,7 @@ class VoltageError(NamedTuple):
     variance: of all else [V^2].
     weight: factor of that variance in R, because errors hold on from sample to sample.
     uncertain_V2: part of both by the errors of axis and overpotential [V^2].
-    tangent_V: mean of what the tangent of the curve leaves out [V].
+    tangent_V, tangent_V2: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2].
     """
 
     model_std_V: Scalar
@@ -134,6 +134,7 @@ class VoltageError(NamedTuple):
     weight: Scalar
     uncertain_V2: Scalar = 0.0
     tangent_V: Scalar = 0.0
+    tangent_V2: Scalar = 0.0
 
 
 @dataclass(frozen=True)
@@ -329,6 +330,7 @@ class AugmentedThevenin:
             weight=noise.samples_per_error(clean.dt_s),
             uncertain_V2=uncertain_V2,
             tangent_V=tangent_V,
+            tangent_V2=tangent_V2,
         )
 
     def tangent_error(

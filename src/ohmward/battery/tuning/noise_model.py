@@ -6,8 +6,10 @@ That is no density of the samples. Here the same error is a state,
     V = h(x) + c s e + v,    e' = a e + sqrt(1 - a^2) w,    a = exp(-dt / (c_t tau)),    v ~ N(0, (c_v v_0)^2)
 
 with v_0, s and tau the file's `voltage_std_V`, what its `overpotential_share` and `soc_axis_std` make of this state,
-and `correlation_s`; the state `model_error` is times c too. The innovations of an extended Kalman filter on it are
-white where the factors are right, and their density is the likelihood of the factors.
+and `correlation_s`; the state `model_error` is times c too. What the cold, age and temperature add to s is no part of
+the file's noise, and stays; what the tangent of the curve leaves out is no noise either, and only its mean is
+expected. The innovations of an extended Kalman filter on it are white where the factors are right,
+and their density is the likelihood of the factors.
 """
 
 from __future__ import annotations
@@ -95,6 +97,11 @@ class NoiseModel:
         """The model functions with the file's noise."""
         return self.filter.system
 
+    @cached_property
+    def unscaled(self) -> AugmentedThevenin:
+        """The model functions with those errors of the voltage alone that no factor scales."""
+        return replace(self.system, noise=with_factors(self.battery.noise, np.array([1.0, 0.0, 1.0])))
+
     def init(self, first: SocSample, log_factors: np.ndarray, soc: float | None = None) -> TuningState:
         """State before the first sample; soc: None takes it from the first voltage, which is looked at."""
         noise = with_factors(self.battery.noise, np.exp(log_factors))
@@ -132,15 +139,17 @@ class NoiseModel:
         """The belief after the voltage where current and voltage were measured; noisier, wronger: c_v, c."""
         n = len(prior.mean) - 1
         inner = Belief(prior.mean[:n], prior.cov[:n, :n])
-        error = self.system.voltage_error(inner, clean)
+        error, unscaled = (system.voltage_error(inner, clean) for system in (self.system, self.unscaled))
         white = self.battery.noise.voltage_std_V
-        held_V = wronger * sqrt(error.uncertain_V2)
-        scaled = error._replace(model_std_V=wronger * error.model_std_V)
+        stays_V2, all_V2 = unscaled.model_std_V**2, error.model_std_V**2
+        scaled = error._replace(model_std_V=sqrt(stays_V2 + wronger**2 * (all_V2 - stays_V2)))
+        held_V2 = unscaled.uncertain_V2 + wronger**2 * (error.uncertain_V2 - unscaled.uncertain_V2)
 
         def measured(x: np.ndarray) -> np.ndarray:
-            return self.system.voltage(x[:n], clean, scaled) + held_V * x[n]
+            return self.system.voltage(x[:n], clean, scaled) + sqrt(held_V2) * x[n]
 
-        R = np.array([[(noisier**2 - 1.0) * white**2 + error.variance - error.uncertain_V2]])
+        drawn_V2 = error.variance - error.uncertain_V2 - error.tangent_V2
+        R = np.array([[(noisier**2 - 1.0) * white**2 + drawn_V2]])
         correction = extended.correct(prior, np.array([clean.voltage_V]), measured, R)
         nu, S = correction.innovation.value[0], correction.innovation.cov[0, 0]
         there = clean.voltage_measured & clean.current_measured

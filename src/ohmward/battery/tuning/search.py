@@ -38,8 +38,8 @@ class Maximum(NamedTuple):
     """The most likely factors, as logarithms.
 
     log_factors: (3,).
-    cov: (3, 3) covariance of it: of the logs (sandwich, White 1982) and of the search. nan where the logs are too short
-        to tell it.
+    cov: (3, 3) covariance of it: of the logs (sandwich, White 1982), of the steps of the likelihood, and of the search.
+        nan where the logs are too short to tell it.
     """
 
     log_factors: np.ndarray
@@ -66,9 +66,10 @@ def maximum(likelihood: Likelihood, progress: Progress | None = None) -> Maximum
 
 
 def sandwich(likelihood: Likelihood, at: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(3, 3) covariance of the most likely factors, H^-1 J H^-1; nan where the logs are too short to tell it.
+    """(3, 3) covariance of the most likely factors, H^-1 J H^-1 + r H^-1; nan where the logs are too short to tell it.
 
     H: minus the second derivatives.  J: covariance of the slope, from its scatter between stretches of the logs.
+    r: height of the steps, for what lies within it of the maximum may as well be the maximum.
     """
     away = rng.standard_normal((2 * _MEMBERS, len(at))) * (2.0 * _LEAST_STD)
     blocks = likelihood.blocks(at + away)
@@ -89,7 +90,8 @@ def sandwich(likelihood: Likelihood, at: np.ndarray, rng: np.random.Generator) -
     scatter = (slopes - slopes.mean(axis=0)).T @ (slopes - slopes.mean(axis=0))
     if len(slopes) < _LEAST_BLOCKS or np.linalg.cond(scatter) > 1e12:
         return np.full_like(H, np.nan)
+    rough = float(np.median(distance[used]))
     if np.linalg.eigvalsh(H)[0] <= 0.0:  # too rough for a parabola: the slopes alone (Berndt et al. 1974)
-        return np.asarray(np.linalg.inv(scatter))
+        return np.asarray((1.0 + rough) * np.linalg.inv(scatter))
     inverse = np.linalg.inv(H)
-    return np.asarray(inverse @ scatter @ inverse)
+    return np.asarray(inverse @ scatter @ inverse + rough * inverse)
