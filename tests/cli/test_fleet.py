@@ -38,6 +38,12 @@ def test_a_pattern_becomes_a_summary_and_the_second_run_is_done_at_once(folder, 
     assert json.loads(capsys.readouterr().out)["resumed"] == 3
 
 
+def test_a_folder_is_all_of_its_logs(folder, capsys):
+    command = ["fleet", str(folder / "logs"), "--battery", str(folder / "cell.toml"), "--json"]
+    assert main([*command, "-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1"]) == 0
+    assert json.loads(capsys.readouterr().out)["logs"] == 3
+
+
 def test_people_read_which_logs_were_not_used(folder, capsys):
     (folder / "logs" / "broken.csv").write_text("nothing\n")
     command = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "cell.toml")]

@@ -16,7 +16,9 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("logs", nargs="+", metavar="LOGS", help="files or patterns, quoted: 'logs/**/*.parquet'")
+    parser.add_argument(
+        "logs", nargs="+", metavar="LOGS", help="files, folders, or patterns, quoted: 'logs/**/*.parquet'"
+    )
     parser.add_argument("--battery", required=True, metavar="FILE.toml", help="battery file of all of them")
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder for summary.csv and progress")
     group = parser.add_argument_group("estimation")

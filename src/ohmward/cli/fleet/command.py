@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import glob
 import os
 from collections.abc import Callable
 from functools import partial
@@ -13,6 +12,7 @@ from typing import Any
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name
 from ohmward.cli import wording
+from ohmward.cli.log_files import log_files
 from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> Outcome:
     name = chosen_name(args.filter.lower(), battery)
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
-    paths = find(args.logs)
+    paths = log_files(args.logs)
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]
@@ -62,21 +62,6 @@ def work(args: argparse.Namespace) -> Executor:
     if args.dask:
         return partial(on_dask, address=args.dask)
     return partial(in_processes, processes=args.processes or os.cpu_count() or 1)
-
-
-def find(patterns: list[str]) -> list[str]:
-    """The files that the patterns match.
-
-    Raises:
-        InputError: one matches nothing.
-    """
-    found: list[str] = []
-    for pattern in patterns:
-        paths = [pattern] if Path(pattern).is_file() else glob.glob(pattern, recursive=True)  # noqa: PTH207 absolute too
-        if not paths:
-            raise InputError(f"no file matches {pattern!r}; check the pattern, and quote it for the shell")
-        found += [path for path in paths if Path(path).is_file()]
-    return found
 
 
 def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
