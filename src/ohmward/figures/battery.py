@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 SOC_AXIS = "State of charge [%]"
 #: Samples after edges that are drawn; a drive has a hundred thousand.
 _MOST_RISES = 3000
+#: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
+_MOST_SLOW = 100_000
 #: Flags that are drawn, and what they mean for the eye.
 SHOWN: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
@@ -97,23 +99,24 @@ def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> F
 
 def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated offset of the current sensor with its 95 % band."""
-    offset_mA, std_mA = 1e3 * estimates.current_offset_A, 1e3 * estimates.current_offset_std_A
-    series = [Series(log.time_s, offset_mA, "estimate", role="estimate")]
-    band = band_95(log.time_s, offset_mA, std_mA)
+    time_s, offset_mA, std_mA = _slow(log.time_s, 1e3, estimates.current_offset_A, estimates.current_offset_std_A)
+    series = [Series(time_s, offset_mA, "estimate", role="estimate")]
+    band = band_95(time_s, offset_mA, std_mA)
     return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, [band], height_px=180)
 
 
 def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated capacity and resistance as shares of the battery file's, with their 95 % bands."""
-    capacity, capacity_std = 100 * estimates.soh_capacity, 100 * estimates.soh_capacity_std
-    resistance, resistance_std = 100 * estimates.resistance_ratio, 100 * estimates.resistance_ratio_std
+    e = estimates
+    time_s, capacity, capacity_std = _slow(log.time_s, 100.0, e.soh_capacity, e.soh_capacity_std)
+    _, resistance, resistance_std = _slow(log.time_s, 100.0, e.resistance_ratio, e.resistance_ratio_std)
     series = [
-        Series(log.time_s, capacity, "capacity", role="estimate"),
-        Series(log.time_s, resistance, "resistance", role="comparison"),
+        Series(time_s, capacity, "capacity", role="estimate"),
+        Series(time_s, resistance, "resistance", role="comparison"),
     ]
     bands = [
-        band_95(log.time_s, capacity, capacity_std, (0.0, np.inf), "95 % of capacity"),
-        lognormal_band_95(log.time_s, resistance, resistance_std, "95 % of resistance", "comparison"),
+        band_95(time_s, capacity, capacity_std, (0.0, np.inf), "95 % of capacity"),
+        lognormal_band_95(time_s, resistance, resistance_std, "95 % of resistance", "comparison"),
     ]
     return Figure("Capacity and resistance over the battery file's", TIME, "Share [%]", series, bands, height_px=180)
 
@@ -265,6 +268,12 @@ def histogram_figure(values: np.ndarray, title: str, x_label: str, bins: int = 8
         Series(middle, normal, "normal", "dashed", "reference"),
     ]
     return Figure(title, x_label, "Density", series, height_px=220)
+
+
+def _slow(time_s: np.ndarray, factor: float, *columns: np.ndarray) -> list[np.ndarray]:
+    """Times, and columns times the factor: every sample, or `_MOST_SLOW` even ones of a long log."""
+    drawn = np.unique(np.linspace(0, time_s.size - 1, _MOST_SLOW).astype(int)) if time_s.size > _MOST_SLOW else ...
+    return [time_s[drawn], *(factor * column[drawn] for column in columns)]
 
 
 def _side_by_side(x: np.ndarray, lines: Mapping[str, np.ndarray]) -> list[Series]:
