@@ -1,6 +1,6 @@
-"""Limits of the methods: `python benchmarks/assess.py` writes limits.md by `ohmward assess`, in five minutes.
+"""Limits of the methods: `python benchmarks/assess.py` writes limits.md and limits_traction.md by `ohmward assess`.
 
-An interrupted run goes on: what is done is kept in ../build/assess.
+Ten minutes on two processors; an interrupted run goes on: what is done is kept in ../build/assess.
 """
 
 from __future__ import annotations
@@ -8,25 +8,17 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ohmward.assess.cell import CellFigures
-from ohmward.assess.methods import METHODS
-from ohmward.assess.recommendation import recommend
-from ohmward.assess.study import assess
-from ohmward.cli.assess.result import (
-    RECOMMENDED,
-    RULE,
-    covered_percent,
-    found_minutes,
-    grid,
-    recommended_cells,
-    rmse_points,
-)
+from ohmward.assess.study import STUDIES, assess
+from ohmward.cli.assess.heat import HEATS, grid
+from ohmward.cli.assess.report import cost
+from ohmward.cli.assess.result import RULE, Assessed, recommended
 
 HERE = Path(__file__).resolve().parent
-PAGE, DONE = HERE / "limits.md", HERE.parent / "build" / "assess"
+DONE = HERE.parent / "build" / "assess"
+PAGES = {"battery": HERE / "limits.md", "traction": HERE / "limits_traction.md"}
 RUNS, SEED = 12, 1
 
 
@@ -37,34 +29,38 @@ def rows(header: Sequence[str], cells: Sequence[Sequence[str]]) -> Iterator[str]
     yield "\n"
 
 
-def heat(found: Sequence[CellFigures], text: Callable[[CellFigures], str], caption: str) -> Iterator[str]:
-    """One figure of every method under every condition."""
-    header, *cells = grid(found, text)
-    yield f"{caption}\n\n"
-    yield from rows(header, cells)
-
-
-def page(found: Sequence[CellFigures], time_of_all: str) -> Iterator[str]:
-    """The recommendation, then the figures of each chemistry, then the cost."""
-    yield f"{len(found) * RUNS:,} shifts, {time_of_all}.\n\n## Recommendation\n\n{RULE}.\n\n"
-    yield from rows(RECOMMENDED, [recommended_cells(row) for row in recommend(found)])
-    for chemistry in dict.fromkeys(row.chemistry for row in found):
-        here = [row for row in found if row.chemistry == chemistry]
-        yield f"## {chemistry}\n\n"
-        yield from heat(here, rmse_points, "RMSE after the first hour, points of percent:")
-        yield from heat(here, covered_percent, "Samples with the truth in the 95 % band, %:")
-        yield from heat(here, found_minutes, "Minutes until the error stays within 5 points, median of the shifts:")
-    yield "## Cost\n\nOperations of a step, the largest of the chemistries.\n\n"
-    operations = {m.name: max((f.operations for f in found if f.method == m.name), default=0) for m in METHODS}
-    yield from rows(["method", "", "operations"], [[m.name, m.title, f"{operations[m.name]:,}"] for m in METHODS])
+def page(assessed: Assessed, time_of_all: str) -> Iterator[str]:
+    """The recommendation, then the figures of each subject, then the cost."""
+    study, found = assessed.study, assessed.found
+    yield f"{assessed.headline}, {time_of_all}.\n\n## Recommendation\n\n{RULE}.\n\n"
+    yield from rows(*recommended(study, found))
+    for subject in dict.fromkeys(row.subject for row in found):
+        yield f"## {subject}\n\n"
+        for heat in HEATS[study.name]:
+            header, *cells = grid([row for row in found if row.subject == subject], heat.text)
+            yield f"{heat.caption}:\n\n"
+            yield from rows(header, cells)
+    yield f"## Cost\n\nOperations of a step, for the {study.subject} that takes most.\n\n"
+    yield from rows(["method", "", "operations"], [row[:3] for row in cost(assessed)])
 
 
 def main() -> None:
-    """Run the study and write the page."""
-    began, processes = time.monotonic(), os.cpu_count() or 1
-    found = assess(DONE, RUNS, SEED, (), processes, lambda done, total: print(done, "of", total, file=sys.stderr))
-    minutes = (time.monotonic() - began) / 60.0
-    PAGE.write_text("".join(page(found, f"{minutes:.1f} minutes in {processes} processes")), encoding="utf-8")
+    """Run the studies and write their pages."""
+    processes = os.cpu_count() or 1
+    for name, path in PAGES.items():
+        began, folder = time.monotonic(), DONE / name
+        found = assess(
+            STUDIES[name],
+            folder,
+            RUNS,
+            SEED,
+            (),
+            processes,
+            lambda done, total: print(done, "of", total, file=sys.stderr),
+        )
+        assessed = Assessed(STUDIES[name], RUNS, SEED, folder, found)
+        minutes = (time.monotonic() - began) / 60.0
+        path.write_text("".join(page(assessed, f"{minutes:.1f} minutes in {processes} processes")), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import numpy as np
 
 from figure import HERE
 from ohmward.assess import lives
-from ohmward.assess.conditions import BASE
+from ohmward.assess.battery.conditions import BASE
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample

@@ -37,7 +37,7 @@ BELOW: dict[str, set[str]] = {
     "figures": {"battery", "traction", "energy", "filters", "logs.log", "logs.drive_log", "report"} | GROUND,
     "reproduce": {"battery", "traction", "published", "simulate", "figures", "trace", "filters", "logs", "report"}
     | GROUND,
-    "assess": {"fleet", "battery", "published", "simulate", "trace", "filters", "logs"} | GROUND,
+    "assess": {"fleet", "battery", "traction", "published", "simulate", "trace", "filters", "logs"} | GROUND,
     "onboard": {"battery", "traction", "energy", "simulate", "trace", "filters", "logs", "report"} | GROUND,
     "cli": {
         *("onboard", "reproduce", "assess"),

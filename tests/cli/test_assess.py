@@ -14,7 +14,22 @@ def test_table_page_and_json(as_json, tmp_path, monkeypatch, capsys):
     assert "Recommendation" in page and 'class="number heat-' in page
     assert main(["assess", *ONLY]) == 0  # goes on where all is done
     text = capsys.readouterr().out
-    assert "base: everyday sensors" in text and "16 KB of flash" in text and "ohmward-assess/summary.csv" in text
+    assert (
+        "base: everyday sensors" in text and "16 KB of flash" in text and "ohmward-assess/battery/summary.csv" in text
+    )
+
+
+def test_the_study_of_traction(as_json, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["assess", "traction", "--only", "rlma", "--only", "base", "--only", "wheels", "--only", "ekf"]
+    found = as_json(*words, "--runs", "2", "--report", "limits.html")
+    assert [cell["method"] for cell in found["cells"]] == ["wheels", "ekf"] and found["study"] == "traction"
+    assert found["cells"][0]["speed_covered"] is None and found["cells"][1]["slip_covered"] > 0.9
+    page = (tmp_path / "limits.html").read_text(encoding="utf-8")
+    assert "RMSE of the slip ratio" in page and 'class="number heat-' in page
+    assert main([*words, "--runs", "2"]) == 0
+    text = capsys.readouterr().out
+    assert "cm/s" in text and "64 KB of flash" in text and "ohmward-assess/traction/summary.csv" in text
 
 
 def test_a_word_that_names_nothing(tmp_path, monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""The method for a chemistry, a sensor and a processor, chosen from the figures by rules that are stated here.
+"""The method for a subject, its conditions and a processor, chosen from the figures by rules that are stated here.
 
 Of the methods whose step the processor can hold, the one with the smallest RMSE in the worst condition of the
 situation, among those whose band covers the truth there; where none covers, the smallest RMSE, and it is said.
@@ -7,15 +7,46 @@ situation, among those whose band covers the truth there; where none covers, the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ohmward.assess.cell import CellFigures
-from ohmward.assess.lives import CHEMISTRIES
-
 #: A 95 % band that covers at least this share in every condition of the situation can be trusted.
 COVERS = 0.85
+
+
+class MethodFigures(Protocol):
+    """Figures of a method under a condition, as far as the rules need them."""
+
+    @property
+    def subject(self) -> str:
+        """Chemistry, or robot."""
+        ...
+
+    @property
+    def condition(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def method(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def rmse(self) -> float:
+        """Of the charge, or of the speed [m/s]."""
+        ...
+
+    @property
+    def covered(self) -> float:
+        """Share of the samples with the truth in the 95 % band."""
+        ...
+
+    @property
+    def operations(self) -> int:
+        """In a step."""
+        ...
 
 
 class Situation(NamedTuple):
@@ -32,28 +63,10 @@ class Processor(NamedTuple):
     operations: float
 
 
-_SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost samples")
-SITUATIONS = (
-    Situation("laboratory", ("laboratory",)),
-    Situation("everyday sensors, noisy or coarse", _SENSOR),
-    Situation("the start is wrong or not known", ("start",)),
-    Situation("current sensor with offset and gain", ("current offset", "current gain")),
-    Situation("samples seldom or out of step", ("interval", "voltage late")),
-    Situation("cold or hot", ("temperature",)),
-    Situation("less capacity than told, aged", ("capacity less", "age")),
-)
-#: 2 KB of code hold about 350 operations in single precision, 16 KB about 2,500; see docs/export.md.
-PROCESSORS = (
-    Processor("2 KB of flash", 350.0),
-    Processor("16 KB of flash", 2500.0),
-    Processor("computer", np.inf),
-)
-
-
 class Recommendation(NamedTuple):
-    """A row of the table: the method, its RMSE in the worst condition, and the least that its band covers."""
+    """A row of the table: the method, its RMSE in the worst condition, and the least that its band covers, or nan."""
 
-    chemistry: str
+    subject: str
     situation: str
     processor: str
     method: str
@@ -66,16 +79,18 @@ class Recommendation(NamedTuple):
         return self.least_covered >= COVERS
 
 
-def recommend(found: Sequence[CellFigures]) -> list[Recommendation]:
-    """A row for each chemistry, situation and processor of which there are figures."""
+def recommend(
+    found: Sequence[MethodFigures], situations: Sequence[Situation], processors: Sequence[Processor]
+) -> list[Recommendation]:
+    """A row for each subject, situation and processor of which there are figures."""
     rows = []
-    for chemistry in CHEMISTRIES:
-        for situation in SITUATIONS:
-            here = [f for f in found if f.chemistry == chemistry and f.condition.split(": ")[0] in situation.factors]
-            for processor in PROCESSORS:
+    for subject in dict.fromkeys(f.subject for f in found):
+        for situation in situations:
+            here = [f for f in found if f.subject == subject and f.condition.split(": ")[0] in situation.factors]
+            for processor in processors:
                 fitting = [f for f in here if f.operations <= processor.operations]
                 judged = [
-                    _judged(chemistry, situation, processor, [f for f in fitting if f.method == method])
+                    _judged(situation, processor, [f for f in fitting if f.method == method])
                     for method in dict.fromkeys(f.method for f in fitting)
                 ]
                 if judged:
@@ -83,10 +98,9 @@ def recommend(found: Sequence[CellFigures]) -> list[Recommendation]:
     return rows
 
 
-def _judged(chemistry: str, situation: Situation, processor: Processor, of: Sequence[CellFigures]) -> Recommendation:
+def _judged(situation: Situation, processor: Processor, of: Sequence[MethodFigures]) -> Recommendation:
     """A method over the conditions of a situation; without a number or a band it is the worst there can be."""
     rmse = np.nan_to_num([f.rmse for f in of], nan=np.inf)
-    covered = np.nan_to_num([f.covered for f in of], nan=0.0)
-    return Recommendation(
-        chemistry, situation.name, processor.name, of[0].method, float(rmse.max()), float(covered.min())
-    )
+    covered = np.array([f.covered for f in of])
+    least = float(np.nan_to_num(covered).min()) if np.isfinite(covered).any() else np.nan
+    return Recommendation(of[0].subject, situation.name, processor.name, of[0].method, float(rmse.max()), least)

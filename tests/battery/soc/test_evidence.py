@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from battery.examples import LFP
-from ohmward.assess.cell import cell
-from ohmward.assess.conditions import CONDITIONS
-from ohmward.assess.methods import METHODS
+from ohmward.assess.battery.cell import soc_cell
+from ohmward.assess.battery.conditions import CONDITIONS
+from ohmward.assess.battery.methods import METHODS
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.augmented_thevenin import VoltageError
 from ohmward.battery.soc.evidence import log_likelihood
@@ -62,7 +62,7 @@ def test_doubt_that_comes_back_is_charged_once_in_the_time_of_an_error():
 def test_lost_currents_do_not_favour_the_hypothesis_of_the_least_resistance(chemistry):
     lost = next(condition for condition in CONDITIONS if condition.name == "lost samples: 30 %")
     default = next(method for method in METHODS if method.name == "default")
-    found = cell(chemistry, lost, default, 16, 7)
+    found = soc_cell(chemistry, lost, default, 16, 7)
     assert found.rmse < 0.045 and found.largest < 0.1
     assert found.covered > 0.95
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ohmward.assess.study import STUDIES
 from ohmward.cli.options import add_output_options
 from ohmward.cli.parser import count
 
@@ -11,30 +12,44 @@ EXAMPLES = """\
   ohmward assess --report limits.html
   ohmward assess --only lfp --only "current offset" --runs 50
   ohmward assess --only ekf --only default --json
+  ohmward assess traction --report limits.html
+  ohmward assess traction --only rlma --only "patches of ice"
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument(
+        "study",
+        nargs="?",
+        default="battery",
+        choices=STUDIES,
+        help="battery: methods for its charge, the default; traction: observers of speed and slip",
+    )
+    parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="WORD",
-        help="this chemistry, factor of the conditions or method; may be given again; a wrong one is answered by all",
+        help="this chemistry or robot, factor of the conditions or method; may be given again; a wrong one is answered "
+        "by all",
     )
     parser.add_argument(
-        "--runs", type=count, default=12, metavar="N", help="shifts of eight hours for each cell (default %(default)s)"
+        "--runs",
+        type=count,
+        default=12,
+        metavar="N",
+        help="shifts of eight hours, or drives of two minutes, for each cell (default %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=count, default=1, metavar="N", help="another one draws other shifts (default %(default)s)"
+        "--seed", type=count, default=1, metavar="N", help="another one draws other runs (default %(default)s)"
     )
     parser.add_argument(
         "-o",
         "--output",
-        default="ohmward-assess",
         metavar="DIR",
-        help="folder for summary.csv and what is done so far: the same command goes on there (default %(default)s)",
+        help="folder for summary.csv and what is done so far: the same command goes on there; default: "
+        "ohmward-assess/STUDY",
     )
     parser.add_argument("--processes", type=count, metavar="N", help="side by side; default: one for each processor")
     add_output_options(parser)

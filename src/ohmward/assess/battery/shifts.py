@@ -6,14 +6,14 @@ begun between 80 and 100 %. The battery file comes from a pulse test of the same
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.assess.conditions import Condition, Truth
+from ohmward.assess.battery.conditions import Condition, Truth
+from ohmward.assess.draws import generator, signs
 from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
 from ohmward.battery.soc.sample import SocSample
@@ -51,11 +51,6 @@ class Shifts(NamedTuple):
     voltage_V: np.ndarray
     temperature_degC: np.ndarray
     soc: np.ndarray
-
-
-def generator(*words: object) -> np.random.Generator:
-    """Random numbers that depend on these words alone, the same on every machine and in every process."""
-    return np.random.default_rng([zlib.crc32(str(word).encode()) for word in words])
 
 
 @cache
@@ -120,11 +115,6 @@ def _load_A(rng: np.random.Generator, battery: SimulatedBattery, time_s: np.ndar
         current_A[int(begin_s) : int(begin_s) + driven.size] = driven
     current_A[int(charge_s) : int(charge_s + _CHARGE_S)] = _CHARGE_C * capacity_A
     return np.interp(time_s, grid_s, current_A)
-
-
-def signs(runs: int) -> np.ndarray:
-    """Signs (B,) of the errors of start and current sensor: in turn, so that no method is lucky with one."""
-    return np.where(np.arange(runs) % 2 == 0, -1.0, 1.0)
 
 
 def measured(chemistry: str, condition: Condition, runs: int, seed: int) -> tuple[SocSample, np.ndarray]:

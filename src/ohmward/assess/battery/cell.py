@@ -1,4 +1,4 @@
-"""CellFigures of a method under a condition, over many runs."""
+"""Figures of a method under a condition, over many shifts."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.assess.conditions import Condition
-from ohmward.assess.lives import identified, measured, signs
-from ohmward.assess.methods import METHODS, SocMethod
+from ohmward.assess.battery.conditions import Condition
+from ohmward.assess.battery.methods import METHODS, SocMethod
+from ohmward.assess.battery.shifts import identified, measured
+from ohmward.assess.draws import signs
 from ohmward.battery.soc.sample import SocSample
 from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel
@@ -27,8 +28,8 @@ _START_STD = 0.03
 _MOST_SAMPLES = 1 << 20
 
 
-class CellFigures(NamedTuple):
-    """CellFigures of one method under one condition.
+class SocFigures(NamedTuple):
+    """Figures of one method under one condition.
 
     rmse, largest: of the state of charge after the first hour, over all runs; nan where it was no number once.
     covered: share of these samples with the truth in the 95 % band; nan without a band.
@@ -49,8 +50,13 @@ class CellFigures(NamedTuple):
     operations: int
     ns: float
 
+    @property
+    def subject(self) -> str:
+        """The chemistry."""
+        return self.chemistry
 
-def cell(chemistry: str, condition: Condition, method: SocMethod, runs: int, seed: int) -> CellFigures:
+
+def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int, seed: int) -> SocFigures:
     """Run the method along every shift of this condition."""
     samples, truth = measured(chemistry, condition, runs, seed)
     kernel, estimator = _compiled(chemistry, method.name)
@@ -71,7 +77,7 @@ def cell(chemistry: str, condition: Condition, method: SocMethod, runs: int, see
         spent_s += time.perf_counter() - began
     found = figures(np.cumsum(samples.dt_s), soc - truth, std)
     operations = len(kernel.program.nodes)
-    return CellFigures(chemistry, condition.name, method.name, *found, operations, 1e9 * spent_s / truth.size)
+    return SocFigures(chemistry, condition.name, method.name, *found, operations, 1e9 * spent_s / truth.size)
 
 
 @lru_cache(maxsize=len(METHODS))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from ohmward.assess.conditions import BASE, CONDITIONS, Condition, Truth
-from ohmward.assess.lives import CHEMISTRIES, generator, identified, measured, shifts, signs
+from ohmward.assess.battery.conditions import BASE, CONDITIONS, Condition, Truth
+from ohmward.assess.battery.shifts import CHEMISTRIES, identified, measured, shifts
+from ohmward.assess.draws import generator, signs
 from ohmward.simulate.cells import BATTERIES
 
 EXACT = BASE._replace(offset_C=0.0, gain=0.0, current_noise_C=0.0, voltage_noise_V=0.0, voltage_step_V=1e-9)

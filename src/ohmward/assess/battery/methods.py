@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ohmward.assess.recommendation import Processor
 from ohmward.battery.battery import Battery, require_rc, require_thevenin
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
@@ -43,4 +45,11 @@ METHODS: tuple[SocMethod, ...] = (
     SocMethod("[T] AUKF", title_of("published.rc-aukf"), lambda battery: make_estimator("published.rc-aukf", battery)),
     *map(_of_registry, ("textbook-ekf", "rc", "ekf", "ukf", "published.aukf")),
     SocMethod(DEFAULT, title_of("gsf"), _default),
+)
+
+#: 2 KB of code hold about 350 operations in single precision, 16 KB about 2,500; see docs/export.md.
+PROCESSORS = (
+    Processor("2 KB of flash", 350.0),
+    Processor("16 KB of flash", 2500.0),
+    Processor("computer", math.inf),
 )

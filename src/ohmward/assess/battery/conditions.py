@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ohmward.assess.recommendation import Situation
+
 
 class Truth(NamedTuple):
     """State of the battery and of its surroundings, beside those of its test.
@@ -72,4 +74,15 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("age", "80 %, resistance x 1.5", Truth(capacity_ratio=0.8, resistance_ratio=1.5)),
     *(Condition("lost samples", f"{100 * share:g} %", missing=share) for share in (0.05, 0.3)),
     *(Condition("voltage late", f"{seconds:g} s", delay_s=seconds) for seconds in (1.0, 5.0)),
+)
+
+_SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost samples")
+SITUATIONS = (
+    Situation("laboratory", ("laboratory",)),
+    Situation("everyday sensors, noisy or coarse", _SENSOR),
+    Situation("the start is wrong or not known", ("start",)),
+    Situation("current sensor with offset and gain", ("current offset", "current gain")),
+    Situation("samples seldom or out of step", ("interval", "voltage late")),
+    Situation("cold or hot", ("temperature",)),
+    Situation("less capacity than told, aged", ("capacity less", "age")),
 )

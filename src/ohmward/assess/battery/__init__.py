@@ -1,0 +1,1 @@
+"""The battery: methods that estimate its charge, on shifts of eight hours."""
