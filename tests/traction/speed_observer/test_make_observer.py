@@ -9,6 +9,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
+from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
@@ -129,6 +130,18 @@ def test_a_robot_that_scrubs_rolls_freely_and_the_note_says_so():
 def test_the_currents_of_wheels_that_scrub_tell_no_force():
     states = chosen(drive(SKID), SKID).observer.states
     assert (states.friction, states.stiffness, states.grade, states.radius) == ("known", False, False, False)
+
+
+@pytest.mark.parametrize("name", ["ekf", "aukf"])
+def test_a_load_on_wheels_that_scrub_does_not_make_them_spin(name):
+    """Motors that drag the wheels sideways turn harder than any grip that the file's mass allows: no wheel slips."""
+    calm = drive(SKID)
+    loaded = replace(calm, motor_current_A=np.full_like(calm.motor_current_A, 30.0))
+    observers = (chosen(loaded, SKID, name).observer, default_observer(SKID, filter=name))
+    for observer in observers:
+        found, without = (observe(observer, log).estimates for log in (loaded, calm))
+        np.testing.assert_array_equal(found.speed_m_s, without.speed_m_s)
+        assert not found.slipping.any()
 
 
 def test_slow_logs_have_no_gaps():

@@ -65,7 +65,7 @@ def default_observer(
     if isinstance(robot.chassis, SkidSteer):
         noise = replace(noise, yaw_rate_walk=yaw_rate_walk(robot.chassis))
     states = replace(states_of(noise, force), radius=False)
-    return SpeedObserver(scene(rolling, terrain), states, noise, method, matching)
+    return SpeedObserver(scene(rolling, terrain), states, noise, method, matching, force)
 
 
 def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:

@@ -122,7 +122,9 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
         noise = replace(noise, radius_std=math.hypot(RADIUS_STD, slip))
     states = states_of(noise, force)
     gap_s = max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log))
-    observer = SpeedObserver(scene(rolling, terrain), states, noise, method, matching, gap_s=gap_s)
+    observer = SpeedObserver(
+        scene(rolling, terrain), states, noise, method, matching, not robot.chassis.scrubs, gap_s=gap_s
+    )
     return Chosen(observer, notes_of(observer, log, robot, disturbance_g) + track_notes(robot, tracked))
 
 

@@ -118,6 +118,7 @@ class SpeedObserver:
         noise: of sensors and model; says which sensors there are.
         method: "ekf" or "ukf".
         matching: learn the noise of encoders, currents and gyro (AEKF, AUKF).
+        uses_currents: the motor currents tell the force that drives the robot; those of wheels that scrub do not.
         window: effective samples of that; [T] takes 100.
         alarm: tests for slip and for a robot that is stuck.
         gate: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %.
@@ -135,6 +136,7 @@ class SpeedObserver:
     noise: ObserverNoise = field(default_factory=ObserverNoise)
     method: str = "ukf"
     matching: bool = False
+    uses_currents: bool = True
     window: float = 100.0
     alarm: SlipAlarm = field(default_factory=SlipAlarm)
     gate: float = 10.8
@@ -238,6 +240,8 @@ class SpeedObserver:
         Where an encoder shows its first value, the belief is one of a body that moves as the wheels do. Where the robot
         stands, the sample is one without motion.
         """
+        if not self.uses_currents:
+            sample = sample._replace(current_A=np.zeros(self.model.driven))
         clean = sanitize(sample, self.limits)
         before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)
         clean = without_impossible_currents(clean, before, self.model)
