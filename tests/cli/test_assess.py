@@ -1,5 +1,6 @@
 """`ohmward assess` as typed: table, page and JSON, and a wrong word."""
 
+from ohmward.assess.study import STUDIES
 from ohmward.cli.main import main
 
 ONLY = ["--only", "nca", "--only", "base", "--only", "coulomb", "--only", "textbook-ekf", "--runs", "2"]
@@ -30,6 +31,11 @@ def test_the_study_of_traction(as_json, tmp_path, monkeypatch, capsys):
     assert main([*words, "--runs", "2"]) == 0
     text = capsys.readouterr().out
     assert "cm/s" in text and "64 KB of flash" in text and "ohmward-assess/traction/summary.csv" in text
+
+
+def test_a_study_that_there_is_not_is_answered_by_all(capsys):
+    assert main(["assess", "range"]) == 2
+    assert f"choose from {', '.join(map(repr, STUDIES))}" in capsys.readouterr().err
 
 
 def test_a_word_that_names_nothing(tmp_path, monkeypatch, capsys):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.assess.study import STUDIES
 from ohmward.cli.options import add_output_options
 from ohmward.cli.parser import count
 
@@ -23,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "study",
         nargs="?",
         default="battery",
-        choices=STUDIES,
+        choices=("battery", "traction"),
         help="battery: methods for its charge, the default; traction: observers of speed and slip",
     )
     parser.add_argument(
