@@ -74,7 +74,7 @@ def _bench_sensors(battery: SimulatedBattery) -> BatterySensors:
 
 @lru_cache(maxsize=2)
 def shifts(chemistry: str, truth: Truth, runs: int, seed: int) -> Shifts:
-    """So many shifts of a battery in this state."""
+    """Shifts of a battery in this state, one for each run."""
     battery = in_state(BATTERIES[chemistry], truth)
     time_s = np.arange(0.0, DURATION_S, truth.step_s)
     rngs = [generator("shift", chemistry, seed, run) for run in range(runs)]

@@ -96,7 +96,7 @@ class Drives(NamedTuple):
 
 @lru_cache(maxsize=16)
 def drives(name: str, world: World, runs: int, seed: int) -> Drives:
-    """So many drives of a robot in this world."""
+    """Drives of a robot in this world, one for each run."""
     robot = in_world(ROBOTS[name], world)
     grounds = [world.ground] if world.patch is None else [world.ground, world.patch]
     terrains = tuple(terrain_named(ground, robot.wheel.radius_m, robot.wheel.width_m) for ground in grounds)

@@ -13,7 +13,7 @@ from ohmward.assess.recommendation import Processor
 from ohmward.trace import where
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.default_observer import default_observer
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step
 from ohmward.traction.speed_observer.observer_state import ObserverState
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -51,31 +51,16 @@ class WheelsAlone(NamedTuple):
 
     def step(self, state: np.ndarray, sample: SlipSample) -> tuple[np.ndarray, SlipEstimate]:
         """Speeds after a sample, and the motion of the body that fits them best."""
-        n, unknown = self.robot.driven, math.nan + 0.0 * state
+        n = self.robot.driven
         pairs = zip(sample.wheel_speed_rad_s[:n], state, strict=True)
         speeds = np.array([where(new == new, new, old) for new, old in pairs])
         motion = np.linalg.pinv(self.robot.rolling[:n]) @ (self.robot.wheel.radius_m * speeds)
-        return speeds, SlipEstimate(
+        return speeds, unknown_ground(n)._replace(
             speed_m_s=motion[0],
-            speed_std_m_s=math.nan,
             yaw_rate_rad_s=motion[-1],
-            yaw_rate_std_rad_s=math.nan,
             wheel_speed_rad_s=speeds,
-            slip_speed_m_s=0.0 * speeds,
-            slip_speed_std_m_s=unknown,
-            slip_ratio=0.0 * speeds,
-            traction_N=unknown,
-            friction_ratio=unknown,
-            friction_std=unknown,
-            grade_rad=math.nan,
-            grade_std_rad=math.nan,
-            radius_ratio=1.0,
-            radius_std=0.0,
-            grip=unknown,
-            unobserved_s=0.0,
-            slipping=0.0 * speeds,
-            immobilised=0.0,
-            flags=0.0,
+            slip_speed_m_s=np.zeros(n),
+            slip_ratio=np.zeros(n),
         )
 
 

@@ -24,7 +24,7 @@ from ohmward.traction.momentum_observer.estimate import AngleSample, MomentumEst
 from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
 from ohmward.traction.momentum_observer.observer import MomentumObserver
 from ohmward.traction.robot.robot import Robot, free_sideways
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample, unknown_ground
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
@@ -144,28 +144,15 @@ def angle_sample(sample: SlipSample) -> AngleSample:
 
 def slip_estimate(e: MomentumEstimate) -> SlipEstimate:
     """The momentum observer's estimate in the form of the speed observer's; what it does not estimate is nan."""
-    unknown = np.full(e.force_N.size, math.nan)
-    return SlipEstimate(
+    return unknown_ground(e.force_N.size)._replace(
         speed_m_s=e.speed_m_s,
         speed_std_m_s=e.speed_std_m_s,
         yaw_rate_rad_s=e.yaw_rate_rad_s,
-        yaw_rate_std_rad_s=math.nan,
         wheel_speed_rad_s=e.wheel_speed_rad_s,
         slip_speed_m_s=e.slip_speed_m_s,
         slip_speed_std_m_s=e.slip_speed_std_m_s,
         slip_ratio=e.slip_ratio,
         traction_N=e.force_N,
-        friction_ratio=unknown,
-        friction_std=unknown,
-        grade_rad=math.nan,
-        grade_std_rad=math.nan,
-        radius_ratio=1.0,
-        radius_std=0.0,
-        grip=unknown,
-        unobserved_s=0.0,
-        slipping=np.zeros(e.force_N.size),
-        immobilised=0.0,
-        flags=0.0,
     )
 
 

@@ -78,6 +78,33 @@ class SlipEstimate(NamedTuple):
     flags: Any
 
 
+def unknown_ground(driven: int) -> SlipEstimate:
+    """Estimate of a method that knows no ground, to be filled with `_replace`: nan, a radius as given, and no alarm."""
+    unknown = np.full(driven, math.nan)
+    return SlipEstimate(
+        speed_m_s=math.nan,
+        speed_std_m_s=math.nan,
+        yaw_rate_rad_s=math.nan,
+        yaw_rate_std_rad_s=math.nan,
+        wheel_speed_rad_s=unknown,
+        slip_speed_m_s=unknown,
+        slip_speed_std_m_s=unknown,
+        slip_ratio=unknown,
+        traction_N=unknown,
+        friction_ratio=unknown,
+        friction_std=unknown,
+        grade_rad=math.nan,
+        grade_std_rad=math.nan,
+        radius_ratio=1.0,
+        radius_std=0.0,
+        grip=unknown,
+        unobserved_s=0.0,
+        slipping=np.zeros(driven),
+        immobilised=0.0,
+        flags=0.0,
+    )
+
+
 class SlipFlag(SampleFlag):
     """Events at a sample. None of them stops the observer."""
 
