@@ -18,16 +18,7 @@ README = ROOT / "README.md"
 fill_readme = script("fill_readme", "docs")
 
 
-def words() -> list[str]:
-    """The words of the page, without code, tables, comments and the targets of links."""
-    text = README.read_text(encoding="utf-8")
-    for part in (r"```.*?```", r"<!--.*?-->", r"^\|.*?$", r"\]\([^)]*\)"):
-        text = re.sub(part, " ", text, flags=re.DOTALL | re.MULTILINE)
-    return re.findall(r"[\w'-]*\w", text)
-
-
-def test_it_is_short_and_has_a_program_commands_and_links():
-    assert 600 <= len(words()) <= 900
+def test_it_has_a_program_commands_and_links():
     assert len(programs(README)) == 1
     assert [words[0] for words in command_lines(README, "ohmward")] == [
         "demo",
@@ -70,7 +61,7 @@ def test_its_commands_can_be_pasted_one_after_the_other(tmp_path, monkeypatch, c
 def test_its_make_targets_exist():
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     wanted = re.findall(r"(?:^|`)make (\w+)", README.read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(wanted) >= {"check", "test", "accuracy", "bench", "docs"}
+    assert set(wanted) >= {"demo", "check", "test", "accuracy", "bench", "docs"}
     assert set(wanted) <= set(targets)
 
 
