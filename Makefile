@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark check house soak accuracy lives learning bench slip-control firmware single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -20,6 +20,7 @@ help:
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make single-precision  the same filters against double precision -> benchmarks/single_precision.md"
+	@echo "make house     size of the package by room -> docs/house.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
@@ -80,6 +81,10 @@ firmware: $(VENV)/test.stamp
 
 single-precision: $(VENV)/test.stamp
 	$(BIN)/python firmware/precision.py
+
+# Needs Python alone.
+house:
+	@$(PYTHON) docs/make_house.py
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
