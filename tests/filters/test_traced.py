@@ -17,7 +17,6 @@ from ohmward.filters import (
     pack,
     unpack,
     unscented,
-    update_sequentially,
 )
 from ohmward.filters.adaptive import Matching
 from ohmward.trace import Kernel, trace
@@ -57,8 +56,12 @@ def reusing_step(belief, y):
 
 
 def sequential_step(belief, y):
-    predicted = unscented.predict(belief, pendulum, PENDULUM_Q)
-    belief, (_, innovation) = update_sequentially(predicted, y, two_outputs, np.array([0.01, 0.03]), unscented.update)
+    belief = unscented.predict(belief, pendulum, PENDULUM_Q)
+    for i, variance in enumerate((0.01, 0.03)):
+        output = slice(i, i + 1)
+        belief, innovation = unscented.update(
+            belief, y[output], lambda x, output=output: two_outputs(x)[output], np.array([[variance]])
+        )
     return belief, innovation
 
 
