@@ -32,7 +32,6 @@ class TomlFile(Generic[T]):
         header: comments at the head, lines that start with "#".
         digits: significant digits of the numbers written.
         kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
-        older: formats of before, each with the function from its table to the one of today.
         once: sub-table -> keys that it has in common with the head of the file, where alone they stand.
     """
 
@@ -41,7 +40,6 @@ class TomlFile(Generic[T]):
     header: str
     digits: int = 6
     kinds: Mapping[type, str] = field(default_factory=dict)
-    older: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = field(default_factory=dict)
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -84,11 +82,7 @@ class TomlFile(Generic[T]):
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"is not valid TOML: {error}; correct the line") from error
-        found = data.pop("format", None)
-        if isinstance(found, str) and found in self.older:
-            data = self.older[found](data)
-        else:
-            self._require_format(found)
+        self._require_format(data.pop("format", None))
         return self._from_table(self.cls, self._with_common_keys(data), "")
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:

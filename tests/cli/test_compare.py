@@ -49,7 +49,3 @@ def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
 
 def test_those_that_reproduce_a_publication_on_demand(here, as_json):
     assert list(as_json(*COMPARE[:4], "--published")["estimators"])[-2:] == ["published.aekf", "published.aukf"]
-
-
-def test_a_former_name_is_accepted(here, as_json):
-    assert list(as_json(*COMPARE[:4], "--filters", "coulomb,aekf")["estimators"]) == ["coulomb", "aekf"]

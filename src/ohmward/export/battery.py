@@ -21,7 +21,7 @@ from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.loops import joint_loops, textbook_loops
 from ohmward.published.rc_joint import nominal_of
-from ohmward.published.registry import ESTIMATORS, current_name, make_estimator, title_of
+from ohmward.published.registry import ESTIMATORS, make_estimator, title_of
 from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import trace
 
@@ -111,7 +111,7 @@ def require_style(style: str, filter_name: str) -> None:
 
 
 def _title(filter_name: str) -> str:
-    if current_name(filter_name) not in ESTIMATORS:
+    if filter_name not in ESTIMATORS:
         raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, JOINT))}, got {filter_name!r}")
     return title_of(filter_name)
 

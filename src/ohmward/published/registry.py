@@ -30,25 +30,10 @@ PUBLISHED: dict[str, Choice] = {
 
 ESTIMATORS: dict[str, Choice] = registry.ESTIMATORS | PUBLISHED
 
-#: Names that these estimators had before; they are accepted everywhere.
-FORMER_NAMES: dict[str, str] = {
-    "rc-soc": "rc",
-    "aekf": "published.aekf",
-    "aukf": "published.aukf",
-    "hybrid": "published.hybrid",
-    "rc-kf": "published.rc-kf",
-    "rc-aukf": "published.rc-aukf",
-}
-
-
-def current_name(name: str) -> str:
-    """The name of an estimator that may be given by its former one."""
-    return FORMER_NAMES.get(str(name).lower(), name)
-
 
 def title_of(name: str) -> str:
-    """Title of the estimator called `name`, or its former one."""
-    return ESTIMATORS[current_name(name)].title
+    """Title of the estimator called `name`."""
+    return ESTIMATORS[name].title
 
 
 def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | None = None) -> Estimator:
@@ -57,7 +42,7 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
     Raises:
         InputError: there is none of that name, or the battery file lacks the model it needs.
     """
-    return registry.make_from(ESTIMATORS, current_name(name), battery, settings)
+    return registry.make_from(ESTIMATORS, name, battery, settings)
 
 
 def available(battery: Battery) -> tuple[str, ...]:

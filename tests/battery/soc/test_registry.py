@@ -10,7 +10,7 @@ from ohmward.battery.soc.registry import ESTIMATORS, available, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.published.registry import FORMER_NAMES, PUBLISHED, title_of
+from ohmward.published.registry import PUBLISHED
 from ohmward.published.registry import available as all_available
 from ohmward.published.registry import make_estimator as make_any
 from ohmward.simulate.voltage import simulate_voltage
@@ -41,12 +41,6 @@ def test_the_default_follows_the_models():
     assert "gsf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
     with pytest.raises(InputError, match="filter must be one of default, ekf, ukf, gsf"):
         make_estimator("best", BOTH)
-
-
-@pytest.mark.parametrize("former", FORMER_NAMES)
-def test_a_former_name_makes_the_same_estimator(former):
-    assert make_any(former, BOTH) == make_any(FORMER_NAMES[former], BOTH)
-    assert title_of(former) == title_of(FORMER_NAMES[former])
 
 
 @pytest.mark.parametrize("name", [*ESTIMATORS, *PUBLISHED])
