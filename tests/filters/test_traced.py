@@ -57,12 +57,8 @@ def reusing_step(belief, y):
 
 def sequential_step(belief, y):
     belief = unscented.predict(belief, pendulum, PENDULUM_Q)
-    for i, variance in enumerate((0.01, 0.03)):
-        output = slice(i, i + 1)
-        belief, innovation = unscented.update(
-            belief, y[output], lambda x, output=output: two_outputs(x)[output], np.array([[variance]])
-        )
-    return belief, innovation
+    belief, _ = unscented.update(belief, y[:1], lambda x: two_outputs(x)[:1], np.array([[0.01]]))
+    return unscented.update(belief, y[1:], lambda x: two_outputs(x)[1:], np.array([[0.03]]))
 
 
 def one_output(rng):
