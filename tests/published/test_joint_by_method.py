@@ -9,9 +9,9 @@ from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
-from ohmward.published.joint_by_method import METHODS, JointByMethod
-from ohmward.published.rc_joint import Nominal, nominal_of
 from ohmward.trace import Kernel
+from ohmward_lab.published.joint_by_method import METHODS, JointByMethod
+from ohmward_lab.published.rc_joint import Nominal, nominal_of
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
 

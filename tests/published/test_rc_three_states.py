@@ -10,7 +10,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
 from ohmward.logs.log import Log
-from ohmward.published.rc_three_states import RcThreeStates
+from ohmward_lab.published.rc_three_states import RcThreeStates
 
 CIRCUIT = rc.Circuit(9000.0, 40.0, 0.09, 0.06, 0.05)
 OCV = OcvCurve((11.5, 13.5))

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.reproduce.batteries import joystick_drive, lithium_polymer_pack, scaled, sealed_lead_acid
-from ohmward.simulate.cells import BATTERIES
+from ohmward_lab.reproduce.batteries import joystick_drive, lithium_polymer_pack, scaled, sealed_lead_acid
+from ohmward_lab.simulate.cells import BATTERIES
 
 
 def test_a_larger_battery_in_series_has_the_same_relative_voltages():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.reproduce import paper_identification, paper_soc
+from ohmward_lab.reproduce import paper_identification, paper_soc
 
 
 @pytest.fixture(scope="module")

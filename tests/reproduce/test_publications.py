@@ -1,7 +1,7 @@
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.reproduce.publications import PUBLICATIONS, select
+from ohmward_lab.reproduce.publications import PUBLICATIONS, select
 
 THESIS = PUBLICATIONS["thesis"]
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.reproduce import thesis_battery
-from ohmward.reproduce.row import ResultRow
-from ohmward.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
-from ohmward.reproduce.thesis_cases import stop_as_printed
-from ohmward.reproduce.thesis_runs import NARROW, case, offline_voltage
+from ohmward_lab.reproduce import thesis_battery
+from ohmward_lab.reproduce.row import ResultRow
+from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
+from ohmward_lab.reproduce.thesis_cases import stop_as_printed
+from ohmward_lab.reproduce.thesis_runs import NARROW, case, offline_voltage
 
 
 @pytest.fixture(scope="module")

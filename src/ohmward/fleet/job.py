@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.soc.registry import DEFAULT
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.battery.soc.score import score
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.logs import Log, read_log, write_table
 from ohmward.logs.hints import FileHints
-from ohmward.published.registry import make_estimator
 
 
 @dataclass(frozen=True)

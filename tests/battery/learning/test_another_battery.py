@@ -10,7 +10,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 
 def day(model: Thevenin, seed: int, name: str = "") -> Log:

@@ -10,7 +10,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 BATTERY = generic_battery("nmc", 12.0, 3)
 

@@ -8,9 +8,6 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from battery.examples import LFP
-from ohmward.assess.battery.cell import soc_cell
-from ohmward.assess.battery.conditions import CONDITIONS
-from ohmward.assess.battery.methods import METHODS
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.augmented_thevenin import VoltageError
 from ohmward.battery.soc.evidence import log_likelihood
@@ -18,6 +15,9 @@ from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Innovation, unpack
+from ohmward_lab.assess.battery.cell import soc_cell
+from ohmward_lab.assess.battery.conditions import CONDITIONS
+from ohmward_lab.assess.battery.methods import METHODS
 
 
 def evidence(nu, prior_V2, variance, weight, renewed_V2):

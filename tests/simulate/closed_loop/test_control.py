@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import (
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, ROBOTINO
+from ohmward.traction.control import Measurement
+from ohmward_lab.simulate.closed_loop.control import (
     CASCADE_S,
     LAWS,
     MODES,
@@ -11,9 +14,6 @@ from ohmward.simulate.closed_loop.control import (
     make_controller,
     wheel_command,
 )
-from ohmward.trace import Kernel
-from ohmward.traction import RLMA, ROBOTINO
-from ohmward.traction.control import Measurement
 
 DT = 1e-3
 REST = Measurement(np.zeros(2), np.zeros(2), 0.0, np.zeros(2))

@@ -13,7 +13,6 @@ from ohmward.cli.compare.result import describe, summary
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
 from ohmward.errors import InputError
-from ohmward.published.registry import available as available_with_published
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -38,7 +37,7 @@ def estimator_names(battery: Battery, wanted: str | None, with_published: bool =
     """
     if wanted:
         return tuple(name.strip() for name in wanted.split(","))
-    names = available_with_published(battery) if with_published else available(battery)
+    names = available(battery, with_published)
     if not names:
         raise InputError(
             f"battery {battery.name!r}: no estimator works with the models in its file; "

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.soc.registry import chosen_name
+from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
 from ohmward.cli.log_files import log_files
 from ohmward.cli.options import file_hints
@@ -20,7 +20,6 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Executor
-from ohmward.published.registry import make_estimator
 
 
 def run(args: argparse.Namespace) -> Outcome:

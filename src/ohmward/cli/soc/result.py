@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.registry import title_of
 from ohmward.battery.soc.sample import STD_OF
 from ohmward.battery.soc.score import soc_scores, voltage_score
 from ohmward.cli import wording
@@ -23,7 +24,6 @@ from ohmward.cli.soc.cells import (
     unseen_summary,
 )
 from ohmward.filters.consistency import BAND_95
-from ohmward.published.registry import title_of
 
 #: Columns of the causes of the band's width, and how to read them.
 CAUSE_HEADER = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")

@@ -1,0 +1,125 @@
+"""Pack of [T] driven by joystick, and the filters of [T] chapter 3 along the drive."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.identification.identify import identify
+from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
+from ohmward.battery.models import rc
+from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
+from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
+from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.logs.log import Log
+from ohmward.trace import Kernel
+from ohmward_lab.published.joint_by_method import JointByMethod, JointByMethodEstimate, JointByMethodState
+from ohmward_lab.published.rc_joint import nominal_of
+from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive, lithium_polymer_pack
+
+#: Another drive and other noise each; figures show the first.
+SEEDS = (1, 2, 3)
+#: [T] 3.4: from 98 to 90 %; and the whole range, which [T] does not show.
+NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
+#: Change of each state in one step: parameters by a thousandth, 6 % in an hour; voltages by 0.1 mV, a thirtieth of a
+#: count of a 12 bit converter on this pack. [T]'s Q0 (3.51) is not legible in our copy.
+WALK = (1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4)
+#: Standard deviation of the state of charge that the filters are told to start from.
+START_STD = 0.005
+
+
+class ThesisCase(NamedTuple):
+    """The pack: its recording, the battery that the default estimator has, and the RC model found offline."""
+
+    recording: TestedBattery
+    battery: Battery
+    offline: RcIdentification
+
+    @property
+    def log(self) -> Log:
+        """The drive."""
+        return self.recording.drive
+
+    @property
+    def truth(self) -> np.ndarray:
+        """True state of charge (T,)."""
+        return self.recording.truth
+
+
+class JointSocState(NamedTuple):
+    """States of the joint filter and of the filter of the state of charge."""
+
+    joint: JointByMethodState
+    soc: RcFilterState
+
+
+class SchemeRun(NamedTuple):
+    """Estimates of both along a log, (T,) each."""
+
+    joint: JointByMethodEstimate
+    soc: SocEstimate
+
+
+@cache
+def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
+    """The pack, tested, identified and driven."""
+    recording = joystick_drive(lithium_polymer_pack(), soc, seed)
+    pack = recording.battery
+    capacity_Ah = pack.circuit.capacity_Ah
+    battery = identify(recording.bench, capacity_Ah=capacity_Ah, chemistry=pack.chemistry, n_series=pack.n_series)
+    return ThesisCase(recording, battery, identify_rc(recording.bench, require_thevenin(battery).ocv, capacity_Ah, 1.0))
+
+
+@cache
+def run(method: str, jumps: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> SchemeRun:
+    """The scheme of figure 3.10 along the drive: the joint filter by this method feeds the filter of the SoC.
+
+    jumps: False is di/dt = 0, as [T] has it.
+    """
+    here = case(soc, seed)
+    return run_along(here.log, here.offline.rule, method, jumps, soc[0])
+
+
+def run_along(log: Log, model: rc.RcModel, method: str, jumps: bool, start_soc: float) -> SchemeRun:
+    """The scheme along any log whose every sample has a voltage, from a model found offline."""
+    joint = JointByMethod(nominal_of(model), method, jumps, walk=WALK)
+    linear = RcFilter(model)
+
+    def step(state: JointSocState, sample: SocSample) -> tuple[JointSocState, SchemeRun]:
+        after, found = joint.step(state.joint, sample)
+        p = found.found
+        circuit = rc.Circuit(p.c_bulk_F, p.c_surface_F, p.r_ohm, p.r_ohm, p.r_terminal_ohm)
+        soc, estimate = linear.step(state.soc, sample, RcParameters(circuit))
+        return JointSocState(after, soc), SchemeRun(found, estimate)
+
+    samples = samples_of(log)
+    first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
+    start = JointSocState(joint.init(first), linear.init(first, start_soc, START_STD))
+    return Kernel(step, start, first).scan(start, samples)[1]
+
+
+@cache
+def default_run(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> SocRun:
+    """The default estimator along the drive, from the same start."""
+    here = case(soc, seed)
+    return SocEstimator(here.battery, initial_soc=soc[0], initial_soc_std=START_STD).run(here.log)
+
+
+def offline_voltage(here: ThesisCase, model: rc.RcModel) -> np.ndarray:
+    """Voltage (T,) of a circuit that is never corrected, from rest at the right state of charge."""
+
+    class Moved(NamedTuple):
+        x: np.ndarray
+        current_A: float
+
+    def step(state: Moved, sample: SocSample) -> tuple[Moved, np.ndarray]:
+        x = rc.next_state(state.x, 0.5 * (state.current_A + sample.current_A), model, sample.dt_s)
+        return Moved(x, sample.current_A), rc.voltage(x, sample.current_A, model)
+
+    samples = samples_of(here.log)
+    first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
+    start = Moved(model.at_rest(float(here.truth[0])), first.current_A)
+    return Kernel(step, start, first).scan(start, samples)[1][:, 0]
