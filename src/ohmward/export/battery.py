@@ -15,9 +15,10 @@ from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, make_estimator, published, title_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export
+from ohmward.export.c_library import Export, VoltageStartPrograms
 from ohmward.export.loops import EXAMPLE, textbook_loops
 from ohmward.lab import lab
 from ohmward.trace import trace
@@ -50,7 +51,7 @@ def battery_export(
 
     filter_name: as of `SocEstimator`; "default" is the one that it takes.
     name: prefix of the symbols and files.
-    soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
+    soc, soc_std: of the start in C, in its test and README; estimators whose start cannot be traced always start there.
     sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
     style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
     curve_error_V: largest error of the open-circuit voltage of a textbook filter, of the whole pack [V]: its curve
@@ -84,6 +85,16 @@ def battery_export(
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
         loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
+        voltage_start=_voltage_start(estimator) if hasattr(estimator, "voltage_start") else None,
+    )
+
+
+def _voltage_start(estimator: Any) -> VoltageStartPrograms:
+    """The start of an estimator from the first voltage, traced."""
+    start, part = estimator.voltage_start, Hypothesis(1.0, InitialSoc(0.5, 0.3))
+    return VoltageStartPrograms(
+        expected=trace(start.expected_voltage, 0.5, EXAMPLE),
+        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count),
     )
 
 
