@@ -67,6 +67,7 @@ def test_it_gives_what_the_estimator_gives(name, tmp_path):
 def test_its_first_estimate_is_that_of_the_live_estimator(chemistry, name, given, tmp_path):
     """Full, empty, between and absurd; at rest, loaded and charging; warm, cold and without a temperature."""
     battery = generic_battery(chemistry, 12.0)
+    assert battery.thevenin is not None
     model = loaded(python_file(battery_export(battery, name, "model"), **given), tmp_path)
     spelled = {f"initial_{word}": value for word, value in given.items()}
     for voltage_V in (*battery.thevenin.ocv.mean_V(np.array([0.0, 0.3, 0.97]), 25.0), 0.0, np.nan):
