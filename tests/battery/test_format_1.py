@@ -80,8 +80,8 @@ current_offset_walk_A = 0.002
 capacity_given_Ah = 12
 capacity_measured_Ah = 0.0
 notes = [
-    "info: 'simulated lfp pulse test': SoC starts at 1.000 and runs from -0.000 to 1.000 (rest at 13.79 V, +-1.0%)",
-    "info: 47 edges show R_0 = 41.1 +- 1.5 mohm in discharge",
+    "info: 'simulated lfp pulse test': SoC starts at 1.000 and runs from -0.000 to 1.000 (rest at 13.79 V, ± 1.0%)",
+    "info: 47 edges show R_0 = 41.1 ± 1.5 mohm in discharge",
 ]
 
 [[identification.logs]]

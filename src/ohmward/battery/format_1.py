@@ -76,12 +76,12 @@ def _take_activation(table: dict[str, Any], prior: ChemistryPrior, kind: str) ->
     table["thevenin"] = model | taken | {"empty_activation_K": prior.empty_activation_K.mean}
     if tested:
         return [
-            f"activation_std_K: a file of format 1 does not say it; +-{prior.activation_std_K:.0f} K, and {tau:.0f} K "
+            f"activation_std_K: a file of format 1 does not say it; ± {prior.activation_std_K:.0f} K, and {tau:.0f} K "
             f"for the time constants, were taken, as usual for {kind}"
         ]
     return [
         f"activation: this file of format 1 was tested at one temperature; {ohmic:.0f} K (R0), {pairs:.0f} K (RC pairs)"
-        f" and {tau:.0f} K (time constants), all +-{prior.activation_std_K:.0f} K, were taken, as usual for {kind}"
+        f" and {tau:.0f} K (time constants), all ± {prior.activation_std_K:.0f} K, were taken, as usual for {kind}"
     ]
 
 
@@ -100,7 +100,7 @@ def _take_ocv_temperature(table: dict[str, Any], prior: ChemistryPrior, kind: st
     std = prior.ocv_std_V_per_K * usual_V / CELL_V
     _into_noise(table, "ocv_std_V_per_K", std)
     return [
-        f"open-circuit voltage against temperature: a file of format 1 does not doubt it; +- {1e3 * std:.2g} mV/K was "
+        f"open-circuit voltage against temperature: a file of format 1 does not doubt it; ± {1e3 * std:.2g} mV/K was "
         f"taken, as usual for {kind}"
     ]
 

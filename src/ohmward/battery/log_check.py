@@ -74,6 +74,6 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
         return log
     text = (
         f"the log goes to {degC[worst]:z.0f} degC, where the resistance follows from {reference_degC:z.0f} degC within "
-        f"+-{spread[worst]:.0%} only (1 sigma); the band is wider there"
+        f"± {spread[worst]:.0%} only (1 sigma); the band is wider there"
     )
     return log.with_notes(Note(text, "warning"))
