@@ -94,6 +94,6 @@ def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> lis
         return []
     std_mV = 1e3 * ocv_std_V_per_K(fit, problem)
     return [
-        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {std_mV:.2g} mV/K was assumed, "
-        f"as usual for {kind}"
+        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {std_mV:.2g} mV/K was "
+        f"assumed, as usual for {kind}"
     ]
