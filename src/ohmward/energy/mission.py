@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.log_check import check_log
+from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, make_estimator
@@ -123,7 +123,7 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
-    log = None if log is None else check_log(log, battery)
+    log = None if log is None else with_contradictions(check_log(log, battery), battery)
     estimates = _estimates(battery, log, settings)
     record = None
     if log is not None:

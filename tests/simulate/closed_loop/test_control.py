@@ -119,7 +119,7 @@ def test_a_turn_asks_each_wheel_for_its_own_speed():
         (Control("speed"), Command(speed_m_s=0.1, mode="slip"), 'slip_ratio is missing; commands.mode = "slip"'),
         (Control("seek"), Command(slip_ratio=-0.1), "must be between 0 and 1 where a slip is sought, got -0.1"),
         (Control("seek", "cascade"), Command(slip_ratio=0.1), 'controller.law = "cascade" cannot seek'),
-        (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within \+-12 .* got 20"),
+        (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within ± 12 .* got 20"),
     ],
 )
 def test_commands_that_do_not_fit_are_refused(control, command, message):

@@ -157,7 +157,7 @@ class Control:
             )
         if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
             raise InputError(
-                f"commands.torque_Nm must be within +-{self.torque_limit_Nm:g} (controller.torque_limit_Nm), got "
+                f"commands.torque_Nm must be within ± {self.torque_limit_Nm:g} (controller.torque_limit_Nm), got "
                 f"{command.torque_Nm:g}; lower it or raise the limit"
             )
 

@@ -174,7 +174,7 @@ def _check_ground(friction: list[float], grade_rad: float) -> None:
     if not all(0 < mu <= ROUGHEST for mu in friction):
         raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
     if not abs(grade_rad) <= STEEPEST_RAD:
-        raise InputError(f"ground.grade_rad must return a value within +-{STEEPEST_RAD:g}, got {grade_rad}")
+        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_RAD:g}, got {grade_rad}")
 
 
 def _model(p: RlmaParameters, mujoco: Any) -> Any:

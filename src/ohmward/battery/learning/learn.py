@@ -57,6 +57,8 @@ from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.fit_check import misfits
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -136,7 +138,7 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
-    if contradiction := _contradiction(aged, log, lesson):
+    if contradiction := _contradiction(aged, log, lesson) or _misfit_of_file(battery, new.parts, initial_soc):
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
     return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
@@ -190,6 +192,15 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
     seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s
     worse = explained_worse(seconds, correlation_s, lesson.residual_rms_V, alone.residual_rms_V)
     return other_battery(known, _log_findings(alone), worse) or moved_too_far(known, after) or unexplained(after)
+
+
+def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float | None) -> str:
+    """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
+    for part in parts:
+        run = SocEstimator(battery, initial_soc if part is parts[0] else None).run(part)
+        if wrong := misfits(battery, part, run.settings, run.estimates):
+            return wrong[0].text
+    return ""
 
 
 def _log_findings(lesson: Lesson) -> LogFindings:
