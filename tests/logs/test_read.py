@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
+from ohmward.logs.survey import survey
 
 
 def csv(names, *columns):
@@ -215,6 +216,35 @@ def test_malformed_files_are_refused(tmp_path, content, message):
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
         read_log(path)
+
+
+def test_stamps_to_the_minute_keep_resistance_and_charge(write_text, pulses):
+    """Ten minutes of pulses at 1 Hz that begin in the middle of a minute."""
+    time_s, current_A, voltage_V = pulses
+    minutes = ((time_s + 25) // 60).astype(int)
+    rows = [f"2026-05-01 10:{m:02},{i},{v:.4f}" for m, i, v in zip(minutes, current_A, voltage_V, strict=True)]
+    log = read_log(write_text("\n".join(["Date,Current (A),Voltage (V)", *rows])), extra=())
+    np.testing.assert_allclose(log.time_s, time_s, atol=1e-6)
+    assert log.throughput_Ah() == pytest.approx(np.abs(current_A).sum() / 3600.0)
+    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert any(note.level == "warning" and "11 stamps" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.2])
+@pytest.mark.parametrize("extra", [None, ()])
+def test_two_batteries_in_one_table_are_chosen_by_their_column(write_text, pulses, extra, shift_s):
+    """Whether the column is wanted or not, and with stamps of their own or the same."""
+    time_s, current_A, voltage_V = pulses
+    rows = [
+        f"{t + shift_s * k},{name},{i},{v - k:.4f}"
+        for t, i, v in zip(time_s, current_A, voltage_V, strict=True)
+        for k, name in enumerate(("left", "right"))
+    ]
+    path = write_text("\n".join(["time_s,battery,current_A,voltage_V", *rows]))
+    with pytest.raises(InputError, match=r"told apart by 'battery'.* --where battery=left or --where battery=right"):
+        read_log(path, extra=extra)
+    log = read_log(path, extra=extra, where={"battery": "right"})
+    np.testing.assert_allclose(log.voltage_V, voltage_V - 1.0, atol=1e-3)
 
 
 def test_missing_files_and_folders_are_refused(tmp_path):
