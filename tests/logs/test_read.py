@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.logs import read_log
+from ohmward.logs import FileHints, read_log
 from ohmward.logs.survey import survey
 
 
@@ -292,3 +292,32 @@ def test_measured_lfp_charge_matches_the_cycler(measured, script):
     counted = np.ptp(log.extra["chg_Ah"]) - np.ptp(log.extra["dis_Ah"])
     throughput = np.ptp(log.extra["chg_Ah"]) + np.ptp(log.extra["dis_Ah"])
     assert abs(log.charge_Ah()[-1] - counted) < 0.012 * throughput
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "degC"),
+    [
+        ("Temp", "0", "0"),
+        ("temperature [K]", "0", "-273.15"),
+        ("temperature [degF]", "0", "-17.7778"),
+        ("temperature_degC", "-127.0", "-127"),
+        ("temperature_degC", "-40", "-40"),
+        ("temperature_degC", "85.0", "85"),
+        ("temperature_degC", "6553.5", "6553.5"),
+    ],
+)
+def test_a_temperature_of_no_sensor_is_left_out_with_a_warning(write_text, pulses, name, cell, degC):
+    constant = [cell] * 599 + [""]
+    path = write_text(csv(["time_s", "current_A", "voltage_V", name], *pulses, constant))
+    log = read_log(path)
+    assert log.temperature_degC is None
+    assert f"warning: temperature {degC} degC throughout" in texts(log)
+    told = read_log(path, hints=FileHints(temperature_degC=5.0))
+    assert told.temperature_degC is not None
+    assert (told.temperature_degC == 5.0).all()
+
+
+@pytest.mark.parametrize("cells", [["25.0"] * 600, ["-20"] * 600, ["0"] * 599 + ["0.1"]])
+def test_the_set_point_of_a_chamber_and_a_cold_that_changes_stay(write_text, pulses, cells):
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V", "temperature_degC"], *pulses, cells)))
+    assert log.temperature_degC is not None

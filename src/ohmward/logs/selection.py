@@ -163,17 +163,6 @@ def _median_change(before: np.ndarray, later: np.ndarray) -> float:
     return float(np.median(change[known])) if known.any() else 0.0
 
 
-def _are_labels(values: np.ndarray) -> bool:
-    """True where the first rows hold a few whole numbers or texts, none missing."""
-    head = values[:_HEAD_ROWS]
-    if head.dtype.kind == "f" and not (np.isfinite(head).all() and (head == np.rint(head)).all()):
-        return False
-    return (
-        head.dtype.kind in "fiubO"
-        and np.unique(head.astype(str) if head.dtype == object else head).size <= _MOST_INSTANCES
-    )
-
-
 def explain_instances(table: Table, name: str) -> str:
     """The message on the rows of several batteries or robots side by side, which the column `name` tells apart."""
     values = list(dict.fromkeys(_plain(value) for value in table.columns[name]))
