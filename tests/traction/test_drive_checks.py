@@ -89,6 +89,44 @@ def test_a_current_of_the_wrong_sign():
     assert "motor of front left brakes all the way" in text
 
 
+def slowing(speed_m_s, current_A):
+    """A drive straight ahead with these speeds (T,), both motors with this current (T,)."""
+    rng = np.random.default_rng(1)
+    wheels = speed_m_s[:, None] / RLMA.wheel.radius_m + 0.01 * rng.standard_normal((TIME.size, 4))
+    current = current_A[:, None] + 0.1 * rng.standard_normal((TIME.size, 2))
+    return DriveLog("slowing", TIME, wheels, current)
+
+
+#: Braking from 2 m/s for 20 s, and the current [A] that takes most of the energy, the rest is rolling resistance.
+SLOWING_M_S = 2.0 - 0.09 * TIME
+BRAKING_A = np.full(
+    TIME.size, -0.7 * 0.09 * RLMA.mass_kg * RLMA.wheel.radius_m / 2 / RLMA.motor.wheel_constant_Nm_per_A
+)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_drive_that_only_brakes_has_no_wrong_sign(direction):
+    assert texts(RLMA, slowing(direction * SLOWING_M_S, direction * BRAKING_A)) == []
+
+
+def test_a_descent_brakes_as_its_pitch_says():
+    steady = slowing(np.full(TIME.size, 0.5), 20 * BRAKING_A)
+    assert sum("brakes all the way" in text for text in texts(RLMA, steady)) == 2
+    slope = 20 * 0.09 / 9.81
+    assert texts(RLMA, replace(steady, pitch_rad=np.full(TIME.size, -slope))) == []
+
+
+@pytest.mark.parametrize("flipped", ["motor_current_A", "wheel_speed_rad_s"])
+def test_wrong_signs_of_a_drive_that_starts_and_stops(flipped):
+    """It drives for ten seconds and brakes for one."""
+    speed_m_s = np.interp(TIME % 12.0, [0.0, 2.0, 10.0, 11.0], [0.0, 1.0, 1.0, 0.0])
+    current_A = np.where(TIME % 12.0 < 10.0, 1.0, -1.0) * (speed_m_s > 0)
+    log = slowing(speed_m_s, current_A)
+    assert texts(RLMA, log) == []
+    found = texts(RLMA, replace(log, **{flipped: -getattr(log, flipped)}))
+    assert sum("brakes all the way, but the robot does not slow down" in text for text in found) == 2
+
+
 def test_a_blocked_wheel():
     log = changed(good(), "wheel_speed_rad_s", 0, lambda v: np.where(TIME < 4, 0.01 * v, v))
     log = replace(log, motor_current_A=3.0 * log.motor_current_A)

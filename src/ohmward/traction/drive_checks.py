@@ -15,7 +15,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimator import require_wheels
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 from ohmward.traction.speed_observer.turning import yaw_rate_of_wheels
@@ -32,6 +32,10 @@ CONTRADICTION, CURED = 0.1, 0.1
 
 #: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
 BRAKES = -0.3
+
+#: A motor whose sign is right takes no more than so many times the energy that the robot gives up while it brakes: mass
+#: and torque constant of a robot file may be wrong.
+TAKES = 2.0
 
 #: A spike is so many times the usual speed of a wheel.
 SPIKE = 10.0
@@ -147,15 +151,29 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """Motors that would brake the whole drive."""
+    """Motors that would brake the whole drive, and take energy that the robot does not give up: it does not slow down.
+
+    All driven wheels give up an equal share of the energy, by the speed of their rims, and by the pitch if there is one.
+    """
     found = []
+    mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m
+    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
+    climb = np.zeros(len(log)) if log.pitch_rad is None else GRAVITY * np.sin(np.nan_to_num(log.pitch_rad))
     for k, name in enumerate(_names(robot)[: robot.driven]):
-        forward_A = log.motor_current_A[:, k] * np.sign(log.wheel_speed_rad_s[:, k])
-        forward_A = forward_A[np.isfinite(forward_A) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
-        if forward_A.size >= FEWEST and forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+        omega, current_A = log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k]
+        rows = np.isfinite(current_A) & (np.abs(omega) > TURNS_RAD_S)
+        forward_A = (current_A * np.sign(omega))[rows]
+        if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+            continue
+        rim_m_s, brakes = radius_m * omega[rows], forward_A < 0
+        kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
+        potential_J = mass_kg * climb[rows] * rim_m_s * dt_s[rows]
+        taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * omega[rows] * dt_s[rows]
+        if np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]):
             found.append(
-                f"the motor of {name} brakes all the way: the sign of its current or of its encoder is wrong; a "
-                "positive current must drive forward; change the sign in the file"
+                f"the motor of {name} brakes all the way, but the robot does not slow down: the sign of its current or "
+                "of its encoder is wrong, or the whole drive goes downhill; a positive current must drive forward; "
+                "change the sign in the file"
             )
     return found
 
