@@ -8,7 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
-from ohmward.traction.drive_checks import check_drive
+from ohmward.traction.drive_checks import check_drive, with_signed_speed
 
 TIME = np.arange(0.0, 20.0, 0.02)
 FOUR = replace(RLMA, chassis=Differential(0.314, 0.314, 0.30, driven="all"))
@@ -152,3 +152,47 @@ def test_a_unit_that_is_wrong():
     meaningless = replace(doubtful, wheel_speed_rad_s=9.55 * good().wheel_speed_rad_s)
     with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm"):
         check_drive(RLMA, meaningless)
+
+
+def there_and_back(every, std_m_s=0.03, sign=1.0, age_s=0.0):
+    """Forward for 8 s, a stop of 4 s, back for 8 s; the speed from outside comes every so many samples, as a size."""
+    rng = np.random.default_rng(2)
+    true_m_s = np.interp(TIME, [0, 1, 7, 8, 12, 13, 19, 20], [0, 0.5, 0.5, 0, 0, -0.4, -0.4, 0])
+    late_m_s = np.interp(TIME - age_s, TIME, true_m_s)
+    speed = np.full(TIME.size, np.nan)
+    speed[::every] = np.abs(late_m_s + std_m_s * rng.standard_normal(TIME.size))[::every]
+    speed = np.where(late_m_s < 0, sign, 1.0) * speed
+    wheels = np.repeat(true_m_s[:, None] / RLMA.wheel.radius_m, 4, axis=1)
+    age = np.where(np.isfinite(speed), age_s, np.nan)
+    log = DriveLog("size", TIME, wheels, np.full((TIME.size, 2), np.nan), speed_m_s=speed, speed_age_s=age)
+    return log, late_m_s
+
+
+@pytest.mark.parametrize("every", [1, 10, 50])
+@pytest.mark.parametrize("std_m_s, age_s", [(0.0, 0.0), (0.03, 0.0), (0.03, 0.5)])
+def test_a_speed_without_a_sign_gets_that_of_the_wheels(every, std_m_s, age_s):
+    log, true_m_s = there_and_back(every, std_m_s, age_s=age_s)
+    signed = with_signed_speed(RLMA, log)
+    kept = np.isfinite(signed.speed_m_s)
+    assert kept.sum() > 0.95 * np.isfinite(log.speed_m_s).sum()
+    assert np.abs(signed.speed_m_s - true_m_s)[kept].max() < 0.2
+    assert "never negative while the wheels turn back" in signed.notes[-1].text
+
+
+def test_a_speed_with_a_sign_or_of_wheels_that_only_turn_ahead_stays():
+    signed, _ = there_and_back(10, sign=-1.0)
+    assert with_signed_speed(RLMA, signed) is signed
+    assert with_signed_speed(RLMA, good()) is not None and with_signed_speed(RLMA, good()).notes == ()
+
+
+def test_wheels_that_spin_back_under_a_robot_that_stands_leave_the_speed_as_it_is():
+    log, _ = there_and_back(10)
+    stuck = replace(log, speed_m_s=np.where(TIME > 10, np.minimum(log.speed_m_s, 0.02), log.speed_m_s))
+    assert with_signed_speed(RLMA, stuck) is stuck
+
+
+def test_a_size_is_left_out_where_the_robot_slides_on_wheels_that_stand():
+    log, _ = there_and_back(10)
+    slid = replace(log, speed_m_s=np.where((TIME > 9) & (TIME < 11), log.speed_m_s + 0.5, log.speed_m_s))
+    found = with_signed_speed(RLMA, slid).speed_m_s
+    assert np.isnan(found[(TIME > 9) & (TIME < 11)]).all()

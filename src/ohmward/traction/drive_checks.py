@@ -1,12 +1,14 @@
 """Checks of the recording of a drive for faults, before an estimate is made from it.
 
-Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure.
+Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure. A speed from
+outside without a sign is mended.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +42,10 @@ TAKES = 2.0
 #: A spike is so many times the usual speed of a wheel.
 SPIKE = 10.0
 
+#: A speed from outside has no sign where it is positive in so many samples of wheels that turn back, none negative, and
+#: no less than this share of the wheels' speed in the median.
+FEWEST_BACK, SIZE_SHARE = 3, 0.5
+
 #: The speed from outside over that of the wheels: beyond these it is another unit.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
 
@@ -63,6 +69,29 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _wrong_units,
     )
     return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
+
+
+def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log with the sign of the wheels on a speed from outside that is a size, and a note; else the log as it is.
+
+    Where the wheels stand and the robot does not, the sign is unknown, and the speed is left out.
+    """
+    speed, wheels = speed_and_wheels_m_s(robot, log)
+    back = wheels < -MOVES_M_S
+    if back.sum() < FEWEST_BACK or (speed < -MOVES_M_S).any() or np.mean(speed[back] <= 0.0) > 0.05:
+        return log
+    if np.median(speed[back]) < SIZE_SHARE * np.median(-wheels[back]):
+        return log
+    turn, size = np.abs(wheels) > MOVES_M_S, np.abs(speed)
+    signed = np.full(len(log), np.nan)
+    signed[np.isfinite(log.speed_m_s)] = np.where(
+        turn, size * np.sign(wheels), np.where(size > MOVES_M_S, np.nan, speed)
+    )
+    text = (
+        f"the speed from outside is never negative while the wheels turn back ({back.sum()} samples): taken as a size "
+        "with the sign of the wheels; if the robot never drove back, the signs of the encoders are wrong"
+    )
+    return replace(log, speed_m_s=signed, notes=(*log.notes, Note(text, "warning")))
 
 
 def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:

@@ -196,6 +196,7 @@ def force_known(observed: SlipEstimate) -> np.ndarray:
     """
     return np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
 
+
 #: Fields of a sample that a speed observer fills.
 OBSERVED = tuple(name for name in OdometrySample._fields if name.startswith("observed_"))
 
