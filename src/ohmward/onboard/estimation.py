@@ -31,6 +31,9 @@ from ohmward.traction.terrain.demand import travel_speed
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
 
+#: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
+ODOMETRY_SIGNALS = {"time_s", "wheel_speed_rad_s", "yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s"}
+
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
 
@@ -230,9 +233,9 @@ class Estimation:
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
         slip = self.slip.update(**sample)
-        time_s, speeds = sample["time_s"], sample["wheel_speed_rad_s"]
-        pose = self.odometry.update(time_s, speeds, sample.get("yaw_rate_rad_s"), observed=slip)
-        return self._after(time_s, self._signals(sample), slip=slip, pose=pose, drive_time_s=time_s)
+        seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
+        pose = self.odometry.update(**seen, observed=slip)
+        return self._after(sample["time_s"], self._signals(sample), slip=slip, pose=pose, drive_time_s=sample["time_s"])
 
     def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
         """Values of a sample of the drive by signal, wheels by name; those that were not measured left out."""

@@ -14,6 +14,7 @@ from ohmward.traction.calibration.parameter import Parameter, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
 from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
+from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
@@ -81,6 +82,7 @@ def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
         raise InputError(
             f"log {log.name!r} has no speed from outside; give CalibrationDrive(log, motion) with the true motion"
         )
+    log = with_signed_speed(robot, log)
     return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, log.yaw_rate_rad_s))
 
 
