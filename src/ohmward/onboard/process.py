@@ -62,6 +62,7 @@ class Process:
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
 
     Attributes:
+        state: that was passed on last, with no estimate whose sensors are silent.
         faults: messages of a source in a row that the estimators failed at, for a fault of their own.
         stopping: set once somebody stops it.
     """
@@ -84,6 +85,7 @@ class Process:
         self._clocks = {source.name: SourceClock() for source in sources}
         promised = {source.name: getattr(source, "signals", ()) for source in sources}
         self.watch = SensorWatch(estimation.battery, estimation.robot, promised, self.clock.now_s())
+        self.state = estimation.state
         self._told: tuple[Diagnostic, ...] = ()
         self._ahead_s = 0.0
         self._passed_s = self.clock.now_s()
@@ -237,9 +239,9 @@ class Process:
         self._passed_s = self.clock.now_s()
         unix_s = self.clock.unix_s() - (self._passed_s - state.time_s)
         self._told = self._told or tuple(self.diagnostics.values())
-        whole = state._replace(unix_s=unix_s, diagnostics=self._told)
+        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:
-            feed.put(whole)
+            feed.put(self.state)
 
 
 def _said(diagnostic: Diagnostic) -> tuple[Level, str]:
