@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -191,7 +192,7 @@ class SensorWatch:
 
     def supported(self, state: RobotState) -> RobotState:
         """The state with None for the estimates whose sensors are all silent, or tell nothing true, at its time."""
-        unknown: dict[str, None] = {}
+        unknown: dict[str, Any] = {}
         for names, sensors in self._evidence.items():
             if not any(sensor.has_told(state.time_s) for sensor in sensors):
                 unknown |= dict.fromkeys(names)
