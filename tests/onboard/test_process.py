@@ -1,4 +1,5 @@
 import asyncio
+import errno
 import math
 import time
 from dataclasses import dataclass, field
@@ -329,3 +330,20 @@ def test_sensors_that_end_with_the_process_are_not_called_silent(battery, caplog
     live = [message._replace(received_s=now_s + 0.1 * k - 2.0) for k, message in enumerate(samples(20))]
     run(Process(Estimation(battery), [Script(live)], [Absent()]), seconds=0.05)
     assert [r.message for r in caplog.records if "silent" in r.message] == []
+
+
+def test_connections_that_cannot_be_taken_are_few_lines_in_the_log(battery, caplog):
+    """The loop of asyncio tells of each, a hundred at a time, as long as there are no file handles."""
+
+    @dataclass
+    class Exhausted(Script):
+        async def run(self, put):
+            error = OSError(errno.EMFILE, "Too many open files")
+            for _ in range(10_000):
+                asyncio.get_running_loop().call_exception_handler({"message": "accept", "exception": error})
+            raise EndedError("done")
+
+    run(Process(Estimation(battery), [Exhausted([])], [Collector()]))
+    told = [record for record in caplog.records if "cannot be taken" in record.message]
+    assert 0 < len(told) < 20
+    assert len(caplog.records) == len(told)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import math
 import signal
@@ -11,11 +12,13 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import Any
 
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.part import LOG, EndedError, Sink, Source, keep_running
@@ -44,6 +47,9 @@ SETTLED_S = 2.0
 
 #: In strict mode a source or sink that fails so soon after the start ends the process.
 STRICT_S = 5.0
+
+#: Errors of a connection that cannot be taken for want of file handles or memory.
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 #: Name of something that runs beside sources and sinks, and the function that does.
 Companion = tuple[str, Callable[[], Awaitable[None]]]
@@ -93,6 +99,7 @@ class Process:
         self.faults: Counter[str] = Counter()
         self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
         self._refused = ""
+        self._exhausted = FaultyInput("connections", "cannot be taken; who opens so many?", "process")
 
     async def run(self) -> None:
         """Run until every source has ended or `stop` is called; sinks then deliver what waits.
@@ -107,6 +114,7 @@ class Process:
         if not self.sinks:
             LOG.warning("no sink: nobody gets the estimates; add a [[sink]] to the setup")
         sys.setswitchinterval(SWITCH_S)
+        asyncio.get_running_loop().set_exception_handler(self._take_error)
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
         watch = self._begin("sensors", self._look)
         beside = [
@@ -201,6 +209,14 @@ class Process:
         if of_part and self.clock.now_s() - self._began_s < STRICT_S:
             self._refused = self._refused or f"{diagnostic.name}: {diagnostic.message}"
             self.stop()
+
+    def _take_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Log an error that the loop has met; one of no more files, which comes by hundreds, in a line now and then."""
+        error = context.get("exception")
+        if isinstance(error, OSError) and error.errno in _EXHAUSTED:
+            self._exhausted.count(example=str(error.strerror).encode())
+        else:
+            loop.default_exception_handler(context)
 
     def _begin(self, name: str, run: Callable[[], Awaitable[None]]) -> asyncio.Task[None]:
         """Begin a part, and begin it again whenever it ends."""
