@@ -69,7 +69,6 @@ class Estimation:
         self.odometry = Odometry(robot) if robot else None
         self.range = RangeEstimator(battery, consumption or robot, days) if battery and robot else None
         self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
-        self.state = RobotState(math.nan, math.nan)
         #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
         self.shift_s = 0.0
         #: Charge before a long absence, which the first voltage after it may contradict.
@@ -78,6 +77,7 @@ class Estimation:
         self.last_current_A = math.nan
         self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
         places = tuple(place.name for place in robot.places) if robot else ()
+        self.state = RobotState(math.nan, math.nan, wheels=places[: robot.driven] if robot else ())
         self._wheel_signals = {
             argument: tuple(f"{name}.{place}" for place in places)
             for argument, name in (("wheel_speed_rad_s", "wheel_speed_rad_s"), ("current_A", "motor_current_A"))
@@ -219,7 +219,7 @@ class Estimation:
         cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
         current_A = sample.values.get(CURRENT, math.nan)
         found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)
-        self.state = self.state._replace(cells=found)
+        self.state = self.state._replace(cells=found, cells_time_s=sample.time_s)
 
     def _told_full(self, time_s: float) -> list[RobotState]:
         """The state after a charger has said that the battery is full."""
