@@ -48,7 +48,7 @@ _AFTER = "a filter that matches Q and R lets the voltage follow every sample: it
 _OFFLINE = "another battery; `as printed` by the 75 % rule, `corrected` by least squares on the whole pulse test"
 _SOC = (
     "the sensors here have no offset, as [T]'s reference, so that the count carries every filter; the mean says how "
-    "much the voltage pulls it. Q0, R0 and P0 of (3.51) are not in our copy"
+    "much the voltage pulls it. Q0, R0 and P0 are not those of (3.51)"
 )
 
 

@@ -25,7 +25,7 @@ SEEDS = (1, 2, 3)
 #: [T] 3.4: from 98 to 90 %; and the whole range, which [T] does not show.
 NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
 #: Change of each state in one step: parameters by a thousandth, 6 % in an hour; voltages by 0.1 mV, a thirtieth of a
-#: count of a 12 bit converter on this pack. [T]'s Q0 (3.51) is not legible in our copy.
+#: count of a 12 bit converter on this pack. Not those of (3.51).
 WALK = (1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4)
 #: Standard deviation of the state of charge that the filters are told to start from.
 START_STD = 0.005
