@@ -23,6 +23,9 @@ _HOLD_S = (2.0, 12.0)
 _LARGEST_RATE = 1.0
 _IDLE_RATE = 0.05
 _STOP_SHARE = 0.3
+#: Share of the commands that brake or go downhill and charge, at no more than this rate [C].
+_CHARGE_SHARE = 0.15
+_LARGEST_CHARGE_RATE = 0.4
 #: Time [s] in which a joystick's command becomes a current.
 _RAMP_S = 1.0
 
@@ -107,11 +110,15 @@ def joystick_drive(battery: SimulatedBattery, soc: tuple[float, float], seed: in
 
 
 def joystick(rng: np.random.Generator, capacity_Ah: float, duration_s: float) -> Profile:
-    """Commands of random size held for some seconds, with stops between them: a current that only discharges."""
+    """Commands of random size held for some seconds, with stops between them; some of them charge ([T] 3.3.5)."""
     time, rate = [0.0], [_IDLE_RATE]
     while time[-1] < duration_s:
-        stops = rng.random() < _STOP_SHARE
-        level = _IDLE_RATE if stops else _IDLE_RATE + (_LARGEST_RATE - _IDLE_RATE) * rng.random()
+        kind, size = rng.random(2)
+        level = _IDLE_RATE
+        if kind < _CHARGE_SHARE:
+            level -= _LARGEST_CHARGE_RATE * size
+        elif kind < 1.0 - _STOP_SHARE:
+            level += (_LARGEST_RATE - _IDLE_RATE) * size
         time += [time[-1] + _RAMP_S, time[-1] + _RAMP_S + rng.uniform(*_HOLD_S)]
         rate += [level, level]
     return Profile(np.array(time), -capacity_Ah * np.array(rate), np.full(len(time), ROOM_DEGC))
