@@ -1,7 +1,7 @@
 """Fill the pages of the two publications: `python docs/fill_publications.py`.
 
-The claims of each and their verdicts, from the rows of `benchmarks/publications.md`, which `ohmward reproduce` computes;
-the tables of errata from the list that `ohmward reproduce errata` checks.
+The claims of each and their verdicts come from the rows of `benchmarks/publications.md`, which `ohmward reproduce`
+computes; the tables of errata from the list that `ohmward reproduce errata` checks.
 """
 
 from __future__ import annotations
@@ -311,7 +311,7 @@ def rows_of(numbers: str) -> dict[str, dict[str, str]]:
     for line in numbers.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == 6 and line.startswith("| "):
-            quantity, unit, printed, as_printed, corrected, default = cells
+            quantity, unit, _, as_printed, corrected, default = cells
             name = f"{quantity} ({unit})" if quantity in found else quantity
             found[name] = {"as printed": as_printed, "corrected": corrected, "default": default}
     return found

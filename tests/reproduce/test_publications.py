@@ -1,7 +1,6 @@
 import pytest
 
 from benchmarks.scripts import script
-
 from ohmward.errors import InputError
 from ohmward.reproduce.publications import PUBLICATIONS, select
 

@@ -53,8 +53,8 @@ def measured(log: Log, battery: Battery, start_soc: float, why: str = _WHY) -> R
     for method in METHODS:
         printed, corrected = (run_along(log, model, method, form, start_soc) for form in (False, True))
         name = method.upper()
-        voltage = [errors(found.joint.innovation_V[there]) for found in (printed, corrected)]
-        rows += error_rows(f"Voltage before the sample, {name}", "V", VOLTAGE_V[method], *voltage, default_V)
+        voltage = (errors(printed.joint.innovation_V[there]), errors(corrected.joint.innovation_V[there]), default_V)
+        rows += error_rows(f"Voltage before the sample, {name}", "V", VOLTAGE_V[method], *voltage)
         soc = (soc_error(printed), soc_error(corrected), default_soc)
         rows += error_rows(f"SoC, {name}", "%", SOC_PERCENT[method], *soc)
         lines.append(Series(log.time_s, 1e3 * corrected.joint.innovation_V, name))

@@ -78,20 +78,24 @@ def discharge(chemistry: str) -> Result:
 def _rc_rows(chemistry: str) -> list[ResultRow]:
     """RC + KF from the OCV at 100 %: its first 500 s, and the rest."""
     names = "RC + KF", "RC + KF, corrected", "default"
-    first = [soc_errors(chemistry, name, against="counted", to_s=SETTLED_S).largest for name in names]
+    first = [soc_errors(chemistry, name, against="counted", to_s=SETTLED_S) for name in names]
     late = [soc_errors(chemistry, name, against="counted", from_s=SETTLED_S) for name in names]
     what = f"{NAMES[chemistry]}, RC + KF"
     then = f"{what} after {SETTLED_S:g} s, against the count"
+
+    def row(quantity: str, printed: float | None, found: list[float], why: str = "") -> ResultRow:
+        as_printed, corrected, default = found
+        return ResultRow(quantity, "%", printed, as_printed, corrected, default, why)
+
     return [
-        ResultRow(
+        row(
             f"{what} in the first {SETTLED_S:g} s: largest",
-            "%",
             _PRINTED_FIRST[chemistry],
-            *first,
-            why=_RC[chemistry],
+            [e.largest for e in first],
+            _RC[chemistry],
         ),
-        ResultRow(f"{then}: MAE", "%", _PRINTED_RC[chemistry], *(e.mean for e in late)),
-        ResultRow(f"{then}: largest", "%", _PRINTED_RC_LARGEST[chemistry], *(e.largest for e in late)),
+        row(f"{then}: MAE", _PRINTED_RC[chemistry], [e.mean for e in late]),
+        row(f"{then}: largest", _PRINTED_RC_LARGEST[chemistry], [e.largest for e in late]),
     ]
 
 
@@ -122,12 +126,12 @@ def _budget_rows(chemistry: str) -> list[ResultRow]:
 def _voltage_rows(chemistry: str) -> list[ResultRow]:
     """Figures 11b and 13b: voltage errors of both filters."""
     what = f"{NAMES[chemistry]}, voltage"
-    rc = [1e3 * voltage_error_V(chemistry, name) for name in ("RC + KF", "RC + KF, corrected")]
-    after = [1e3 * voltage_error_V(chemistry, name, after=True) for name in ("RC + KF", "RC + KF, corrected")]
-    ukf, default = (1e3 * voltage_error_V(chemistry, name) for name in ("T2RC + UKF", "default"))
+    names = "RC + KF", "RC + KF, corrected", "T2RC + UKF", "default"
+    rc, jumping, ukf, default = (1e3 * voltage_error_V(chemistry, name) for name in names)
+    rc_after, jumping_after = (1e3 * voltage_error_V(chemistry, name, after=True) for name in names[:2])
     return [
-        ResultRow(f"{what} before the sample, RC + KF: MAE", "mV", None, *rc, why=_VOLTAGE),
-        ResultRow(f"{what} after the sample, RC + KF: MAE", "mV", None, *after),
+        ResultRow(f"{what} before the sample, RC + KF: MAE", "mV", None, rc, jumping, None, _VOLTAGE),
+        ResultRow(f"{what} after the sample, RC + KF: MAE", "mV", None, rc_after, jumping_after),
         ResultRow(f"{what} before the sample, T2RC + UKF: MAE", "mV", None, ukf, ukf, default),
     ]
 
