@@ -60,7 +60,7 @@ def test_a_missing_voltage_of_a_measured_log_is_left_out_counted_and_said():
     voltage_V = log.voltage_V.copy()
     voltage_V[[0, 100]] = np.nan
     rows = measured(replace(log, voltage_V=voltage_V), here.battery, 0.98).rows
-    assert "2 of 201 samples have no voltage" in rows[0].why
+    assert "2 of 200 samples have no voltage" in rows[0].why
     assert all(math.isfinite(row.corrected) and math.isfinite(row.default) for row in rows)
     assert all(math.isfinite(row.as_printed) for row in rows if "Voltage" in row.quantity and ", EKF" in row.quantity)
 

@@ -55,7 +55,7 @@ REST_STD_V = 1e-3
 _TERMINAL = 2
 
 
-class JointEstimate(NamedTuple):
+class JointByMethodEstimate(NamedTuple):
     """Estimate of the first stage after a sample.
 
     circuit: the parameters, as the circuit sees them.
@@ -77,7 +77,7 @@ class SocByMethodEstimate(NamedTuple):
     soc_variance: Any
 
 
-class SchemeState(NamedTuple):
+class SchemeByMethodState(NamedTuple):
     """Belief, noise and moments of both stages, and the current [A] of the sample before."""
 
     joint: adaptive.PackedAdaptiveState
@@ -85,10 +85,10 @@ class SchemeState(NamedTuple):
     current_A: Any
 
 
-class SchemeEstimate(NamedTuple):
+class SchemeByMethodEstimate(NamedTuple):
     """Estimates of both stages after a sample."""
 
-    joint: JointEstimate
+    joint: JointByMethodEstimate
     soc: SocByMethodEstimate
 
 
@@ -124,7 +124,7 @@ class SchemeByMethod:
         c_bulk_F, c_surface_F, r_ohm, r_terminal_ohm = self.nominal
         return np.array([1.0 / c_bulk_F, 1.0 / c_surface_F, 1.0 / r_ohm, r_terminal_ohm])
 
-    def init(self, first: SocSample, soc: float, soc_std: float) -> SchemeState:
+    def init(self, first: SocSample, soc: float, soc_std: float) -> SchemeByMethodState:
         """State before the first sample: at rest, V at its voltage, the SoC as given."""
         voltage_V, ocv_V = float(first.voltage_V), float(self.model.at_rest(soc)[0])
         joint = Belief(np.array([*[voltage_V] * 3, *self.parameters]), np.diag(np.array(P0)))
@@ -133,7 +133,7 @@ class SchemeByMethod:
             np.array([ocv_V, ocv_V, soc]), soc_std**2 * along + np.diag([REST_STD_V**2, REST_STD_V**2, 0.0])
         )
         R = np.array([[R0_V2]])
-        return SchemeState(
+        return SchemeByMethodState(
             adaptive.pack(adaptive.init(joint, np.diag(np.array(Q0)), R)),
             adaptive.pack(adaptive.init(second, SOC_WALK**2 * along, R)),
             first_input(first).current_A,
@@ -145,17 +145,17 @@ class SchemeByMethod:
         slope_V = self.model.capacity_As / (self.nominal.c_bulk_F + self.nominal.c_surface_F)
         return np.array([slope_V, slope_V, 1.0])
 
-    def step(self, state: SchemeState, sample: SocSample) -> tuple[SchemeState, SchemeEstimate]:
+    def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SchemeByMethodEstimate]:
         """State and estimates after a sample; one without a voltage is predicted over."""
         clean = sanitize_bare(sample, state.current_A, np.inf)
         voltage_V = where(clean.measured, clean.voltage_V, np.nan)
         joint, found = self.joint_step(state.joint, voltage_V, clean)
         soc, estimate = self.soc_step(state.soc, voltage_V, clean, found.circuit)
-        return SchemeState(joint, soc, clean.current_A), SchemeEstimate(found, estimate)
+        return SchemeByMethodState(joint, soc, clean.current_A), SchemeByMethodEstimate(found, estimate)
 
     def joint_step(
         self, state: adaptive.PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample
-    ) -> tuple[adaptive.PackedAdaptiveState, JointEstimate]:
+    ) -> tuple[adaptive.PackedAdaptiveState, JointByMethodEstimate]:
         """The first stage."""
         before, parameters = adaptive.unpack(state), slice(_TERMINAL + 1, None)
         after, innovation = self.filter_step(
@@ -165,7 +165,7 @@ class SchemeByMethod:
         after = after._replace(belief=after.belief._replace(mean=mean))
         per_bulk, per_surface, per_ohm, r_terminal_ohm = mean[parameters]
         r_ohm = 1.0 / per_ohm
-        return adaptive.pack(after), JointEstimate(
+        return adaptive.pack(after), JointByMethodEstimate(
             rc.Circuit(1.0 / per_bulk, 1.0 / per_surface, r_ohm, r_ohm, r_terminal_ohm),
             innovation.value[0],
             voltage_V - mean[_TERMINAL],

@@ -11,7 +11,7 @@ from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs.log import Log
-from ohmward.published.scheme_by_method import METHODS, SchemeEstimate
+from ohmward.published.scheme_by_method import METHODS, SchemeByMethodEstimate
 from ohmward.report import TIME, Figure, Series
 from ohmward.reproduce.row import Errors, Item, Result, ResultRow, error_rows, errors
 from ohmward.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
@@ -45,7 +45,7 @@ def measured(log: Log, battery: Battery, start_soc: float, why: str = _WHY) -> R
     default_V = errors((log.voltage_V - default.voltage_V)[there & np.isfinite(default.voltage_V)])
     default_soc = errors(100.0 * (default.soc - counted)[there])
 
-    def soc_error(found: SchemeEstimate) -> Errors:
+    def soc_error(found: SchemeByMethodEstimate) -> Errors:
         return errors(100.0 * (found.soc.soc - counted)[there])
 
     rows: list[ResultRow] = []

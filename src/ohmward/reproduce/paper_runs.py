@@ -148,8 +148,8 @@ def soc_errors(
     for seed in SEEDS:
         here, soc = case(chemistry, seed, mean_A), run(chemistry, name, start_soc, seed, mean_A).soc
         time_s = here.recording.drive.time_s
-        kept = (time_s >= from_s) & (time_s <= to_s)
-        parts.append(errors(100.0 * (soc - getattr(here, against))[kept]))
+        window = (time_s >= from_s) & (time_s <= to_s)
+        parts.append(errors(100.0 * (soc - getattr(here, against))[window]))
     return mean_errors(parts)
 
 

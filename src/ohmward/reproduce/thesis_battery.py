@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ohmward.figures.battery import current_figure, voltage_figure
-from ohmward.published.scheme_by_method import METHODS, SchemeEstimate
+from ohmward.published.scheme_by_method import METHODS, SchemeByMethodEstimate
 from ohmward.report import TIME, Figure, Series
 from ohmward.reproduce.row import Errors, Result, ResultRow, error_rows, errors, mean_errors
 from ohmward.reproduce.thesis_runs import (
@@ -106,7 +106,7 @@ def _mean_rows(
     return error_rows(what, unit, printed, *found, why)
 
 
-def _parameter_figures(here: ThesisCase, found: SchemeEstimate) -> list[Figure]:
+def _parameter_figures(here: ThesisCase, found: SchemeByMethodEstimate) -> list[Figure]:
     """Figure 3.7: the four parameters over time."""
     p, t = found.joint.circuit, here.log.time_s
     named = {
@@ -131,8 +131,8 @@ def voltage_by_method() -> Result:
                 f"Voltage {when} the sample, {method.upper()}",
                 "V",
                 VOLTAGE_V[method],
-                [errors(of(run(method, False, NARROW, seed))) for seed in SEEDS],
-                [errors(of(run(method, True, NARROW, seed))) for seed in SEEDS],
+                [errors(of(run(method, False, NARROW, seed), case(NARROW, seed))) for seed in SEEDS],
+                [errors(of(run(method, True, NARROW, seed), case(NARROW, seed))) for seed in SEEDS],
                 default if when == "before" else None,
                 _BEFORE if when == "before" else _AFTER,
             )
@@ -143,30 +143,31 @@ def voltage_by_method() -> Result:
             ResultRow(f"Voltage {when} the sample, AUKF, 8 bit oscilloscope: mean", "V", 0.002, None, mean, why=_SCOPE)
         )
     for when, of in (("before", _innovation), ("after", _residual)):
-        rows += _order(lambda seed, method, of=of: of(run(method, True, NARROW, seed)), f"voltage {when} the sample")
+        rows += _order(of, f"voltage {when} the sample")
     return Result(tuple(rows), _method_figures())
 
 
-def _innovation(found: SchemeEstimate) -> np.ndarray:
+def _innovation(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
     return found.joint.innovation_V
 
 
-def _residual(found: SchemeEstimate) -> np.ndarray:
+def _residual(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
     return found.joint.residual_V
 
 
-def _soc_error(found: SchemeEstimate, truth: np.ndarray) -> np.ndarray:
-    return 100.0 * (found.soc.soc - truth)
+def _soc_error(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
+    return 100.0 * (found.soc.soc - here.truth)
 
 
-def _order(error: Callable[[int, str], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
+def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
     """Shares of the drives in which one method has the smaller mean error, once the start has been found."""
     rows = []
     for better, worse in (("aukf", "ukf"), ("aekf", "ekf"), ("aukf", "aekf"), ("ukf", "ekf")):
         wins = []
         for seed in SEEDS:
-            late = case(NARROW, seed).log.time_s >= _SETTLED_S
-            one, other = (np.abs(error(seed, method))[late].mean() for method in (better, worse))
+            here = case(NARROW, seed)
+            late = here.log.time_s >= _SETTLED_S
+            one, other = (np.abs(of(run(m, True, NARROW, seed), here))[late].mean() for m in (better, worse))
             wins.append(one < other)
         name = f"{better.upper()} < {worse.upper()} in {what}, mean after {_SETTLED_S:g} s, share of drives"
         rows.append(ResultRow(name, "%", 100.0, None, 100.0 * float(np.mean(wins)), None, why))
@@ -176,7 +177,7 @@ def _order(error: Callable[[int, str], np.ndarray], what: str, why: str = "") ->
 def _method_figures() -> tuple[Figure, ...]:
     t = case().log.time_s
     found = {m: run(m, True) for m in METHODS}
-    innovation = [Series(t, 1e3 * _innovation(f), m.upper()) for m, f in found.items()]
+    innovation = [Series(t, 1e3 * _innovation(f, case()), m.upper()) for m, f in found.items()]
     variance = [Series(t, np.sqrt(f.joint.voltage_variance_V2) * 1e3, m.upper()) for m, f in found.items()]
     return (
         Figure("Voltage error before the sample", TIME, "Error [mV]", innovation),
@@ -190,15 +191,12 @@ def soc_by_method() -> Result:
     for method in METHODS:
         rows += _soc_rows(method, NARROW, SOC_PERCENT[method], _SOC if method == METHODS[0] else "")
 
-    def error(seed: int, method: str) -> np.ndarray:
-        return _soc_error(run(method, True, NARROW, seed), case(NARROW, seed).truth)
-
-    rows += _order(error, "SoC", _SOC_ORDER)
+    rows += _order(_soc_error, "SoC", _SOC_ORDER)
     here = case()
     t, found = here.log.time_s, {m: run(m, True) for m in METHODS}
     soc = [Series(t, 100 * f.soc.soc, m.upper()) for m, f in found.items()]
     soc.append(Series(t, 100 * here.truth, "truth", "dashed", "reference"))
-    wrong = [Series(t, _soc_error(f, here.truth), m.upper()) for m, f in found.items()]
+    wrong = [Series(t, _soc_error(f, here), m.upper()) for m, f in found.items()]
     drawn = (
         Figure("State of charge", TIME, "State of charge [%]", soc),
         Figure("Its error", TIME, "Error [%]", wrong),
@@ -208,8 +206,8 @@ def soc_by_method() -> Result:
 
 def _soc_rows(method: str, soc: tuple[float, float], printed: Errors | None, why: str) -> list[ResultRow]:
     by = {}
-    for jumps in (False, True):
-        by[jumps] = [errors(_soc_error(run(method, jumps, soc, seed), case(soc, seed).truth)) for seed in SEEDS]
+    for corrected in (False, True):
+        by[corrected] = [errors(_soc_error(run(method, corrected, soc, seed), case(soc, seed))) for seed in SEEDS]
     default = [errors(100.0 * (default_run(soc, seed).soc - case(soc, seed).truth)) for seed in SEEDS]
     what = f"SoC, {100 * soc[0]:g} to {100 * soc[1]:g} %, {method.upper()}"
     return _mean_rows(what, "%", printed, by[False], by[True], default, why)
@@ -225,6 +223,6 @@ def whole_range() -> Result:
         rows += _soc_rows(method, WHOLE, None, _WHOLE if method == METHODS[0] else "")
     here = case(WHOLE)
     t = here.log.time_s
-    lines = [Series(t, _soc_error(run(m, True, WHOLE), here.truth), m.upper()) for m in METHODS]
+    lines = [Series(t, _soc_error(run(m, True, WHOLE), here), m.upper()) for m in METHODS]
     lines.append(Series(t, 100 * (default_run(WHOLE).soc - here.truth), "default", role="estimate"))
     return Result(tuple(rows), (Figure("Error of the state of charge", TIME, "Error [%]", lines),))

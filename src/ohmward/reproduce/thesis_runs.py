@@ -15,7 +15,7 @@ from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
-from ohmward.published.scheme_by_method import SchemeByMethod, SchemeEstimate
+from ohmward.published.scheme_by_method import SchemeByMethod, SchemeByMethodEstimate
 from ohmward.reproduce.batteries import TestedBattery, joystick_drive, lithium_polymer_pack
 from ohmward.trace import Kernel
 
@@ -58,21 +58,23 @@ def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
 
 
 @cache
-def run(method: str, corrected: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> SchemeEstimate:
+def run(
+    method: str, corrected: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]
+) -> SchemeByMethodEstimate:
     """The scheme of figure 3.10 along the drive, both stages by this method, (T,) each."""
     here = case(soc, seed)
     return run_along(here.log, here.offline.rule, method, corrected, soc[0])
 
 
 @cache
-def scope_run(method: str, seed: int) -> SchemeEstimate:
+def scope_run(method: str, seed: int) -> SchemeByMethodEstimate:
     """The same, corrected, with the voltage of an oscilloscope of 8 bit ([T] 3.3.5)."""
     here = case(NARROW, seed)
     scoped = replace(here.log, voltage_V=_SCOPE_V * np.round(here.log.voltage_V / _SCOPE_V))
     return run_along(scoped, here.offline.rule, method, True, NARROW[0])
 
 
-def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_soc: float) -> SchemeEstimate:
+def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_soc: float) -> SchemeByMethodEstimate:
     """The scheme along any log from a model found offline; it starts at the first voltage, and predicts over others."""
     scheme = SchemeByMethod(model, method, corrected)
     samples = samples_of(log)
