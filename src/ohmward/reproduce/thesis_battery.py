@@ -56,10 +56,11 @@ _SCOPE = "the same drives with a voltage in the 256 steps of 0.164 V that an 8 b
 _OFFLINE = "another battery; `as printed` by the 75 % rule, `corrected` by least squares on the whole pulse test"
 _SOC = (
     "both stages of figure 3.10 by each method. [T] prints no constants of the second stage: here its R0 is that of "
-    "(3.51), and the SoC starts right, give or take 0.5 %. With a start ten times as sure all errors are smaller, and "
-    "the order is the same. With (3.51) the parameters wander far from one step to the next and take the SoC along; a "
-    "count would be better. Their sizes are those of this pack. `as printed`: parameters that may be negative, "
-    "and a second stage whose frozen partner loses charge"
+    "(3.51), and the SoC starts right, give or take 0.5 %. With a start ten times as sure the errors of EKF and UKF "
+    "fall to a third, those of the adaptive two hardly, and the UKF is before the AUKF: the order depends on a "
+    "constant that is not printed. With (3.51) the parameters wander from step to step and take the SoC along; a "
+    "count would be better. `as printed`: parameters that may be negative, and a second stage whose frozen partner "
+    "loses charge"
 )
 _SOC_ORDER = (
     "the second stage is linear, so that EKF and UKF differ by their parameters alone: the EKF's, which start right, "
