@@ -7,7 +7,8 @@
     dV_o/dt  = A33 (V_o - V_cb) + B31 i               see `models.rc`
 
 With `jumps` V_o also changes by (R_t + R_b R_s / D) (i_k - i_(k-1)), which di/dt = 0 leaves out. The step is exact in
-both. Q and R are constant and diagonal. The filter takes its start as given, so that a wrong one can be shown.
+both. Q and R are those of (25), constant and diagonal; P0 is not printed. The filter takes its start as given, so that
+a wrong one can be shown: all three voltages at the OCV of that SoC, as [P] starts at that of a full battery.
 """
 
 from __future__ import annotations
@@ -47,39 +48,31 @@ class RcThreeStates:
 
     Attributes:
         model: the circuit and its OCV curve.
-        bulk_walk_V, surface_walk_V, terminal_walk_V: roots of the diagonal of Q, change of each state in one step.
-        voltage_std_V: root of R.
+        process_variance_V2: diagonal of Q in one step.
+        voltage_variance_V2: R.
+        start_variance_V2: each of the diagonal of P0.
         jumps: True lets V_o follow a change of the current at once; False is [P]'s di/dt = 0.
     """
 
     model: rc.RcModel
-    bulk_walk_V: float = 1e-4
-    surface_walk_V: float = 1e-4
-    terminal_walk_V: float = 1e-3
-    voltage_std_V: float = 0.01
+    process_variance_V2: tuple[float, float, float] = (0.00001, 0.001, 0.9)
+    voltage_variance_V2: float = 0.8
+    start_variance_V2: float = 1.0
     jumps: bool = False
 
     def __post_init__(self) -> None:
-        require_each_positive("", self, "bulk_walk_V", "surface_walk_V", "terminal_walk_V", "voltage_std_V")
+        require_each_positive("", self, "process_variance_V2", "voltage_variance_V2", "start_variance_V2")
 
     @cached_property
     def link(self) -> SocByCurve:
         """The inverse OCV curve."""
         return SocByCurve(self.model, BatteryNoise())
 
-    @property
-    def process_noise(self) -> np.ndarray:
-        """Q (3, 3)."""
-        return np.diag(np.square([self.bulk_walk_V, self.surface_walk_V, self.terminal_walk_V]))
-
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
         """State before the first sample: at rest at this SoC, taken as given; None takes the first voltage for V_cb."""
-        u = first_input(first)
         ocv_V = float(first.voltage_V) if soc is None else self.link.ocv_V(soc)
-        voltage_V = ocv_V + rc.instant_resistance(self.model) * u.current_A
-        std_V = soc_std * float(self.link.slope_V(0.5 if soc is None else soc))
-        belief = Belief(np.array([ocv_V, ocv_V, voltage_V]), np.diag([std_V**2, std_V**2, self.voltage_std_V**2]))
-        return RcThreeState(pack(belief), u.current_A)
+        belief = Belief(np.full(3, ocv_V), self.start_variance_V2 * np.eye(3))
+        return RcThreeState(pack(belief), first_input(first).current_A)
 
     def step(self, state: RcThreeState, sample: SocSample) -> tuple[RcThreeState, SocEstimate]:
         """State and estimate after a sample."""
@@ -88,9 +81,9 @@ class RcThreeStates:
         prior = extended.predict(
             unpack(state.belief),
             lambda x: rc.next_state_with_voltage(x, ends[0], clean.mean_A, ends[1], self.model, clean.dt_s),
-            self.process_noise,
+            np.diag(np.array(self.process_variance_V2)),
         )
-        R = np.array([[self.voltage_std_V**2]])
+        R = np.array([[self.voltage_variance_V2]])
         posterior, innovation, _ = kalman.correct(prior, np.array([clean.voltage_V]), _H, R)
         posterior = choose(clean.measured, posterior, prior)
         return RcThreeState(pack(posterior), clean.current_A), self.estimate(

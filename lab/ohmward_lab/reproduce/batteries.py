@@ -14,7 +14,7 @@ from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import Profile
+from ohmward_lab.simulate.profile import EDGE_S, Profile
 from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 
@@ -23,6 +23,13 @@ _HOLD_S = (2.0, 12.0)
 _LARGEST_RATE = 1.0
 _IDLE_RATE = 0.05
 _STOP_SHARE = 0.3
+#: Share of the commands that brake or go downhill and charge, at no more than this rate [C].
+_CHARGE_SHARE = 0.15
+_LARGEST_CHARGE_RATE = 0.4
+#: [P] 2.1: length of a pulse and of the rest after it [s].
+_PULSE_S, _REST_S = 1800.0, 3600.0
+#: [P] 4: largest error of its current sensor [A], 0.8 % of 25 A, and its range [A].
+CAS_ERROR_A, _CAS_RANGE_A = 0.2, 85.0
 #: Time [s] in which a joystick's command becomes a current.
 _RAMP_S = 1.0
 
@@ -86,32 +93,72 @@ def lithium_polymer_pack() -> SimulatedBattery:
     return scaled("simulated pack of ten 8 Ah cells, 37 V", cell, 8.0 / cell.circuit.capacity_Ah, n_series=10)
 
 
-def robot_discharge(battery: SimulatedBattery, end_soc: float, seed: int) -> TestedBattery:
-    """Pulse test and the robot's discharge from full to `end_soc`, by the sensors of [P]'s kind, at 1 Hz."""
+def robot_discharge(
+    battery: SimulatedBattery, bench: Profile, end_soc: float, seed: int, mean_A: float
+) -> TestedBattery:
+    """[P] 4: a pulse test and the robot's discharge from full to `end_soc`, by the sensors of its table 2, at 1 Hz."""
     rng = np.random.default_rng(seed)
-    sensors = low_cost_sensors(rng)
-    capacity_Ah = battery.circuit.capacity_Ah
-    parts = drive(rng, MissionRobot(), 3600.0 * 24.0)
-    profile = parts._replace(
-        current_A=parts.current_A * capacity_Ah / BATTERIES["lfp"].circuit.capacity_Ah,
-        ambient_degC=np.full(parts.time_s.size, ROOM_DEGC),
+    sensors = farm_sensors(rng)
+    profile = drive(rng, MissionRobot(), 3600.0 * 12.0)
+    profile = profile._replace(
+        current_A=profile.current_A * (mean_A / -profile.current_A.mean()),
+        ambient_degC=np.full(profile.time_s.size, ROOM_DEGC),
     )
-    return _recording(battery, _down_to(profile, capacity_Ah, end_soc), (1.0, end_soc), sensors, rng)
+    down = _down_to(profile, battery.circuit.capacity_Ah, end_soc)
+    return _recording(battery, bench, down, (1.0, end_soc), sensors, rng)
+
+
+def farm_sensors(rng: np.random.Generator) -> BatterySensors:
+    """Low-cost sensors with [P]'s current sensor, CAS 25-NP: 0.8 % of 25 A, 25 mV/A on a 3.3 V converter of 12 bit."""
+    sensors = low_cost_sensors(rng)
+    current = replace(
+        sensors.current,
+        low=-_CAS_RANGE_A,
+        high=_CAS_RANGE_A,
+        resolution=3.3 / 4096 / 0.025,
+        offset=float(rng.uniform(-1.0, 1.0)) * CAS_ERROR_A,
+        offset_walk_std=0.0,
+        gain_error=0.0,
+    )
+    return sensors._replace(current=current)
+
+
+def resistor_pulses(battery: SimulatedBattery, load_ohm: float, pulses: int) -> Profile:
+    """[P] 2.1: from full, pulses of half an hour into a resistor, an hour of rest after each.
+
+    The current is that of the open-circuit voltage into the resistor; its fall by the battery's own resistance, 1 %, is
+    left out.
+    """
+    ocv, soc = battery.circuit.ocv, 1.0
+    time_s, current_A = [0.0, _PULSE_S / 3], [0.0, 0.0]
+    for _ in range(pulses):
+        begin = time_s[-1] + EDGE_S
+        first_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
+        soc -= first_A * _PULSE_S / 3600.0 / battery.circuit.capacity_Ah
+        last_A = float(ocv.mean_V(soc, ROOM_DEGC)) / load_ohm
+        time_s += [begin, begin + _PULSE_S, begin + _PULSE_S + EDGE_S, begin + _PULSE_S + EDGE_S + _REST_S]
+        current_A += [-first_A, -last_A, 0.0, 0.0]
+    return Profile(np.array(time_s), np.array(current_A), np.full(len(time_s), ROOM_DEGC))
 
 
 def joystick_drive(battery: SimulatedBattery, soc: tuple[float, float], seed: int) -> TestedBattery:
     """Pulse test and a drive by joystick between two states of charge, at 1 Hz, by laboratory sensors ([T] 3.4)."""
     rng = np.random.default_rng(seed)
     profile = joystick(rng, battery.circuit.capacity_Ah, 3600.0 * 12.0)
-    return _recording(battery, _down_to(profile, battery.circuit.capacity_Ah, soc[1], soc[0]), soc, _laboratory(), rng)
+    down = _down_to(profile, battery.circuit.capacity_Ah, soc[1], soc[0])
+    return _recording(battery, pulse_test(battery), down, soc, _laboratory(), rng)
 
 
 def joystick(rng: np.random.Generator, capacity_Ah: float, duration_s: float) -> Profile:
-    """Commands of random size held for some seconds, with stops between them: a current that only discharges."""
+    """Commands of random size held for some seconds, with stops between them; some of them charge ([T] 3.3.5)."""
     time, rate = [0.0], [_IDLE_RATE]
     while time[-1] < duration_s:
-        stops = rng.random() < _STOP_SHARE
-        level = _IDLE_RATE if stops else _IDLE_RATE + (_LARGEST_RATE - _IDLE_RATE) * rng.random()
+        kind, size = rng.random(2)
+        level = _IDLE_RATE
+        if kind < _CHARGE_SHARE:
+            level -= _LARGEST_CHARGE_RATE * size
+        elif kind < 1.0 - _STOP_SHARE:
+            level += (_LARGEST_RATE - _IDLE_RATE) * size
         time += [time[-1] + _RAMP_S, time[-1] + _RAMP_S + rng.uniform(*_HOLD_S)]
         rate += [level, level]
     return Profile(np.array(time), -capacity_Ah * np.array(rate), np.full(len(time), ROOM_DEGC))
@@ -134,12 +181,12 @@ def _down_to(profile: Profile, capacity_Ah: float, end_soc: float, start_soc: fl
 
 def _recording(
     battery: SimulatedBattery,
+    bench_profile: Profile,
     profile: Profile,
     soc: Sequence[float],
     sensors: BatterySensors,
     rng: np.random.Generator,
 ) -> TestedBattery:
-    bench_profile = pulse_test(battery)
     bench = simulate(
         battery, bench_profile, bench_times(bench_profile), resting_state(battery, 1.0, ROOM_DEGC, hysteresis=1.0)
     )

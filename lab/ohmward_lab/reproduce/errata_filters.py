@@ -6,8 +6,13 @@ import math
 
 import numpy as np
 
+from ohmward.battery.models import rc
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.sample import SocSample
 from ohmward.filters import Belief, adaptive, kalman
 from ohmward.filters.unscented import DEFAULT, sigma_points, sigma_weights, textbook_step
+from ohmward.trace import Kernel
+from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.reproduce.erratum import Erratum, differs
 
 #: States of the joint filter of [T].
@@ -95,6 +100,32 @@ def _gain() -> bool:
     return all(np.trace(kalman.joseph(_BELIEF.cov, L * K, _H, _R)) > best for L in (0.5, 0.9, 1.1, math.pi))
 
 
+def _free_parameters() -> bool:
+    """(3.51): with P0 = I sigma points have negative capacitances; UKF and AUKF end in no number, EKF and AEKF do not.
+
+    On the circuit itself, without noise; within bounds, and corrected, none of the four does.
+    """
+    model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
+    current_A = np.tile(np.repeat([-3.0, -0.2, -1.5, 0.5], 10), 10)
+    x, voltage_V = model.at_rest(0.6), []
+    for now_A in current_A:
+        x = rc.next_state(x, now_A, model, 1.0)
+        voltage_V.append(rc.voltage(x, now_A, model)[0])
+    nothing = np.full(current_A.size, math.nan)
+    samples = SocSample(np.ones(current_A.size), current_A, np.array(voltage_V), nothing)
+    first = SocSample(0.0, float(current_A[0]), float(voltage_V[0]), math.nan)
+
+    def ends_in_no_number(method: str, corrected: bool) -> bool:
+        scheme = SchemeByMethod(model, method, corrected)
+        start = scheme.init(first, 0.6, 0.005)
+        innovation_V = Kernel(scheme.step, start, first).scan(start, samples)[1].joint.innovation_V
+        return not float(np.abs(innovation_V).max()) < 1e6
+
+    printed = [ends_in_no_number(method, False) for method in ("ekf", "aekf", "ukf", "aukf")]
+    corrected = [ends_in_no_number(method, True) for method in ("ekf", "aekf", "ukf", "aukf")]
+    return printed == [False, False, True, True] and not any(corrected)
+
+
 ERRATA = (
     Erratum("[T]", "(3.31)-(3.41)", "lambda and chi both stand for the scaling", "chi", _one_scaling),
     Erratum(
@@ -110,6 +141,13 @@ ERRATA = (
         "[T]", "(3.42)", "output from the points before propagation", "from the propagated points", _propagated_points
     ),
     Erratum("[T]", "(3.49), (3.50)", "1/L is missing", "a mean over the window", _window_mean),
+    Erratum(
+        "[T]",
+        "(3.6), (3.51)",
+        "parameters of any sign: with these P0, Q0, R0 UKF and AUKF end in NaN or beyond 1e6 V, EKF and AEKF do not",
+        "the circuit sees positive parameters",
+        _free_parameters,
+    ),
     Erratum("[P]", "(24)", "a stray L in the gain", "K = P H' (H P H' + R)^-1", _gain),
     Erratum("[P]", "(26), (27)", "roots lost", "the root of (N + lambda) P", _roots),
     Erratum("[P]", "(29)", "upper limit of the sum", "2 N", _point_zero),

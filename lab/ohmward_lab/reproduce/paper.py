@@ -12,8 +12,8 @@ ITEMS = (
     Item(("5", "6"), "Relaxations with one and with two time constants", paper_identification.relaxations),
     Item(("7",), "The circuit before and after the nonlinear fit", paper_identification.fit),
     Item(("8",), "Open-circuit voltage", paper_identification.open_circuit),
-    Item(("10", "11"), "Sealed lead-acid, 100 to 40 %", partial(paper_soc.discharge, "lead-acid")),
+    Item(("10", "11"), "Sealed lead-acid, 100 to 60 %", partial(paper_soc.discharge, "lead-acid")),
     Item(("12",), "A wrong start taken as given", paper_soc.wrong_start),
-    Item(("13",), "LFP, 100 to 16 %", partial(paper_soc.discharge, "lfp")),
-    Item(("1",), "Table 1: the methods compared", paper_soc.comparison),
+    Item(("13",), "LFP, 100 to 20 %", partial(paper_soc.discharge, "lfp")),
+    Item(("1",), "Table 1: the methods compared, with the hybrid", paper_soc.comparison),
 )

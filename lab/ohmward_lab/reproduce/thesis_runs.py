@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -12,23 +13,20 @@ from ohmward.battery.identification.identify import identify
 from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
-from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
-from ohmward_lab.published.joint_by_method import JointByMethod, JointByMethodEstimate, JointByMethodState
-from ohmward_lab.published.rc_joint import nominal_of
+from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeByMethodEstimate
 from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive, lithium_polymer_pack
 
 #: Another drive and other noise each; figures show the first.
 SEEDS = (1, 2, 3)
 #: [T] 3.4: from 98 to 90 %; and the whole range, which [T] does not show.
 NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
-#: Change of each state in one step: parameters by a thousandth, 6 % in an hour; voltages by 0.1 mV, a thirtieth of a
-#: count of a 12 bit converter on this pack. [T]'s Q0 (3.51) is not legible in our copy.
-WALK = (1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4)
 #: Standard deviation of the state of charge that the filters are told to start from.
 START_STD = 0.005
+#: Step [V] of an oscilloscope of 8 bit over the pack's largest voltage.
+_SCOPE_V = 42.0 / 256
 
 
 class ThesisCase(NamedTuple):
@@ -49,20 +47,6 @@ class ThesisCase(NamedTuple):
         return self.recording.truth
 
 
-class JointSocState(NamedTuple):
-    """States of the joint filter and of the filter of the state of charge."""
-
-    joint: JointByMethodState
-    soc: RcFilterState
-
-
-class SchemeRun(NamedTuple):
-    """Estimates of both along a log, (T,) each."""
-
-    joint: JointByMethodEstimate
-    soc: SocEstimate
-
-
 @cache
 def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
     """The pack, tested, identified and driven."""
@@ -74,31 +58,30 @@ def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
 
 
 @cache
-def run(method: str, jumps: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> SchemeRun:
-    """The scheme of figure 3.10 along the drive: the joint filter by this method feeds the filter of the SoC.
-
-    jumps: False is di/dt = 0, as [T] has it.
-    """
+def run(
+    method: str, corrected: bool, soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]
+) -> SchemeByMethodEstimate:
+    """The scheme of figure 3.10 along the drive, both stages by this method, (T,) each."""
     here = case(soc, seed)
-    return run_along(here.log, here.offline.rule, method, jumps, soc[0])
+    return run_along(here.log, here.offline.rule, method, corrected, soc[0])
 
 
-def run_along(log: Log, model: rc.RcModel, method: str, jumps: bool, start_soc: float) -> SchemeRun:
-    """The scheme along any log whose every sample has a voltage, from a model found offline."""
-    joint = JointByMethod(nominal_of(model), method, jumps, walk=WALK)
-    linear = RcFilter(model)
+@cache
+def scope_run(method: str, seed: int) -> SchemeByMethodEstimate:
+    """The same, corrected, with the voltage of an oscilloscope of 8 bit ([T] 3.3.5)."""
+    here = case(NARROW, seed)
+    scoped = replace(here.log, voltage_V=_SCOPE_V * np.round(here.log.voltage_V / _SCOPE_V))
+    return run_along(scoped, here.offline.rule, method, True, NARROW[0])
 
-    def step(state: JointSocState, sample: SocSample) -> tuple[JointSocState, SchemeRun]:
-        after, found = joint.step(state.joint, sample)
-        p = found.found
-        circuit = rc.Circuit(p.c_bulk_F, p.c_surface_F, p.r_ohm, p.r_ohm, p.r_terminal_ohm)
-        soc, estimate = linear.step(state.soc, sample, RcParameters(circuit))
-        return JointSocState(after, soc), SchemeRun(found, estimate)
 
+def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_soc: float) -> SchemeByMethodEstimate:
+    """The scheme along any log from a model found offline; it starts at the first voltage, and predicts over others."""
+    scheme = SchemeByMethod(model, method, corrected)
     samples = samples_of(log)
     first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
-    start = JointSocState(joint.init(first), linear.init(first, start_soc, START_STD))
-    return Kernel(step, start, first).scan(start, samples)[1]
+    first = first._replace(voltage_V=float(log.voltage_V[np.isfinite(log.voltage_V)][0]))
+    start = scheme.init(first, start_soc, START_STD)
+    return Kernel(scheme.step, start, first).scan(start, samples)[1]
 
 
 @cache

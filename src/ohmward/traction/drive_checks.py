@@ -180,9 +180,9 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """Motors that would brake the whole drive, and take energy that the robot does not give up: it does not slow down.
+    """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
 
-    All driven wheels give up an equal share of the energy, by the speed of their rims, and by the pitch if there is one.
+    All driven wheels give up an equal share of the energy, by the speed of their rims, and by the pitch if known.
     """
     found = []
     mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m
