@@ -3,14 +3,16 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check house soak accuracy lives learning bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark static check house soak accuracy lives learning bench slip-control firmware \
+    single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
 	@echo "make test      every test"
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
-	@echo "make check     format and lint, types, the fast tests"
+	@echo "make static    format and lint, types"
+	@echo "make check     static, the fast tests"
 	@echo "make soak      the process on the robot for hours, killed and loaded -> benchmarks/on_board.md"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
@@ -43,10 +45,12 @@ test: $(VENV)/test.stamp
 test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
 	$(BIN)/python -m pytest tests/fleet/test_spark.py
 
-check: $(VENV)/dev.stamp
+static: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+check: static
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
 
 soak: $(VENV)/test.stamp
