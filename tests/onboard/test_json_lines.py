@@ -6,6 +6,7 @@ import random
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -128,6 +129,18 @@ def test_a_folder_that_is_not_there_is_made(tmp_path):
     assert json.loads((tmp_path / "my states" / "states.jsonl").read_text())["time_s"] == 1.0
     with pytest.raises(OhmwardError, match=r"states.jsonl/x cannot be written \(.*\); check the path"):
         asyncio.run(write(tmp_path / "my states" / "states.jsonl" / "x"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_named_in_one_line():
+    async def run():
+        feed = Feed()
+        feed.put(RobotState(1.0, 2.0))
+        feed.end()
+        await JsonLinesSink("/dev/full").run(feed)
+
+    with pytest.raises(OhmwardError, match=r"/dev/full cannot be written .*No space left"):
+        asyncio.run(run())
 
 
 def test_lines_of_any_kind_are_no_fault():

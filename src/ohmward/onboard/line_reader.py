@@ -99,12 +99,12 @@ class Visitors:
     are, that which has been silent for longest: no number of idle or dead ones keeps others out.
 
     Args:
-        patience_s: a stranger goes after so long.
+        wait_s: a stranger goes after so long.
         left_out: is called for each that goes.
     """
 
-    def __init__(self, left_out: Callable[[], None], patience_s: float = math.inf):
-        self._left_out, self._patience_s = left_out, patience_s
+    def __init__(self, left_out: Callable[[], None], wait_s: float = math.inf):
+        self._left_out, self._wait_s = left_out, wait_s
         self._strangers: dict[asyncio.BaseTransport, asyncio.TimerHandle | None] = {}
         self._known: dict[asyncio.BaseTransport, None] = {}
 
@@ -112,9 +112,9 @@ class Visitors:
         """Take a stranger in."""
         if len(self._strangers) >= MOST_STRANGERS:
             self._refuse(next(iter(self._strangers)))
-        timed = self._patience_s < math.inf
+        timed = self._wait_s < math.inf
         self._strangers[transport] = (
-            asyncio.get_running_loop().call_later(self._patience_s, self._refuse, transport) if timed else None
+            asyncio.get_running_loop().call_later(self._wait_s, self._refuse, transport) if timed else None
         )
 
     def know(self, transport: asyncio.BaseTransport) -> None:
