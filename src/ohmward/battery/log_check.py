@@ -44,7 +44,7 @@ _WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
 _OFFSET_SHARE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
 #: Rows of a window and samples in one, fewest rows, starts that are tried, and the part of the rows that spikes do not
 #: touch.
-_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 120, 15, 30, 50, 0.95
+_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
 #: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
 #: without a prior a steady current would explain any number of cells.
 _PER_RATIO_V = 0.003

@@ -1,5 +1,6 @@
 """Days of one battery teach its file; a day of another one, or of the same one with other cells, does not."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -83,7 +84,7 @@ def test_the_day_after_a_swap_back_is_learnt(taught):
 def test_a_day_that_the_file_does_not_fit_by_the_check_of_soc_is_set_aside(monkeypatch):
     """One policy: whatever `misfits` says of a log, it is not learnt."""
     wrong = (Note("the battery file does not fit the log: as soc says", "warning"),)
-    monkeypatch.setattr("ohmward.battery.learning.learn.misfits", lambda *_: wrong)
+    monkeypatch.setattr(sys.modules[learn_log.__module__], "misfits", lambda *_: wrong)
     before = generic_battery("nmc", 12.0, 3)
     after, lesson = learn_log(before, day(MODEL, 1))
     assert after is before and lesson.verdict == "set aside"
