@@ -1,6 +1,10 @@
+import json
+
 import numpy as np
 import pytest
 
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 
 COMPARE = ("compare", "day.csv", "--battery", "battery.toml", "--filters", "coulomb,ekf")
@@ -49,3 +53,19 @@ def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
 
 def test_those_that_reproduce_a_publication_on_demand(here, as_json):
     assert list(as_json(*COMPARE[:4], "--published")["estimators"])[-2:] == ["published.aekf", "published.aukf"]
+
+
+def test_a_file_that_does_not_fit_is_told_as_by_soc(here, capsys):
+    """A pack of three cells and a file of four; a filter that cannot judge stands first."""
+    save_battery(generic_battery("nmc", 12.0, 4), here / "four.toml")
+    assert main(["soc", "day.csv", "--battery", "four.toml", "--filter", "ekf", "--json"]) == 1
+    alone = json.loads(capsys.readouterr().out)
+    assert main(["compare", "day.csv", "--battery", "four.toml", "--filters", "coulomb,ekf", "--json"]) == 1
+    compared = json.loads(capsys.readouterr().out)
+    assert alone["fits"] is compared["fits"] is False
+    (sentence,) = [note for note in alone["notes"] if "does not fit the log" in note]
+    assert sentence in compared["notes"]
+
+
+def test_a_file_that_fits(here, as_json):
+    assert as_json(*COMPARE)["fits"] is True

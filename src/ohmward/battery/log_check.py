@@ -44,7 +44,7 @@ _WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
 _OFFSET_SHARE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
 #: Rows of a window and samples in one, fewest rows, starts that are tried, and the part of the rows that spikes do not
 #: touch.
-_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 120, 15, 30, 50, 0.95
+_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
 #: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
 #: without a prior a steady current would explain any number of cells.
 _PER_RATIO_V = 0.003
@@ -123,7 +123,7 @@ def _better_explained(log: Log, battery: Battery) -> str:
     )
 
 
-class _Rows(NamedTuple):
+class _WindowMeans(NamedTuple):
     """Means over the parts of a window, (T,) each.
 
     charge: counted since the start of the window, as a share of the capacity.
@@ -138,7 +138,7 @@ class _Rows(NamedTuple):
     overpotentials: np.ndarray
 
 
-def cell_error_V(windows: Sequence[_Rows], curve_V: np.ndarray, cells: int, enough_V: float = 0.0) -> float:
+def cell_error_V(windows: Sequence[_WindowMeans], curve_V: np.ndarray, cells: int, enough_V: float = 0.0) -> float:
     """RMS error [V] of the mean cell voltage that this number of cells leaves; `enough_V` ends a search."""
     squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2) for rows in windows]
     return float(np.sqrt(np.average(squares, weights=[rows.voltage_V.size for rows in windows])))
@@ -168,7 +168,7 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
         yield Log(log.name, log.time_s[at], current_A[at], voltage_V[at])
 
 
-def _rows(window: Log, battery: Battery) -> _Rows | None:
+def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
     """Means over the parts of a window; None where they are too few or no charge flows in it."""
     mean_A = 0.5 * (window.current_A + np.concatenate([window.current_A[:1], window.current_A[:-1]]))
     counted_Ah = np.cumsum(mean_A * np.diff(window.time_s, prepend=window.time_s[0])) / SECONDS_PER_HOUR
@@ -194,7 +194,7 @@ def _rows(window: Log, battery: Battery) -> _Rows | None:
         slow[k + 1] = decay * slow[k] + (1 - decay) * current[k + 1]
     overpotentials_V = _steady_ohm(battery) / battery.n_series * np.column_stack([current, slow])
     charge = means(counted_Ah[some]) / battery.capacity_Ah
-    return _Rows(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
+    return _WindowMeans(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
 
 
 def _without_spikes(values: np.ndarray) -> np.ndarray:
@@ -203,10 +203,10 @@ def _without_spikes(values: np.ndarray) -> np.ndarray:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, MEDIAN_OF), axis=1)
 
 
-def _unexplained_V2(rows: _Rows, curve_V: np.ndarray, cells: int, enough_V2: float) -> float:
+def _unexplained_V2(rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float) -> float:
     """Mean square [V^2] of the cell voltage that the curve and the overpotentials leave, at the best start."""
     grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
-    kept = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
+    least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
     C = rows.overpotentials
     to_ratios = C @ np.linalg.inv(C.T @ C + rows.charge.size * _PER_RATIO_V**2 * np.eye(2))
     for capacity, offset_charge in product(_CAPACITIES, rows.offset_charge):
@@ -216,7 +216,7 @@ def _unexplained_V2(rows: _Rows, curve_V: np.ndarray, cells: int, enough_V2: flo
         left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V)
         ratios = left_V @ to_ratios
         left_V -= ratios @ C.T
-        squares_V2 = np.sort(left_V**2, axis=1)[:, :kept].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)
+        squares_V2 = np.sort(left_V**2, axis=1)[:, :least_rows].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)
         least_V2 = min(least_V2, float(squares_V2.min()))
         if least_V2 <= enough_V2:
             break

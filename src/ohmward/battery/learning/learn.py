@@ -116,8 +116,13 @@ def learn(
     return Learnt(battery, tuple(lessons))
 
 
-def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> tuple[Battery, Lesson]:
-    """The battery after one log, and what it taught; the battery as it was where the log is set aside."""
+def learn_log(
+    battery: Battery, log: Log, initial_soc: float | None = None, check_fit: bool = True
+) -> tuple[Battery, Lesson]:
+    """The battery after one log, and what it taught; the battery as it was where the log is set aside.
+
+    check_fit: set a log aside that the file does not fit by the check of `ohmward soc`.
+    """
     try:
         new = new_parts(battery, log)
     except InputError as refusal:
@@ -138,7 +143,10 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
-    if contradiction := _contradiction(aged, log, lesson) or _misfit_of_file(battery, new.parts, initial_soc):
+    contradiction = _contradiction(aged, log, lesson)
+    if not contradiction and check_fit:
+        contradiction = _misfit_of_file(battery, new.parts, initial_soc)
+    if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
     return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
@@ -186,7 +194,7 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
         return unexplained(after) or other_label(known, after)
     if confirms(known, after):
         return ""
-    _, alone = learn_log(forgotten(battery), log)
+    _, alone = learn_log(forgotten(battery), log, check_fit=False)
     if alone.verdict != "learnt":
         return alone.reason
     seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s

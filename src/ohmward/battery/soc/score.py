@@ -127,7 +127,7 @@ def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
 def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
     """(T,) True for voltages that the estimator did not believe: outside its gate, or those of no such battery."""
     left_out = int(SocFlag.VOLTAGE_REJECTED | SocFlag.NO_VOLTAGE)
-    return np.isfinite(log.voltage_V) & (np.asarray(estimates.flags).astype(int) & left_out != 0)
+    return np.isfinite(log.voltage_V) & (np.nan_to_num(estimates.flags).astype(int) & left_out != 0)
 
 
 def soc_rms_differences(estimates: Mapping[str, SocEstimate]) -> dict[str, dict[str, float]]:
