@@ -76,6 +76,8 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
 
     Where the wheels stand and the robot does not, the sign is unknown, and the speed is left out.
     """
+    if log.speed_m_s is None:
+        return log
     speed, wheels = speed_and_wheels_m_s(robot, log)
     back = wheels < -MOVES_M_S
     if back.sum() < FEWEST_BACK or (speed < -MOVES_M_S).any() or np.mean(speed[back] <= 0.0) > 0.05:
@@ -182,7 +184,7 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
     """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
 
-    All driven wheels give up an equal share of the energy, by the speed of their rims, and by the pitch if known.
+    Each driven wheel gives up an equal share of it, by the speed of the rims, and by the pitch if there is one.
     """
     found = []
     mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m

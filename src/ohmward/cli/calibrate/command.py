@@ -122,6 +122,7 @@ def read_one(text: str, robot: Robot, args: argparse.Namespace) -> CalibrationDr
         return CalibrationDrive(log, pose_motion(log, names, args, robot))
     truth = read_drive_truth(log, robot, args.truth).truth
     signed = with_signed_speed(robot, replace(log, speed_m_s=truth.speed_m_s, speed_age_s=None))
+    assert signed.speed_m_s is not None
     truth = truth._replace(speed_m_s=signed.speed_m_s)
     return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, truth))
 

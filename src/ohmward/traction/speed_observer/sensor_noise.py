@@ -80,7 +80,7 @@ def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
 
 
 def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
-    """External speeds and, at the times of which they tell, those by the driven wheels, each (N,); may be empty."""
+    """External speeds and those by the driven wheels at the times that they tell of, each (N,); may be empty."""
     n = robot.driven
     rolled = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[0] * robot.wheel.radius_m
     speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
