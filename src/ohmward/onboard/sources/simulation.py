@@ -7,12 +7,13 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import EndedError
+from ohmward.onboard.part import LOG, EndedError
 from ohmward.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
 from ohmward.simulate.closed_loop.loop import ClosedLoopDrive
 from ohmward.simulate.closed_loop.records import Records
@@ -24,6 +25,9 @@ _CHUNK_S = 0.1
 #: A robot that is driven goes on from now where the machine has fallen behind by more than this [s]: a controller takes
 #: no estimates that are .08 s old.
 _BEHIND_S = 0.03
+
+#: One that drives by itself catches up what it has missed, but no more than this [s]: after that it goes on from now.
+_MOST_LATE_S = 0.5
 
 #: Times that differ by less are equal: sums of steps are rounded.
 _TIME_EPS_S = 1e-9
@@ -63,6 +67,7 @@ class SimulationSource:
         name: in diagnostics.
     """
 
+    live: ClassVar[bool] = False
     scenario: str | None = None
     rate: float = 1.0
     seed: int = 1
@@ -79,14 +84,20 @@ class SimulationSource:
     async def run(self, put: Put) -> None:
         """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
 
-        A battery that starts full comes from a charger, which says so.
+        A battery that starts full comes from a charger, which says so. On a machine that is too slow the drive takes
+        longer than it should, and its clock is slow by as much.
         """
         drive = await asyncio.to_thread(ClosedLoopDrive, self._scenario)
         rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)  # compiles the rest, before the clock begins
         began_s = self._begin(drive, put, 0.0)
+        lost_s = 0.0
         while True:
             for at_s, values in rows:
-                await asyncio.sleep(max(at_s / self.rate - (time.monotonic() - began_s), 0.0))
+                late_s = time.monotonic() - began_s - lost_s - at_s / self.rate
+                if late_s > _MOST_LATE_S:
+                    self._say_slow(lost_s)
+                    lost_s, late_s = lost_s + late_s, 0.0
+                await asyncio.sleep(max(-late_s, 0.0))
                 put(Message(at_s, began_s + at_s, self.name, values))
             if drive.truth.time_s >= drive.scenario.duration_s or drive.empty:
                 break
@@ -114,6 +125,13 @@ class SimulationSource:
             for at_s, values in rows:
                 put(Message(began_s + at_s, began_s + at_s, self.name, values))
         raise EndedError("the battery is empty")
+
+    def _say_slow(self, lost_s: float) -> None:
+        """Log, the first time, that the machine does not keep up."""
+        if not lost_s:
+            LOG.warning(
+                "source %s: the simulation is slower than rate = %g; this machine is busy", self.name, self.rate
+            )
 
     def _begin(self, drive: ClosedLoopDrive, put: Put, stamp_s: float) -> float:
         """The monotonic time now, at which the drive begins; a charger says whether the battery is full."""
