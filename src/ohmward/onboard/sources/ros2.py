@@ -119,8 +119,8 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     }
     cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
     values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
-    if numbers["power_supply_status"] == _FULL:
-        values["battery_full"] = 1.0
+    if numbers["power_supply_status"]:
+        values["battery_full"] = float(numbers["power_supply_status"] == _FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
 
 
