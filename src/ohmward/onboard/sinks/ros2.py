@@ -56,6 +56,10 @@ class Ros2Sink(RosNetwork):
         require_between("interval_s", self.interval_s, 0.0, 3600.0)
         require_between("slow_s", self.slow_s, 0.0, 3600.0)
 
+    def topics(self) -> dict[str, str]:
+        """Topics by setting."""
+        return {name: getattr(self, name) for name in ("battery_state", "odometry", "twist", "diagnostics")}
+
     async def run(self, feed: Feed) -> None:
         """Publish until the feed ends."""
         battery = load_battery(self.battery) if self.battery else None

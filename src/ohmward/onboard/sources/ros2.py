@@ -50,7 +50,7 @@ class Ros2Source(RosNetwork):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not any(topic for topic, _, _ in self._topics()):
+        if not any(self.topics().values()):
             raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
 
     async def run(self, put: Put) -> None:
@@ -84,6 +84,10 @@ class Ros2Source(RosNetwork):
         found = self.message(type_, payload, time.monotonic())
         if found and not loop.is_closed():
             loop.call_soon_threadsafe(put, found)
+
+    def topics(self) -> dict[str, str]:
+        """Topics by setting."""
+        return {name: getattr(self, name) for name in ("battery_state", "joint_states", "imu", "odometry")}
 
     def _topics(self) -> tuple[tuple[str, str, Callable[[Layout, dict[str, float]], dict[str, float]]], ...]:
         """Topic, type and translation of each message."""
