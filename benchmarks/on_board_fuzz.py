@@ -29,12 +29,12 @@ from ohmward.onboard.control.operator_command import command_of
 from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.message import Signals, Wiring
 from ohmward.onboard.mqtt_broker import Payload
+from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames, battery_state
 from ohmward.onboard.ros.types import BATTERY_STATE, JOINT_STATE
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame, encode
-from ohmward.onboard.setup import SETUP_FILE
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.mqtt import MqttSource
 from ohmward.onboard.sources.ros2 import Ros2Source

@@ -25,7 +25,7 @@ import numpy as np
 from ohmward import generic_battery, save_battery
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.process import Process
-from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.robot_setup import SETUP_FILE
 from on_board_day import resident_MB
 
 WHEELS_HZ, BATTERY_HZ = 1000, 100

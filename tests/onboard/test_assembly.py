@@ -2,8 +2,8 @@ import pytest
 
 from ohmward import InputError, generic_battery, save_battery
 from ohmward.onboard.assembly import assemble
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.setup import Setup
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 
 FAULTS = {

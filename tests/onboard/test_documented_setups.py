@@ -5,7 +5,7 @@ import re
 import pytest
 
 from markdown_pages import ROOT
-from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.robot_setup import SETUP_FILE
 
 SETUPS = [
     (page.name, text)

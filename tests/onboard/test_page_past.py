@@ -11,7 +11,7 @@ from ohmward.errors import OhmwardError
 from ohmward.onboard.assembly import sinks_of
 from ohmward.onboard.page.past import SPANS, Past, Rows, stored_rows, thinned
 from ohmward.onboard.page.view import HISTORY
-from ohmward.onboard.setup import Setup
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.store import StoreSink
 from onboard.page_server import NOW_S, dashboard_with, drive, served, stored

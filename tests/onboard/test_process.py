@@ -1,5 +1,6 @@
 import asyncio
 import errno
+import itertools
 import math
 import time
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ class Script:
     name: str = "script"
     then: BaseException | None = None
     runs: int = 0
+    live: bool = True
 
     async def run(self, put):
         self.runs += 1
@@ -53,6 +55,17 @@ class Collector:
     async def run(self, feed):
         async for state in feed:
             self.states.append(state)
+
+
+class FakeClock:
+    def __init__(self, now_s):
+        self.monotonic, self.unix = now_s, 1.8e9
+
+    def now_s(self):
+        return self.monotonic
+
+    def unix_s(self):
+        return self.unix
 
 
 def samples(count, source="script"):
@@ -272,6 +285,47 @@ def test_nothing_that_a_source_can_say_ends_the_process(battery):
     process, found = charges(battery, [*samples(10), *messages, *samples(10)])
     assert all(0.0 <= soc <= 1.1 for soc in found)
     assert "estimation" not in process.diagnostics
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0])
+def test_a_replay_at_any_rate_is_neither_silent_nor_in_another_time(battery, rate):
+    """The clock of a source that is not live counts for the watch; the newest state is of now, or ahead."""
+    clock, source, sink = FakeClock(100.0), Script([], live=False), Collector()
+    process = Process(Estimation(battery), [source], [sink], clock)
+    for k, message in enumerate(samples(50)):
+        clock.monotonic = 100.0 + 0.1 * k / rate
+        process.put(message)
+        assert [d for d in process.watch.look(process.now_s()) if d.level != Level.OK] == []
+    assert process.now_s() == pytest.approx(message.received_s)
+    (_, feed) = process.sinks[0]
+    feed.end()
+    asyncio.run(sink.run(feed))
+    ahead_s = max(message.received_s - clock.monotonic, 0.0)
+    assert sink.states[-1].unix_s == pytest.approx(clock.unix + ahead_s)
+
+
+def test_sources_are_waited_for_from_when_they_run(battery):
+    """What is compiled before takes its time."""
+    clock = FakeClock(100.0)
+    process = Process(Estimation(battery), [Script([], then=EndedError("done"))], [Collector()], clock)
+    clock.monotonic = 200.0
+    run(process)
+    assert process.watch.began_s == 200.0
+
+
+def test_a_process_that_was_held_up_takes_in_what_came_before_it_calls_sensors_silent(caplog):
+    @dataclass
+    class Live(Script):
+        async def run(self, put):
+            for k in itertools.count():
+                now_s = time.monotonic()
+                put(Message(now_s, now_s, self.name, {"battery_current_A": -1.0 - 0.01 * (k % 7)}))
+                if k == 20:
+                    time.sleep(1.5)  # nothing of the process runs
+                await asyncio.sleep(0.02)
+
+    run(Process(Estimation(), [Live([])], [Collector()]), seconds=2.4)
+    assert [r.message for r in caplog.records if "silent" in r.message] == []
 
 
 def test_a_full_disk_is_named_and_estimates_go_on(battery, tmp_path, monkeypatch):

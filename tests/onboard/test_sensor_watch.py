@@ -153,10 +153,49 @@ def test_a_message_that_comes_twice_is_used_once(battery):
 
 def test_what_a_source_promises_and_never_sends_is_named(battery):
     watch = SensorWatch(battery, RLMA, {"can0": ("battery_voltage_V", "battery_current_A"), "mqtt": ()})
-    watch.take("can0", 0.0, 0.0, {"battery_current_A": 1.0})
-    found = {d.name: d.message for k in range(7) for d in watch.look(1.0 * k) if d.level == Level.STALE}
-    assert "never came from can0" in found["battery_voltage_V"]
-    assert "none came yet" in found["messages of mqtt"]
+    watch.take("can0", 20.0, 20.0, {"battery_current_A": 1.0})
+    before, after = ({d.name: d.message for d in watch.look(now_s) if d.level == Level.STALE} for now_s in (49.0, 50.0))
+    assert set(before) == {"messages of mqtt"} and "none came yet" in before["messages of mqtt"]
+    assert "has not come from can0 for 30 s" in after["battery_voltage_V"]
+
+
+def test_a_source_from_which_nothing_came_is_one_condition_from_when_it_runs_on(battery):
+    watch = SensorWatch(battery, RLMA, {"can0": ("battery_voltage_V", "battery_current_A")}, began_s=100.0)
+    assert list(watch.look(104.9))[1:] == []
+    assert [d.name for d in watch.look(105.0) if d.level == Level.STALE] == ["messages of can0"]
+    assert [d.name for d in watch.look(200.0) if d.level == Level.STALE] == ["messages of can0"]
+
+
+@pytest.mark.parametrize("lag_s", [1.5, 60.0])
+def test_values_that_come_late_are_late_and_not_silent(battery, lag_s):
+    """The link becomes slow after 2 s; from 8 s on nothing comes."""
+    watch, told = SensorWatch(battery, RLMA, {"radio": ()}), {}
+    for k in range(80):
+        t = 0.1 * k
+        watch.take("radio", t - (0.0 if t < 2.0 else lag_s), t, {"battery_current_A": -1.0 - 0.01 * (k % 7)})
+        told |= {d.name: d.level for d in watch.look(t)}
+        assert told["battery_current_A"] == Level.OK
+    assert told["delay of radio"] == Level.WARN
+    assert {d.name: d.level for d in watch.look(10.0)}["battery_current_A"] == Level.STALE
+
+
+def test_the_second_source_waits_while_the_first_is_late(battery):
+    watch = SensorWatch(battery, RLMA)
+    for k in range(100):
+        t = 0.1 * k
+        assert watch.take("radio", t - 1.5, t, {"battery_voltage_V": 13.0 + 1e-3 * k})
+        assert watch.take("can0", t, t, {"battery_voltage_V": 12.0 + 1e-3 * k}) == {}
+
+
+def test_a_value_that_is_late_is_not_the_same_for_longer(battery):
+    """A wheel at 100 Hz is the same for 0.3 s while the others move; all come 5 s late."""
+    held = dict.fromkeys((f"wheel_speed_rad_s.{name}" for name in PLACES), 4.0)
+    watch = SensorWatch(battery, RLMA)
+    for k in range(30):
+        t = 0.01 * k
+        values = {name: v + 0.01 * k for name, v in held.items()} | {WHEEL: 1.0}
+        watch.take("radio", t, t + 5.0, values)
+    assert {d.name: d.level for d in watch.look(5.3)}[WHEEL] == Level.OK
 
 
 def test_late_values_and_clocks_that_were_set_are_named(battery):

@@ -323,7 +323,7 @@ def test_a_file_that_learns_is_in_use_from_the_next_day_on(tmp_path, battery):
 PROCESS = """
 import asyncio, sys
 from ohmward.onboard.assembly import assemble
-from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.robot_setup import SETUP_FILE
 import ohmward.onboard.state_folder as state_folder
 state_folder.SNAPSHOT_S = 0.002
 process = assemble(SETUP_FILE.load(sys.argv[1]))

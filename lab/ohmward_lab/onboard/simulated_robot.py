@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import EndedError
+from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive
@@ -24,6 +24,9 @@ _CHUNK_S = 0.1
 #: A robot that is driven goes on from now where the machine has fallen behind by more than this [s]: a controller takes
 #: no estimates that are .08 s old.
 _BEHIND_S = 0.03
+
+#: One that drives by itself catches up what it has missed, but no more than this [s]: after that it goes on from now.
+_MOST_LATE_S = 0.5
 
 #: Times that differ by less are equal: sums of steps are rounded.
 _TIME_EPS_S = 1e-9
@@ -60,19 +63,32 @@ def scenario_of(settings: SimulationSource) -> Scenario:
 async def run(settings: SimulationSource, put: Put) -> None:
     """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
 
-    A battery that starts full comes from a charger, which says so.
+    A battery that starts full comes from a charger, which says so. On a machine that is too slow the drive takes
+    longer than it should, and its clock is slow by as much.
     """
     drive = await asyncio.to_thread(ClosedLoopDrive, scenario_of(settings))
     rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)  # compiles the rest, before the clock begins
     began_s = _begin(settings, drive, put, 0.0)
+    lost_s = 0.0
     while True:
         for at_s, values in rows:
-            await asyncio.sleep(max(at_s / settings.rate - (time.monotonic() - began_s), 0.0))
+            late_s = time.monotonic() - began_s - lost_s - at_s / settings.rate
+            if late_s > _MOST_LATE_S:
+                _say_slow(settings, lost_s)
+                lost_s, late_s = lost_s + late_s, 0.0
+            await asyncio.sleep(max(-late_s, 0.0))
             put(Message(at_s, began_s + at_s, settings.name, values))
         if drive.truth.time_s >= drive.scenario.duration_s or drive.empty:
             break
         rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)
     raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
+
+
+def _say_slow(settings: SimulationSource, lost_s: float) -> None:
+    """Log, the first time, that the machine does not keep up."""
+    if not lost_s:
+        message = "source %s: the simulation is slower than rate = %g; this machine is busy"
+        LOG.warning(message, settings.name, settings.rate)
 
 
 async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:

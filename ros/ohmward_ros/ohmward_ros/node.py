@@ -11,7 +11,8 @@ import rclpy
 from ohmward.errors import OhmwardError
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.process import Process
-from ohmward_ros.settings import DEFAULTS, setup_of
+from ohmward.onboard.ros.transport import require_others_topics
+from ohmward_ros.settings import DEFAULTS, IN, OUT, setup_of
 
 
 def main() -> None:
@@ -26,11 +27,17 @@ def main() -> None:
 
 
 def read_parameters() -> tuple[dict[str, str], str]:
-    """Parameters by name, and the namespace of the node."""
+    """Parameters by name, and the namespace of the node.
+
+    Raises:
+        InputError: with its namespace and remaps the node would hear what it sends.
+    """
     rclpy.init()
     node = rclpy.create_node("ohmward_parameters")
     try:
         found = {name: str(node.declare_parameter(name, default).value) for name, default in DEFAULTS.items()}
+        heard, sent = ({n: node.resolve_topic_name(found[n]) for n in names if found[n]} for names in (IN, OUT))
+        require_others_topics(heard, sent)
         return found, node.get_namespace()
     finally:
         node.destroy_node()

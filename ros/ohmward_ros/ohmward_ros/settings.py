@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ohmward.onboard.setup import SETUP_FILE, Setup
+from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source
 
@@ -25,6 +25,11 @@ DEFAULTS = {
     "odom_frame": "odom",
     "base_frame": "base_link",
 }
+
+
+#: Parameters that are topics.
+IN = ("battery_state_in", "joint_states", "imu", "odometry_in")
+OUT = ("battery_state", "odometry", "twist", "diagnostics")
 
 
 def setup_of(parameters: Mapping[str, str], namespace: str = "") -> Setup:

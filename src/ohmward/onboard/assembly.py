@@ -11,8 +11,8 @@ from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.plausible import no_such_part
 from ohmward.onboard.process import Process
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.setup import Setup
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.store import StoreSink

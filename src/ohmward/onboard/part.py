@@ -65,6 +65,11 @@ class ActingSink(Protocol):
         ...
 
 
+def is_live(source: Source) -> bool:
+    """False for a source that makes its measurements itself, as a replay and a simulation do: `live = False`."""
+    return getattr(source, "live", True)
+
+
 class EndedError(OhmwardError):
     """A source has come to its end, as a log does: it does not begin again."""
 

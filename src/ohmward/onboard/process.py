@@ -21,7 +21,7 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import LOG, EndedError, Sink, Source, keep_running
+from ohmward.onboard.part import LOG, EndedError, Sink, Source, is_live, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 
@@ -89,8 +89,9 @@ class Process:
         self.diagnostics: dict[str, Diagnostic] = {}
         self._logged: dict[str, tuple[Level, str]] = {}
         self._clocks = {source.name: SourceClock() for source in sources}
-        promised = {source.name: getattr(source, "signals", ()) for source in sources}
-        self.watch = SensorWatch(estimation.battery, estimation.robot, promised, self.clock.now_s())
+        self._own = {source.name for source in sources if not is_live(source)}
+        promised = {source.name: getattr(source, "signals", ()) for source in sources if source.name not in self._own}
+        self.watch = SensorWatch(estimation.battery, estimation.robot, promised)
         self.state = estimation.state
         self._told: tuple[Diagnostic, ...] = ()
         self._ahead_s = 0.0
@@ -107,7 +108,7 @@ class Process:
         Raises:
             OhmwardError: in strict mode, a source or sink cannot begin.
         """
-        self._began_s = self.clock.now_s()
+        self._began_s = self.watch.began_s = self.clock.now_s()
         self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
         if not self.sources:
             LOG.warning("no source: nothing comes in; add a [[source]] to the setup")
@@ -138,7 +139,7 @@ class Process:
             raise OhmwardError(self._refused)
 
     def now_s(self) -> float:
-        """Time on the clock of the states: that of the machine, unless a replay runs ahead of it."""
+        """Time on the clock of the states: that of the machine, or of a replay or simulation at another rate."""
         return self.clock.now_s() + self._ahead_s
 
     def add_sink(self, sink: Sink) -> None:
@@ -172,7 +173,8 @@ class Process:
     def _watched(self, message: Message) -> tuple[float, dict[str, float]]:
         """Time of a message on our clock, and those of its values that can be true."""
         clock = self._clocks[message.source]
-        self._ahead_s = max(self._ahead_s, message.received_s - self.clock.now_s())
+        ahead_s = message.received_s - self.clock.now_s()
+        self._ahead_s = ahead_s if message.source in self._own else max(self._ahead_s, ahead_s)
         steps = clock.steps
         time_s = clock.to_ours(message.stamp_s, message.received_s)
         values = self.watch.take(message.source, time_s, message.received_s, message.values)
@@ -225,7 +227,10 @@ class Process:
     async def _look(self) -> None:
         """Look at the sensors again and again."""
         while True:
+            began_s = self.clock.now_s()
             await asyncio.sleep(LOOK_S)
+            if self.clock.now_s() - began_s > 2.0 * LOOK_S:
+                await asyncio.sleep(LOOK_S)  # held up by the machine: what came meanwhile is taken in first
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
             for sink, feed in self.sinks:
@@ -253,7 +258,8 @@ class Process:
 
     def _pass_on(self, state: RobotState) -> None:
         self._passed_s = self.clock.now_s()
-        unix_s = self.clock.unix_s() - (self._passed_s - state.time_s)
+        behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
+        unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
         self._told = self._told or tuple(self.diagnostics.values())
         self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:

@@ -36,8 +36,11 @@ TURNS = 2
 #: resistance of a cell is then some millivolts, the last digit of a usual converter.
 MOVE_C = 0.1
 
-#: A signal that a source promises is missed so long after the start, and one that has come once after its first value.
+#: Messages of a source are missed so long after the start, and a value that has come once so long after it came.
 PROMISED_S = 5.0
+
+#: A signal that a source promises is missed so long after the source's first message: slow sensors take their time.
+MISSED_S = 30.0
 
 #: A source is late where its values are older than this when they come.
 LATE_S = 0.5
@@ -61,8 +64,8 @@ class WatchedSensor:
     """One signal as it has reported so far.
 
     source: that it comes from.  lowest, highest: outside of these no sensor that works reads.
-    last_s, interval_s: time of its last value, and between two usually; true_s: of the last one that may be true.
-    pauses: silences in a row.
+    last_s, interval_s: time of its last value, and between two usually; received_s: when it came, which may be later;
+    true_s: when the last one that may be true came.  pauses: silences in a row.
     value: last one that may be true; same: number of times in a row, since same_s; stuck: declared to be.
     move: smallest change that counts as a move; turns: number of times that moves have changed their direction.
     moved_to, upwards: value after the last move, and its direction.
@@ -78,6 +81,7 @@ class WatchedSensor:
     highest: float
     move: float = math.inf
     last_s: float = -math.inf
+    received_s: float = -math.inf
     interval_s: float = 0.0
     true_s: float = -math.inf
     pauses: int = 0
@@ -106,12 +110,17 @@ class WatchedSensor:
             return math.inf
         return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
 
+    def is_silent(self, now_s: float) -> bool:
+        """True where no value has come for long; those of a slow link come late, but they come."""
+        return now_s - self.received_s > self.silent_after_s
+
     def has_told(self, now_s: float) -> bool:
-        """True where its last value that may be true is no older than a sensor that works may be silent."""
+        """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
         return now_s - self.true_s <= (self.silent_after_s if self.interval_s else PROMISED_S)
 
-    def take(self, time_s: float, value: float) -> float:
+    def take(self, time_s: float, received_s: float, value: float) -> float:
         """The value, nan where it cannot be true."""
+        self.received_s = received_s
         if not self.lowest <= value <= self.highest:
             self.bad, self.bad_value = self.bad + 1, value
             self._reported(time_s)
@@ -130,7 +139,7 @@ class WatchedSensor:
         self.good += 1
         if self.stuck:
             return math.nan
-        self.true_s = max(self.true_s, time_s)
+        self.true_s = received_s
         return value
 
     def _moved(self) -> None:
@@ -152,19 +161,19 @@ class WatchedSensor:
             if self.pauses > 1:  # no outage: the first two values came in haste
                 self.interval_s = gap_s
 
-    def is_same(self, now_s: float) -> bool:
+    @property
+    def is_same(self) -> bool:
         """True where the value has been the same for long."""
-        return self.same >= SAME_SAMPLES and now_s - self.same_s >= SAME_S
+        return self.same >= SAME_SAMPLES and self.last_s - self.same_s >= SAME_S
 
 
 @dataclass
 class Delivery:
-    """Messages of one source: the last one, its delay, and how often the source's clock was set."""
+    """Messages of one source: when the first one came, the delay of the last, and when the source's clock was set."""
 
     signals: frozenset[str] = frozenset()
-    last_s: float = -math.inf
+    first_s: float = math.inf
     delay_s: float = 0.0
-    steps: int = 0
     step_s: float = -math.inf
 
 
@@ -201,15 +210,16 @@ class SensorWatch:
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
         """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
         delivery = self.sources.setdefault(source, Delivery())
-        delivery.last_s, delivery.delay_s = received_s, received_s - time_s
+        delivery.first_s = min(delivery.first_s, received_s)
+        delivery.delay_s = received_s - time_s
         clean = {}
         for signal, value in values.items():
             if (sensor := self.sensors.get(signal) or self._first(signal, source)) is None:
                 self._left_out = source
                 continue
-            if sensor.source != source and not self._takes_over(sensor, source, time_s):
+            if sensor.source != source and not self._takes_over(sensor, source, received_s):
                 continue
-            clean[signal] = sensor.take(time_s, value)
+            clean[signal] = sensor.take(time_s, received_s, value)
         return clean
 
     def clock_was_set(self, source: str, now_s: float) -> None:
@@ -218,7 +228,7 @@ class SensorWatch:
 
     def look(self, now_s: float) -> Iterator[Diagnostic]:
         """Conditions of all sensors and sources now."""
-        self._find_stuck(now_s)
+        self._find_stuck()
         if self._left_out:
             message = f"more than {MOST_SENSORS} signals: {self._left_out} sends new names again and again; look at it"
             yield Diagnostic("signals", Level.WARN, message)
@@ -243,14 +253,12 @@ class SensorWatch:
             "its values come late; look at the link" if late else "in time",
             {"delay_s": delivery.delay_s},
         )
-        if now_s - self.began_s < PROMISED_S:
-            return
-        for signal in sorted(delivery.signals - self.sensors.keys()):
-            yield Diagnostic(
-                signal, Level.STALE, f"never came from {name}; check its wiring, or leave it out of signals"
-            )
-        if not delivery.signals:
-            none = delivery.last_s == -math.inf
+        if now_s - delivery.first_s >= MISSED_S:
+            for signal in sorted(delivery.signals - self.sensors.keys()):
+                message = f"has not come from {name} for {MISSED_S:.0f} s; check its wiring, or leave it out of signals"
+                yield Diagnostic(signal, Level.STALE, message)
+        if now_s - self.began_s >= PROMISED_S:
+            none = delivery.first_s == math.inf
             message = "none came yet; is the other side sending?" if none else "come"
             yield Diagnostic(f"messages of {name}", Level.STALE if none else Level.OK, message)
 
@@ -280,21 +288,20 @@ class SensorWatch:
         ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), self.battery.thevenin))
         return {"battery_current_A": current_A, "battery_voltage_V": ohm * current_A}
 
-    def _takes_over(self, sensor: WatchedSensor, source: str, time_s: float) -> bool:
+    def _takes_over(self, sensor: WatchedSensor, source: str, received_s: float) -> bool:
         """True where the source that a signal came from is silent; else it is doubled, and this one is left out."""
-        if time_s - sensor.last_s > sensor.silent_after_s:
+        if sensor.is_silent(received_s):
             sensor.source, sensor.doubled_by = source, ""
             return True
-        sensor.doubled_by, sensor.doubled_s = source, time_s
+        sensor.doubled_by, sensor.doubled_s = source, received_s
         return False
 
-    def _find_stuck(self, now_s: float) -> None:
+    def _find_stuck(self) -> None:
         for sensor in self.sensors.values():
-            same = sensor.is_same(now_s)
-            if same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
+            if sensor.is_same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
                 sensor.stuck = True
         if self._motion:
-            speeds = {s.signal: (s.value, s.is_same(now_s)) for s in self.sensors.values() if s.good}
+            speeds = {s.signal: (s.value, s.is_same) for s in self.sensors.values() if s.good}
             for signal in self._motion.stuck(speeds):
                 self.sensors[signal].stuck = True
 
@@ -303,7 +310,7 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     """Condition of a sensor in a sentence."""
     if sensor.absent:
         return Level.ERROR, f"{sensor.absent}; leave it out of {sensor.source}, or correct the robot file"
-    if now_s - sensor.last_s > sensor.silent_after_s:
+    if sensor.is_silent(now_s):
         return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
     if sensor.bad and not sensor.good:
         return (

@@ -12,8 +12,8 @@ from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import ActingSink, Sink, keep_running
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.setup import Setup
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, WiringFinding, check_wiring
 from ohmward.traction.robot.file import load_robot
 

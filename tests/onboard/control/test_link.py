@@ -28,10 +28,10 @@ from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.line_reader import MOST_STRANGERS
 from ohmward.onboard.message import Signals
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork
-from ohmward.onboard.setup import Setup
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.influxdb import InfluxSink
 from ohmward.onboard.sinks.mqtt import MqttSink

@@ -18,7 +18,7 @@ from ohmward.onboard.control.simulated_drives import (
     SimulatedDrives,
     connect_simulated_drives,
 )
-from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward.onboard.trial import try_setup

@@ -12,6 +12,7 @@ from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import read, serialize
 from ohmward.onboard.ros.messages import Frames
+from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
 from ohmward.traction import RLMA
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.speed_observer.estimator import SlipEstimator
@@ -111,6 +112,7 @@ def test_cut_and_damaged_messages_are_refused_with_one_error():
     [
         *((-3.0, 0.0, 0.0, 2), (3.0, 0.0, 0.0, 1), (0.05, 0.0, 0.0, 3)),
         *((0.5, 0.0, 0.48, 3), (1.0, 1.0, 0.0, 4), (math.nan, 0.0, 0.0, 0)),
+        *((-3.0, 1.0, 0.0, 2), (math.nan, 1.0, 0.0, 4)),
     ],
 )
 def test_the_status_follows_current_offset_and_charger(current_A, full, offset_A, status):
@@ -118,6 +120,44 @@ def test_the_status_follows_current_offset_and_charger(current_A, full, offset_A
     measured = {"battery_current_A": current_A, "battery_full": full}
     found = messages.battery_state(state, measured, generic_battery("lfp", 12.0, 4, "test"), Frames())
     assert found["power_supply_status"] == status
+
+
+def sent(translation: Translation, state: RobotState) -> dict[str, dict[str, float]]:
+    """Numbers of the messages about a state, by type."""
+    return {type_: read(type_, payload)[1] for _, type_, payload in translation.messages(state)}
+
+
+def test_a_battery_that_is_silent_is_unknown():
+    """Its voltage falls silent first, then everything, and it comes back."""
+    translation, state = Translation(Ros2Sink(), generic_battery("lfp", 12.0, 4, "test")), driven()
+    silent = [Diagnostic(name, Level.STALE, "silent") for name in ("battery_voltage_V", *state.sample)]
+    half = sent(translation, state._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
+    assert math.isnan(half["voltage"]) and half["current"] == pytest.approx(-3.0)
+    assert (half["percentage"], half["present"], half["power_supply_status"]) == (0.5, 1.0, 2.0)
+    dead = state._replace(time_s=12.0, sample={}, battery=None, diagnostics=tuple(silent))
+    none = sent(translation, dead)[types.BATTERY_STATE]
+    assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage", "charge", "cell_voltage[1]"))
+    assert (none["present"], none["power_supply_status"]) == (0.0, 0.0)
+    back = sent(translation, state._replace(time_s=13.0))[types.BATTERY_STATE]
+    assert back["voltage"] == pytest.approx(13.2) and back["present"] == 1.0
+
+
+def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
+    translation, state = Translation(Ros2Sink()), driven()
+    currents = [(1.0, {"battery_full": 1.0}, 4.0), (0.5, {}, 4.0), (-3.0, {}, 2.0), (0.5, {}, 1.0)]
+    for k, (current_A, more, status) in enumerate(currents):
+        sample = {"battery_current_A": current_A} | more
+        found = sent(translation, state._replace(time_s=5.0 + k, sample=sample))
+        assert found[types.BATTERY_STATE]["power_supply_status"] == status
+
+
+def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
+    dead = driven()._replace(time_s=9.0, slip=None, pose=None, drive_time_s=8.0)
+    assert not sent(Translation(Ros2Sink()), dead).keys() & {types.ODOMETRY, types.TWIST}
+    status = {one["name"]: one for one in messages.diagnostics(dead._replace(battery=None), "robot 1")["status"]}
+    for name, sensors in (("drive", "wheels"), ("charge", "battery")):
+        assert status[f"ohmward: {name}"]["level"] == Level.STALE
+        assert f"the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
 
 
 def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():

@@ -17,6 +17,7 @@ import pytest
 import ohmward
 from ohmward import generic_battery, save_battery
 from ohmward.errors import InputError
+from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.transport import RosNetwork
 
@@ -49,6 +50,55 @@ def test_colcon_builds_and_tests_the_package(tmp_path):
     run("test")
     summary = run("test-result", "--all").splitlines()[-1]
     assert summary == "Summary: 4 tests, 0 errors, 0 failures, 0 skipped"
+
+
+def test_nothing_but_the_package_looks_like_one_to_colcon():
+    """Every `setup.py` of a workspace is run for its name and dependencies."""
+    there = [ROOT / name for name in ("src", "tests", "docs", "ros", "benchmarks", "firmware")]
+    assert [path for folder in there for path in folder.rglob("setup.py")] == [PACKAGE / "setup.py"]
+
+
+ROS2_SETUP = """
+format = "ohmward-setup/1"
+robot = "rlma"
+[[source]]
+kind = "ros2"
+SOURCE
+[[sink]]
+kind = "ros2"
+SINK
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "sink", "message"),
+    [
+        (
+            'battery_state = "battery_state"',
+            "",
+            "battery_state of source ros2 and battery_state of sink ros2 are both /battery_state: ohmward would take "
+            'its own estimates for measurements; give one of them another topic, .* "ohmward/battery_state"',
+        ),
+        ('battery_state = "/a/battery_state"', 'namespace = "/a"', "are both /a/battery_state"),
+        ('odometry = "odom"\nnamespace = "a"', 'odometry = "/a/odom"', "odometry of source ros2 and odometry of sink"),
+        ('imu = "t"', 'twist = "t"\ndomain = 3', "imu of source ros2 and twist of sink ros2 are both /t"),
+    ],
+)
+def test_a_setup_that_would_hear_itself_is_refused(source, sink, message):
+    with pytest.raises(InputError, match=message):
+        SETUP_FILE.parse(ROS2_SETUP.replace("SOURCE", source).replace("SINK", sink))
+
+
+@pytest.mark.parametrize(
+    ("source", "sink"),
+    [
+        ('battery_state = "battery_state"', 'namespace = "/a"'),
+        ('battery_state = "battery_state"', 'battery_state = ""'),
+        ('battery_state = "battery_state"\ndomain = 1', "domain = 2"),
+    ],
+)
+def test_a_setup_that_hears_others_is_taken(source, sink):
+    SETUP_FILE.parse(ROS2_SETUP.replace("SOURCE", source).replace("SINK", sink))
 
 
 class Rclpy:
@@ -146,6 +196,7 @@ class Node:
     def __init__(self, name, namespace): self.name, self.namespace = name, namespace
     def declare_parameter(self, name, default): return types.SimpleNamespace(value=GIVEN.get(name, default))
     def get_namespace(self): return "/robot1"
+    def resolve_topic_name(self, topic): return topic if topic[0] == "/" else "/robot1/" + topic
     def create_publisher(self, kind, topic, qos):
         say("publisher", topic, kind.__name__, qos)
         return types.SimpleNamespace(publish=lambda payload: say("sent", topic, len(payload)))

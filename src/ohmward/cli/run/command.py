@@ -17,7 +17,7 @@ from ohmward.onboard.assembly import assemble
 from ohmward.onboard.notify import notifying, service_manager
 from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Process
-from ohmward.onboard.setup import SETUP_FILE
+from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.trial import try_setup
 
 #: Exit status of what is refused, where the log says why.

@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from ohmward.errors import InputError
-from ohmward.onboard.setup import SETUP_FILE, Setup
+from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 
 #: Where the unit keeps its state: `StateDirectory` of ohmward.service, seen from outside and from inside.
 STATE = Path("/var/lib/ohmward")

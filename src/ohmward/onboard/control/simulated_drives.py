@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -65,6 +66,7 @@ class DrivenSimulation:
         drives: that take the commands.
     """
 
+    live: ClassVar[bool] = False
     simulation: SimulationSource
     drives: SimulatedDrives = field(default_factory=SimulatedDrives)
 

@@ -21,7 +21,7 @@ _PLANAR = (0, 1, 5)
 #: A current of less than this share of the capacity in an hour neither charges nor discharges.
 _IDLE_C = 0.01
 #: Constants of BatteryState.
-_UNKNOWN, _CHARGING, _DISCHARGING, _NOT_CHARGING, _FULL = range(5)
+_UNKNOWN, _CHARGING, _DISCHARGING, _NOT_CHARGING, FULL = range(5)
 _LION, _LIPO, _LIFE, _VRLA = 2, 3, 4, 8
 _TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
 
@@ -44,9 +44,9 @@ def header(state: RobotState, frame: str) -> Message:
 
 
 def battery_state(state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames) -> Message:
-    """`sensor_msgs/BatteryState`; nan where a quantity is not known.
+    """`sensor_msgs/BatteryState`; nan where a quantity is not known, not present where nothing is.
 
-    measured: signal -> latest value of the battery's sensors.
+    measured: signal -> latest value of the battery's sensors, nan for one that is silent.
     battery: its label, where it is known.
     """
     charge, nan = state.battery, math.nan
@@ -66,7 +66,7 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
         "power_supply_status": _status(measured, charge, capacity_Ah),
         "power_supply_health": _UNKNOWN,
         "power_supply_technology": _TECHNOLOGY.get(battery.chemistry, _LION) if battery else _UNKNOWN,
-        "present": True,
+        "present": charge is not None or any(map(math.isfinite, measured.values())),
         "cell_voltage": _cells(measured, battery),
         "cell_temperature": [],
         "location": "",
@@ -83,11 +83,11 @@ def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float
 
 def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> int:
     """Status of the power supply, by the current without the offset of its sensor."""
-    if measured.get("battery_full", 0.0) >= 0.5:
-        return _FULL
     offset_A = float(charge.current_offset_A) if charge and charge.current_offset_A == charge.current_offset_A else 0.0
     current_A = measured.get("battery_current_A", math.nan) - offset_A
     idle_A = _IDLE_C * capacity_Ah if math.isfinite(capacity_Ah) else 0.0
+    if measured.get("battery_full", 0.0) >= 0.5 and not current_A < -idle_A:
+        return FULL
     if math.isnan(current_A):
         return _UNKNOWN
     return _CHARGING if current_A > idle_A else _DISCHARGING if current_A < -idle_A else _NOT_CHARGING
@@ -164,13 +164,23 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
         text = f"{100 * float(charge.soc):.0f} ± {100 * float(charge.soc_std):.0f} %"
         found.append(Diagnostic("charge", Level.OK, text, values))
+    elif math.isfinite(state.battery_time_s):
+        found.append(_stale("charge", "battery", state.time_s - state.battery_time_s))
     if slip := state.slip:
         ratios = {f"slip_ratio.{k}": float(ratio) for k, ratio in enumerate(slip.slip_ratio)}
         stuck = float(slip.immobilised) >= 0.5
         level = Level.ERROR if stuck else Level.WARN if np.any(np.asarray(slip.slipping) >= 0.5) else Level.OK
         text = "wheels turn, the robot does not" if stuck else "wheels slip" if level else "wheels grip"
         found.append(Diagnostic("drive", level, text, {"speed_m_s": float(slip.speed_m_s), **ratios}))
+    elif math.isfinite(state.drive_time_s):
+        found.append(_stale("drive", "wheels", state.time_s - state.drive_time_s))
     return found
+
+
+def _stale(estimate: str, sensors: str, age_s: float) -> Diagnostic:
+    """Condition of an estimate that there is no more."""
+    message = f"unknown: the sensors of the {sensors} are silent; look at them, their wires and their driver"
+    return Diagnostic(estimate, Level.STALE, message, {"age_s": age_s})
 
 
 def _text(value: str | float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -81,6 +81,20 @@ class RosNetwork:
         if use_rclpy:
             return RclpyTransport(self.node, self.namespace, domain)
         return ZenohTransport(self.node, self.namespace, domain, self.router)
+
+
+def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> None:
+    """Raise InputError where ohmward would hear itself.
+
+    heard, sent: setting -> full name of its topic.
+    """
+    for input_, topic in heard.items():
+        for output, own in sent.items():
+            if topic == own:
+                raise InputError(
+                    f"{input_} and {output} are both {topic}: ohmward would take its own estimates for measurements; "
+                    f'give one of them another topic, the second for example "ohmward/{topic.rpartition("/")[2]}"'
+                )
 
 
 def domain_of_environment() -> int:

@@ -12,7 +12,7 @@ from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.quantities import BATTERY
-from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
@@ -55,6 +55,10 @@ class Ros2Sink(RosNetwork):
         super().__post_init__()
         require_between("interval_s", self.interval_s, 0.0, 3600.0)
         require_between("slow_s", self.slow_s, 0.0, 3600.0)
+
+    def topics(self) -> dict[str, str]:
+        """Topics by setting."""
+        return {name: getattr(self, name) for name in ("battery_state", "odometry", "twist", "diagnostics")}
 
     async def run(self, feed: Feed) -> None:
         """Publish until the feed ends."""
@@ -99,8 +103,15 @@ class Translation:
             return
         self._slow_s = state.time_s
         if sink.battery_state and self._measured:
-            found = messages.battery_state(state, self._measured, self.battery, self._frames)
+            found = messages.battery_state(state, self._reporting(state), self.battery, self._frames)
+            if found["power_supply_status"] != messages.FULL:
+                self._measured.pop("battery_full", None)  # until the charger says so again
             yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
         if sink.diagnostics:
             told = messages.diagnostics(state, sink.robot)
             yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, told)
+
+    def _reporting(self, state: RobotState) -> dict[str, float]:
+        """Latest values of the battery's sensors, nan for one that is silent or tells nothing true."""
+        useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
+        return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}

@@ -50,7 +50,7 @@ class Ros2Source(RosNetwork):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not any(topic for topic, _, _ in self._topics()):
+        if not any(self.topics().values()):
             raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
 
     async def run(self, put: Put) -> None:
@@ -84,6 +84,10 @@ class Ros2Source(RosNetwork):
         found = self.message(type_, payload, time.monotonic())
         if found and not loop.is_closed():
             loop.call_soon_threadsafe(put, found)
+
+    def topics(self) -> dict[str, str]:
+        """Topics by setting."""
+        return {name: getattr(self, name) for name in ("battery_state", "joint_states", "imu", "odometry")}
 
     def _topics(self) -> tuple[tuple[str, str, Callable[[Layout, dict[str, float]], dict[str, float]]], ...]:
         """Topic, type and translation of each message."""
@@ -119,8 +123,8 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     }
     cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
     values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
-    if numbers["power_supply_status"] == _FULL:
-        values["battery_full"] = 1.0
+    if numbers["power_supply_status"]:
+        values["battery_full"] = float(numbers["power_supply_status"] == _FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class SimulationSource:
         name: in diagnostics.
     """
 
+    live: ClassVar[bool] = False
     scenario: str | None = None
     rate: float = 1.0
     seed: int = 1

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from itertools import product
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError
+from ohmward.onboard.ros.transport import require_others_topics
+from ohmward.onboard.ros.zenoh_transport import full_name
 from ohmward.onboard.sinks import SINKS, AnySink
+from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources import SOURCES, AnySource
+from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.toml_file import TomlFile
 
 
@@ -49,6 +54,20 @@ class Setup:
             twice = [name for name, count in Counter(part.name for part in parts).items() if count > 1]
             if twice:
                 raise InputError(f"two {kind}s are called {twice[0]!r}; give each a name of its own: name = ...")
+        for source, sink in product(self.source, self.sink):
+            if isinstance(source, Ros2Source) and isinstance(sink, Ros2Sink):
+                _require_others_topics(source, sink)
+
+
+def _require_others_topics(source: Ros2Source, sink: Ros2Sink) -> None:
+    """Raise InputError where a source of ROS hears a sink of the same process."""
+    if source.domain is not None and sink.domain is not None and source.domain != sink.domain:
+        return
+    heard, sent = (
+        {f"{setting} of {kind} {part.name}": full_name(part.namespace, topic) for setting, topic in topics if topic}
+        for kind, part, topics in (("source", source, source.topics().items()), ("sink", sink, sink.topics().items()))
+    )
+    require_others_topics(heard, sent)
 
 
 SETUP_FILE = TomlFile(
