@@ -10,6 +10,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.errors import OhmwardError
+from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Message
 from ohmward.onboard.notify import status
@@ -57,7 +58,7 @@ class Collector:
             self.states.append(state)
 
 
-class FakeClock:
+class FakeClock(SystemClock):
     def __init__(self, now_s):
         self.monotonic, self.unix = now_s, 1.8e9
 

@@ -173,6 +173,7 @@ def there_and_back(every, std_m_s=0.03, sign=1.0, age_s=0.0):
 def test_a_speed_without_a_sign_gets_that_of_the_wheels(every, std_m_s, age_s):
     log, true_m_s = there_and_back(every, std_m_s, age_s=age_s)
     signed = with_signed_speed(RLMA, log)
+    assert signed.speed_m_s is not None and log.speed_m_s is not None
     kept = np.isfinite(signed.speed_m_s)
     assert kept.sum() > 0.95 * np.isfinite(log.speed_m_s).sum()
     assert np.abs(signed.speed_m_s - true_m_s)[kept].max() < 0.2
@@ -195,4 +196,5 @@ def test_a_size_is_left_out_where_the_robot_slides_on_wheels_that_stand():
     log, _ = there_and_back(10)
     slid = replace(log, speed_m_s=np.where((TIME > 9) & (TIME < 11), log.speed_m_s + 0.5, log.speed_m_s))
     found = with_signed_speed(RLMA, slid).speed_m_s
+    assert found is not None
     assert np.isnan(found[(TIME > 9) & (TIME < 11)]).all()
