@@ -49,6 +49,15 @@ def test_links_lead_somewhere(page):
 
 
 @pytest.mark.parametrize("page", pages(), ids=name_of)
+def test_an_included_page_brings_no_title_of_its_own(page):
+    """The navigation would show both."""
+    for block in re.findall(r"```\{include\} (\S+)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        if not block[1]:
+            included = (page.parent / block[0]).read_text(encoding="utf-8")
+            assert not included.startswith("# "), f"{name_of(page)} includes {block[0]} with its title"
+
+
+@pytest.mark.parametrize("page", pages(), ids=name_of)
 def test_a_page_names_no_path_of_this_machine(page):
     assert str(ROOT) not in page.read_text(encoding="utf-8")
 

@@ -11,6 +11,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log
+from ohmward.report import TIME, Figure, Plot
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -65,3 +66,11 @@ def test_of_slip_on_floors():
 def test_something_else_is_refused():
     with pytest.raises(InputError, match="what the run of an estimator returned, got dict"):
         ohmward.plot({})
+
+
+@pytest.mark.parametrize("name", ["run.png", "run.svg", "run"])
+def test_a_page_is_saved_under_no_other_ending(tmp_path, name):
+    """HTML in run.png would open nowhere."""
+    with pytest.raises(InputError, match=rf"{name}: a page of figures is HTML; name it .html, .* PNG by its button"):
+        Plot("Charge", [Figure("Charge", TIME, "%")]).save(tmp_path / name)
+    assert not list(tmp_path.iterdir())

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from ohmward import generic_battery
-from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
 from ohmward.traction.robot.robot import RLMA
 
@@ -170,7 +170,7 @@ def test_a_source_from_which_nothing_came_is_one_condition_from_when_it_runs_on(
 def test_values_that_come_late_are_late_and_not_silent(battery, lag_s):
     """The link becomes slow after 2 s; from 8 s on nothing comes."""
     watch = SensorWatch(battery, RLMA, {"radio": ()})
-    told: dict[str, Diagnostic] = {}
+    told: dict[str, Level] = {}
     for k in range(80):
         t = 0.1 * k
         watch.take("radio", t - (0.0 if t < 2.0 else lag_s), t, {"battery_current_A": -1.0 - 0.01 * (k % 7)})

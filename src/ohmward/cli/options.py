@@ -19,6 +19,13 @@ TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
 UNKNOWN = "unknown"
 
 
+#: Help of the argument that names a log.
+LOG = (
+    "a text table, Parquet, BDF, Excel, MATLAB, HDF5 or JSON file, a recording (.mcap, .bag, .db3, .ulg), a folder of "
+    "files that are one log, or - for standard input"
+)
+
+
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Options of logs of batteries."""
     group = parser.add_argument_group("reading logs (text tables, Parquet, BDF, Excel, MATLAB, HDF5, JSON, bags)")
@@ -80,12 +87,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 def add_soc_options(parser: argparse.ArgumentParser) -> None:
     """The log, the battery, the start and the truth of `soc` and `compare`."""
-    parser.add_argument(
-        "log",
-        metavar="LOG",
-        help="a text table, Parquet, BDF, Excel, MATLAB, HDF5 or JSON file, a recording (.mcap, .bag, .db3, .ulg), a "
-        "folder of files that are one log, or - for standard input",
-    )
+    parser.add_argument("log", metavar="LOG", help=LOG)
     parser.add_argument(
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
     )

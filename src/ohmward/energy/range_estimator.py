@@ -30,7 +30,7 @@ from ohmward.energy.range_step import (
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
-from ohmward.logs.log import Log
+from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import snapshot
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot
@@ -128,7 +128,7 @@ class RangeEstimator:
 
     def run(
         self,
-        log: Log,
+        log: LogSource,
         soc: SocRun | np.ndarray,
         speed_m_s: np.ndarray | str = "speed_m_s",
         grade_rad: np.ndarray | str | None = None,
@@ -138,6 +138,7 @@ class RangeEstimator:
     ) -> RangeRun:
         """Range at every sample of a log of the battery, from this estimator's state on.
 
+        log: a Log, or a path or DataFrame of one.
         soc: what `SocEstimator.run` returned for the log, or (T,) in [0, 1].
         speed_m_s, grade_rad: (T,), or the name of a further column of the log.
         terrain: name of the ground under each sample, or one for all.
@@ -148,6 +149,7 @@ class RangeEstimator:
             InputError: a column that there is not, or of another length.
         """
         began = time.perf_counter()
+        log = as_log(log)
         T = len(log)
         socs = _soc_rows(soc) if isinstance(soc, SocRun) else _column(log, "soc", soc)
         columns: dict[str, Any] = {

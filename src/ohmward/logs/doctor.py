@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ohmward.logs.log import Log
+from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.note import counted
 from ohmward.logs.survey import Survey, survey
 
@@ -40,8 +40,9 @@ class Findings:
         return "error" if "error" in severities else "warning" if "warning" in severities else "info"
 
 
-def examine(log: Log) -> Findings:
-    """Survey a log and list everything suspicious in it, errors first."""
+def examine(log: LogSource) -> Findings:
+    """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first."""
+    log = as_log(log)
     found = survey(log)
     findings = [finding for check in _CHECKS for finding in check(found)]
     order = ("error", "warning", "info")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -35,6 +35,10 @@ _BODY = {
 
 #: Channels of the body: optional, (T,) each.
 BODY = tuple(_BODY.values())
+
+
+#: A `DriveLog`, or a path or DataFrame of one.
+DriveSource: TypeAlias = "DriveLog | str | PathLike[str] | Any"
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +171,15 @@ def read_drive(
     log = _as_log(file, rows, channels, _order_notes(found, wheels))
     part = window_s(log.name, rows.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
+
+
+def as_drive(source: DriveSource, robot: Any) -> DriveLog:
+    """The drive itself, or that of a robot in a path or DataFrame, read by `read_drive` without further options.
+
+    Raises:
+        InputError: neither, or what `read_drive` refuses.
+    """
+    return source if isinstance(source, DriveLog) else read_drive(source, robot)
 
 
 def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:

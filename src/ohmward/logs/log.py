@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
 from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
 from ohmward.logs.columns import Column, find_columns
-from ohmward.logs.frame import to_frame
+from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import guess_notes, require_plausible
@@ -31,6 +31,10 @@ SECONDS_PER_HOUR = 3600.0
 COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
 #: So many samples at least tell that it never changes.
 _SAMPLES_OF_A_CONSTANT = 50
+
+
+#: A `Log`, or a path or DataFrame of one.
+LogSource: TypeAlias = "Log | str | PathLike[str] | Any"
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +167,22 @@ def read_log(
     log = _as_log(file, rows, chosen, current_sign, left_out)
     part = window_s(log.name, log.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
+
+
+def as_log(source: LogSource) -> Log:
+    """The log itself, or that of a path or DataFrame, read by `read_log` without further options.
+
+    Raises:
+        InputError: neither, or what `read_log` refuses.
+    """
+    return source if isinstance(source, Log) else read_log(source)
+
+
+def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
+    """The logs of one source or of several; see `as_log`."""
+    if isinstance(sources, Log | str | PathLike) or is_frame(sources) or not isinstance(sources, Iterable):
+        return (as_log(sources),)
+    return tuple(map(as_log, sources))
 
 
 def _as_log(

@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.atomic import replacing
 from ohmward.errors import InputError
 from ohmward.logs import bdf, csv_arrow
-from ohmward.logs.log import Log
+from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.mcap_table import write_mcap
 from ohmward.logs.parquet_file import write_parquet
 from ohmward.logs.table import Progress
@@ -22,7 +22,7 @@ TABLES = (".csv", ".parquet", ".mcap")
 _BLOCK_ROWS = 100_000
 
 
-def write_log(log: Log, path: str | PathLike[str]) -> None:
+def write_log(log: LogSource, path: str | PathLike[str]) -> None:
     """Write a log; the suffix says how: .csv, .parquet, .mcap, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
 
     CSV, Parquet and MCAP carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF
@@ -33,6 +33,7 @@ def write_log(log: Log, path: str | PathLike[str]) -> None:
         OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
     """
     path = Path(path)
+    log = as_log(log)
     own = log.measured()
     if bdf.is_bdf(path.name):
         own = {bdf.NAMES[field][0]: values for field, values in own.items()}

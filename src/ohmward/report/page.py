@@ -25,6 +25,7 @@ from string import Template
 from typing import Final, Protocol
 
 from ohmward.atomic import write_text
+from ohmward.errors import InputError
 from ohmward.report import blocks
 from ohmward.report.axis import WallClock
 from ohmward.report.figure import Figure
@@ -123,8 +124,13 @@ class Page:
         """Write the page; a reader of `path` sees the old file or the whole new one.
 
         Raises:
+            InputError: a name that does not end in .html or .htm.
             OhmwardError: the file cannot be written.
         """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise InputError(
+                f"{path}: a page of figures is HTML; name it .html, and save a figure as PNG by its button in the page"
+            )
         write_text(Path(path), self.html())
 
     def _with(self, block: str) -> Page:

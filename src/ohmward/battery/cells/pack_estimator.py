@@ -24,7 +24,7 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.cell_columns import find_cells
-from ohmward.logs.log import Log
+from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.live import Live
 from ohmward.trace.snapshot import VERSION, resume, sealed, take
@@ -161,7 +161,7 @@ class PackEstimator:
 
     def run(
         self,
-        log: Log,
+        log: LogSource,
         cell_voltages_V: np.ndarray | None = None,
         progress: Progress | None = None,
         names: tuple[str, ...] = (),
@@ -176,6 +176,7 @@ class PackEstimator:
             InputError: the log has no cell voltages, or they are of another shape.
         """
         began = time.perf_counter()
+        log = as_log(log)
         cells_V, found = self._cells_of(log, cell_voltages_V)
         pack_V = self.typical_voltage(cells_V)
         of_typical = replace(log, voltage_V=pack_V)

@@ -53,7 +53,7 @@ from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
-from ohmward.logs.log import Log, Note
+from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
 
 Progress = Callable[[str, float], None]
@@ -113,7 +113,7 @@ class Preparation(NamedTuple):
 
 
 def identify(
-    logs: Log | Sequence[Log],
+    logs: LogSource | Sequence[LogSource],
     *,
     capacity_Ah: float,
     model: str = DEFAULT_MODEL,
@@ -127,7 +127,8 @@ def identify(
 ) -> Battery:
     """The battery in one or several logs of tests; `identify_in_detail` also returns what every stage found.
 
-    logs: low-rate tests give the OCV curve, pulse tests and drives everything else; any of them may be missing.
+    logs: a Log or several, or paths or DataFrames of them; low-rate tests give the OCV curve, pulse tests and drives
+        everything else; any of them may be missing.
     capacity_Ah: charge between full and empty, > 0.
     model: one of MODELS.
     chemistry, n_series, name: for the battery file; the chemistry also gives start values where the logs give none.
@@ -148,10 +149,10 @@ def identify(
 
 
 def identify_in_detail(
-    logs: Log | Sequence[Log], settings: IdentificationSettings, progress: Progress | None = None
+    logs: LogSource | Sequence[LogSource], settings: IdentificationSettings, progress: Progress | None = None
 ) -> Identified:
     """As `identify`, with the results of every stage."""
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    logs = as_logs(logs)
     _check(settings, logs)
     settings = settings._replace(name=settings.name or logs[0].name)
     report = progress or (lambda stage, share: None)

@@ -60,7 +60,7 @@ from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.errors import InputError
-from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
 
 #: Called with the name of a log and the share of all logs that is done.
 Progress = Callable[[str, float], None]
@@ -94,19 +94,21 @@ class _Part(NamedTuple):
 
 def learn(
     battery: Battery,
-    logs: Sequence[Log],
+    logs: LogSource | Sequence[LogSource],
     *,
     initial_soc: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Learnt:
     """The battery after the logs, one after the other, with everything in its file that they taught.
 
+    logs: a Log or several, or paths or DataFrames of them.
     initial_soc: state of charge at the start of a log by its name, where it is known.
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
         InputError: the battery has no Thevenin model.
     """
+    logs = as_logs(logs)
     lessons = []
     for k, log in enumerate(logs):
         if progress:

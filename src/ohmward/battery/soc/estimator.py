@@ -22,7 +22,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
 from ohmward.filters.run import Run
-from ohmward.logs.log import Log
+from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.snapshot import take
 
@@ -116,14 +116,16 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             self.memory = self.memory.after(clock_s, estimate)
         return estimate
 
-    def run(self, log: Log, progress: Progress | None = None) -> SocRun:
+    def run(self, log: LogSource, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
 
         Where a column of the log says that the battery is full, as a charger does, the filters on the Thevenin model
         are told, as by `tell_soc`.
 
+        log: a Log, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).
         """
+        log = as_log(log)
         estimates, seconds = self._scan_log(log, progress)
         self.memory = self.memory.after_log(log.time_s, estimates)
         history = self.memory.history(self.time_s)

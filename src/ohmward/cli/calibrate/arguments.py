@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_drive_options, add_output_options
+from ohmward.cli.options import LOG, add_drive_options, add_output_options
 from ohmward.cli.parser import floats
 
 EXAMPLES = """\
@@ -18,7 +18,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="drives on one floor: CSV or Parquet")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help=f"drives on one floor: each {LOG}")
     group = parser.add_argument_group("robot and floor")
     group.add_argument("--robot", required=True, metavar="FILE.toml", help="what is known before; rlma or robotino")
     group.add_argument("--what", metavar="LIST", help="of radius,track,motor (default: all, none with --floor)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import BUILT_IN, add_log_options, add_output_options, add_sensor_options
+from ohmward.cli.options import BUILT_IN, LOG, add_log_options, add_output_options, add_sensor_options
 from ohmward.cli.parser import number, positive, share
 
 EXAMPLES = """\
@@ -17,7 +17,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("log", metavar="LOG", nargs="?", help="a CSV or Parquet file with battery and speed or wheels")
+    parser.add_argument("log", metavar="LOG", nargs="?", help=f"battery and speed or wheels in {LOG}")
     parser.add_argument("--battery", metavar="FILE.toml", help="battery file, made by `ohmward identify`")
     parser.add_argument("--plan", metavar="FILE.toml", help="the mission ahead")
     parser.add_argument("--plan-example", action="store_true", help="print a plan with comments, and nothing else")

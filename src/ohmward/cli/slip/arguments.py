@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import TRUTHS, add_drive_options, add_output_options, add_robot_options
+from ohmward.cli.options import LOG, TRUTHS, add_drive_options, add_output_options, add_robot_options
 
 EXAMPLES = """\
   ohmward slip drive.csv --robot robot.toml
@@ -19,7 +19,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("log", metavar="LOG", help="a CSV or Parquet file")
+    parser.add_argument("log", metavar="LOG", help=LOG)
     add_robot_options(parser)
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="ukf", metavar="NAME", help="ekf, aekf, ukf or aukf (default %(default)s)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import DEFAULT_TERRAIN, add_drive_options, add_sensor_options
+from ohmward.cli.options import DEFAULT_TERRAIN, LOG, add_drive_options, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -18,7 +18,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("library", metavar="DIR", help="folder that `ohmward export` has written")
-    parser.add_argument("log", metavar="LOG", help="a CSV, Parquet or BDF file")
+    parser.add_argument("log", metavar="LOG", help=LOG)
     parser.add_argument("--name", metavar="WORD", help="prefix of the library, where the folder holds several")
     group = parser.add_argument_group("what was exported")
     group.add_argument("--filter", metavar="NAME", help="as in `ohmward export`: compare with it in double precision")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
@@ -37,7 +37,7 @@ class Calibration(NamedTuple):
 
 
 def calibrate(
-    drives: Sequence[CalibrationDrive | DriveLog],
+    drives: Sequence[CalibrationDrive | DriveSource],
     robot: Robot,
     parts: Collection[str] | None = None,
     floor: str | None = None,
@@ -45,7 +45,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a robot from drives on one floor.
 
-    drives: with the motion of the body; a log whose speed from outside was measured will do.
+    drives: with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was measured will do.
     robot: its mass and geometry are believed.
     parts: of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
@@ -55,7 +55,10 @@ def calibrate(
         InputError: the drives have no stretch to calibrate from.
     """
     parts = usual_parts(robot) if parts is None else parts
-    known = [drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, drive) for drive in drives]
+    known = [
+        drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, as_drive(drive, robot))
+        for drive in drives
+    ]
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))

@@ -10,7 +10,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
-from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
@@ -134,9 +134,12 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             min(estimate.grip.tolist()),
         )
 
-    def run(self, log: DriveLog, observed: SlipEstimate | None = None, progress: Progress | None = None) -> OdometryRun:
+    def run(
+        self, log: DriveSource, observed: SlipEstimate | None = None, progress: Progress | None = None
+    ) -> OdometryRun:
         """Pose and twist at every sample of a log, from this odometry's state on; a new one starts at the log's start.
 
+        log: a DriveLog, or a path or DataFrame of one.
         observed: estimates (T, ...) of a speed observer along the same log, see `update`; the external speed of the
             log, if there is one, is in them.
         progress: called now and then with (steps done, T).
@@ -144,6 +147,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         Raises:
             InputError: the log is of a robot with other wheels, or `observed` of another log.
         """
+        log = as_drive(log, self.settings.robot)
         samples = samples_of(log, self.settings, observed, self.time_s)
         first = OdometrySample(0.0, *(values[0] for values in samples[1:]))
         return OdometryRun(log.time_s, *self._scan(samples, first, float(log.time_s[-1]), progress))

@@ -10,7 +10,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
-from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
@@ -110,14 +110,16 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         )
         return self._advance(sample, self._clock(time_s))
 
-    def run(self, log: DriveLog, progress: Progress | None = None) -> SlipRun:
+    def run(self, log: DriveSource, progress: Progress | None = None) -> SlipRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
 
+        log: a DriveLog, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).
 
         Raises:
             InputError: the log is of a robot with other wheels.
         """
+        log = as_drive(log, self.observer.scene.robot)
         samples = samples_of(log, self.observer, self.time_s)
         return SlipRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
-from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.drive_log import DriveSource, as_drive
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
@@ -69,7 +69,7 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         )
         return self._advance(sample, self._clock(time_s))
 
-    def run(self, log: DriveLog, progress: Progress | None = None) -> FloorRun:
+    def run(self, log: DriveSource, progress: Progress | None = None) -> FloorRun:
         """Slip and floors along a log, from this estimator's state on; a new one starts at the log's start.
 
         progress: called now and then with (steps done, T).
@@ -77,6 +77,7 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         Raises:
             InputError: a driven wheel without encoder or motor current.
         """
+        log = as_drive(log, self.floors.wheels.robot)
         samples = wheel_samples(log, self.floors.wheels.robot.driven, self.time_s)
         return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 

@@ -26,7 +26,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
-from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
@@ -193,13 +193,14 @@ class SlipOnFloors:
         sample = self.no_sample()
         return Kernel(self.step, self.init(sample), sample, lowering=lowering)
 
-    def run(self, log: DriveLog) -> FloorRun:
+    def run(self, log: DriveSource) -> FloorRun:
         """Slip and floors along a log.
 
         Raises:
             InputError: a driven wheel without encoder or motor current.
         """
         began = time.perf_counter()
+        log = as_drive(log, self.wheels.robot)
         samples = wheel_samples(log, self.wheels.robot.driven)
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
