@@ -5,6 +5,7 @@ FROM python:3.12-slim AS build
 WORKDIR /source
 COPY pyproject.toml README.md LICENSE ./
 COPY src src
+COPY lab lab
 RUN python -m venv /opt/ohmward && /opt/ohmward/bin/pip install --no-cache-dir ".[can,serial,mqtt]"
 
 FROM python:3.12-slim

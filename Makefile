@@ -3,14 +3,16 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs format clean
+.PHONY: help demo test test-spark static check house soak accuracy lives learning bench slip-control firmware \
+    single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
 	@echo "make test      every test"
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
-	@echo "make check     format and lint, types, the fast tests"
+	@echo "make static    format and lint, types"
+	@echo "make check     static, the fast tests"
 	@echo "make soak      the process on the robot for hours, killed and loaded -> benchmarks/on_board.md"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
@@ -20,6 +22,7 @@ help:
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make single-precision  the same filters against double precision -> benchmarks/single_precision.md"
+	@echo "make house     size of the package by room -> docs/house.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp per set of extras: touched again only when pyproject.toml changes.
@@ -42,10 +45,12 @@ test: $(VENV)/test.stamp
 test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
 	$(BIN)/python -m pytest tests/fleet/test_spark.py
 
-check: $(VENV)/dev.stamp
+static: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+check: static
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
 
 soak: $(VENV)/test.stamp
@@ -80,6 +85,10 @@ firmware: $(VENV)/test.stamp
 
 single-precision: $(VENV)/test.stamp
 	$(BIN)/python firmware/precision.py
+
+# Needs Python alone.
+house:
+	@$(PYTHON) docs/make_house.py
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html

@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ohmward.assess.study import STUDIES, assess
-from ohmward.cli.assess.heat import HEATS, grid
-from ohmward.cli.assess.report import cost
-from ohmward.cli.assess.result import RULE, Assessed, recommended
+from ohmward_lab.assess.study import STUDIES, assess
+from ohmward_lab.cli.assess.heat import HEATS, grid
+from ohmward_lab.cli.assess.report import cost
+from ohmward_lab.cli.assess.result import RULE, Assessed, recommended
 
 HERE = Path(__file__).resolve().parent
 DONE = HERE.parent / "build" / "assess"

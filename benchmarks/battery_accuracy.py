@@ -19,11 +19,10 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.identification import identify
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS, EstimatorSettings, available, make_estimator, published
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log, read_log
-from ohmward.published.registry import ESTIMATORS, available, make_estimator
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 USUAL_METHODS = ("coulomb", DEFAULT, "ekf", "ukf")
 HOUR = 3600.0
@@ -158,7 +157,7 @@ SECTIONS: tuple[Callable[[], Iterator[Row]], ...] = (a123, panasonic, inr20r, vr
 def _estimates(
     data: str, battery: Battery, run: Log, truth: np.ndarray, cases: list[Case], all_methods: bool = False
 ) -> Iterator[Row]:
-    methods = (DEFAULT, *available(battery)) if all_methods else USUAL_METHODS
+    methods = (DEFAULT, *available(battery, with_published=True)) if all_methods else USUAL_METHODS
     for method in methods:
         for case in cases:
             estimator = make_estimator(method, battery, EstimatorSettings(battery.idle_current_A))
@@ -224,5 +223,5 @@ def table(rows: Sequence[Row]) -> list[str]:
             f"| {factor * s.max_error:.2f} | {coverage} | {row.us_per_step:.0f} | {row.bar} | {verdict(row.met)} |"
         )
     methods = [f"- `{DEFAULT}`: `gsf`, for a battery without a Thevenin model `rc`"]
-    methods += [f"- `{name}`: {choice.title}" for name, choice in ESTIMATORS.items()]
+    methods += [f"- `{name}`: {choice.title}" for name, choice in (ESTIMATORS | published()).items()]
     return [*lines, "", "Methods:", "", *methods]

@@ -14,7 +14,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.fleet import Job, in_processes, run_fleet
 from ohmward.logs import Log, write_log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 LOGS, STEPS, FLEET = 2048, 36_000, 10_000
 BAR_S = 60.0

@@ -47,8 +47,8 @@ from ohmward.battery.learning.learn import Learnt, learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.score import score
-from ohmward.simulate.electrochemical import DayPlan
-from ohmward.simulate.electrochemical.days import days
+from ohmward_lab.simulate.electrochemical import DayPlan
+from ohmward_lab.simulate.electrochemical.days import days
 
 #: Everyday: a mean temperature of the air and a load for each day, and a full charge in the night after.
 _LEARNT = tuple(

@@ -28,8 +28,8 @@ from lives_cells import (
 from lives_table import METHODS, LifeRow, life_row
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.electrochemical import CellTruth, DayPlan
-from ohmward.simulate.electrochemical.records import FINE_V
+from ohmward_lab.simulate.electrochemical import CellTruth, DayPlan
+from ohmward_lab.simulate.electrochemical.records import FINE_V
 
 #: RMSE to reach from a right start, at 25, 5 and -10 degC, with a file from pulses at 25 degC.
 _BARS = {

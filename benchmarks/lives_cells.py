@@ -16,12 +16,19 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.logs import Log
-from ohmward.simulate.bench_profiles import bench_times, low_rate_profile, pulse_profile
-from ohmward.simulate.electrochemical import CellTruth, DayPlan, ElectrochemicalCell, aged, capacity_Ah, simulate_cell
-from ohmward.simulate.electrochemical.days import days, first_discharged
-from ohmward.simulate.electrochemical.records import FINE_V, log_of, until_cut_off, usual_sensors
-from ohmward.simulate.profile import Profile
-from ohmward.simulate.sensors import BatterySensors
+from ohmward_lab.simulate.bench_profiles import bench_times, low_rate_profile, pulse_profile
+from ohmward_lab.simulate.electrochemical import (
+    CellTruth,
+    DayPlan,
+    ElectrochemicalCell,
+    aged,
+    capacity_Ah,
+    simulate_cell,
+)
+from ohmward_lab.simulate.electrochemical.days import days, first_discharged
+from ohmward_lab.simulate.electrochemical.records import FINE_V, log_of, until_cut_off, usual_sensors
+from ohmward_lab.simulate.profile import Profile
+from ohmward_lab.simulate.sensors import BatterySensors
 
 STORE = HERE.parent / "build" / "lives"
 #: Share of its capacity that a day starts without: no day starts where the voltage alone gives the charge away.

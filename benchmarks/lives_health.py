@@ -22,8 +22,8 @@ from lives_cells import (
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.battery.soc.score import score
-from ohmward.simulate.electrochemical import DayPlan, ElectrochemicalCell
-from ohmward.simulate.profile import steps
+from ohmward_lab.simulate.electrochemical import DayPlan, ElectrochemicalCell
+from ohmward_lab.simulate.profile import steps
 
 _RATIO = 0.8
 _DAYS = Life(5 * (DayPlan(25.0, 3.0, load=0.8, charged_fully=True),), _RATIO)

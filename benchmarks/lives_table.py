@@ -14,10 +14,9 @@ import numpy as np
 from figure import verdict
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, chosen_name
+from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, available, chosen_name, make_estimator
 from ohmward.battery.soc.score import Score, score
 from ohmward.logs import Log
-from ohmward.published.registry import available, make_estimator
 
 #: The default, the better of two plain filters that it must not be worse than, and coulomb counting beside them.
 METHODS = (DEFAULT, "textbook-ukf", "rc", "coulomb")
@@ -74,7 +73,7 @@ def life_row(
     right = initial_soc is not None and abs(initial_soc - truth[np.isfinite(truth)][0]) < 0.02
     since_s = log.time_s - log.time_s[0]
     late = since_s >= (0.0 if right else min(FOUND_S, 2 * settled_s))
-    known = available(battery)
+    known = available(battery, with_published=True)
     settings = EstimatorSettings(battery.idle_current_A if idle_current_A is None else idle_current_A)
     bands: dict[str, Score | None] = dict.fromkeys(methods)
     errors: dict[str, Score | None] = dict.fromkeys(methods)

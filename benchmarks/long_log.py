@@ -28,7 +28,7 @@ import numpy as np
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.logs import Log, write_log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 SIZES = 100_000, 1_000_000, 10_000_000
 CSV_SAMPLES = 1_000_000

@@ -21,13 +21,13 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.published.rc_adaptive_soc import adaptive_soc_of
 from ohmward.trace import Kernel, trace
 from ohmward.trace.lower import llvm_machine_code as machine_code
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
+from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
 from peak import peak_flops
 from timing import Goal, Section, Times, duration, measure, share, spread
 from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive

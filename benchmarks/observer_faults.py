@@ -15,12 +15,12 @@ import real_warthog as warthog
 from figure import Figure, at_least, at_most
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop.figures import score
-from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import hard_terrain
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import FILTERS, make_observer
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.robot_drive import robot_drive
 
 #: Share of glitches: most RMSE over that of the clean drive, and least coverage.
 SPIKES = {0.005: (1.5, 0.95), 0.01: (2.0, 0.93), 0.05: (4.0, 0.90)}

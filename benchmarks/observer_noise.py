@@ -17,10 +17,10 @@ import numpy as np
 
 from figure import Figure, at_least, at_most
 from ohmward.filters.consistency import BAND_95
-from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction import RLMA
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate.robot_truth import RobotTruth
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 

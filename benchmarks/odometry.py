@@ -17,14 +17,14 @@ import numpy as np
 from figure import Figure, at_least, at_most
 from ohmward.filters.consistency import mean_bounds
 from ohmward.logs.drive_log import DriveLog
-from ohmward.simulate.closed_loop import Patch
-from ohmward.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
-from ohmward.simulate.robot_sensors import GYRO
-from ohmward.simulate.robot_truth import RobotTruth, stack
 from ohmward.traction import RLMA, Odometry
 from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.speed_observer.estimator import SlipEstimator
+from ohmward_lab.simulate.closed_loop import Patch
+from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward_lab.simulate.robot_sensors import GYRO
+from ohmward_lab.simulate.robot_truth import RobotTruth, stack
 
 RUNS, DISTANCE_M, DT_S = 50, 50.0, 0.02
 OFFSET_RAD_S, RADIUS, UNEQUAL, SCALE = 0.01, 0.005, 0.0006, 0.01

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.report import TIME, Figure, Series
-from ohmward.simulate.mujoco_plant import switching
 from ohmward.traction.control import Measurement, SlipCommand, SlipController, SpeedCommand, SpeedController
+from ohmward_lab.simulate.mujoco_plant import switching
 from slip_loops import DRAG, LIMITS, WHEEL, WIDER, Observed, Sensors, Stepper, observed_run
 from svg import to_svg
 

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from figure import HERE, Figure, at_most
-from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
-from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
-from ohmward.simulate.robot_truth import RobotTruth
 from ohmward.traction.control import (
     SlipCommand,
     SlipController,
-    SlipPid,
     SpeedCommand,
     SpeedController,
     WheelSpeedDrive,
 )
+from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
+from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.traction.slip_pid import SlipPid
 from slip_cases import case_rows
 from slip_loops import (
     COASTED_DOWN,

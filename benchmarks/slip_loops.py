@@ -14,8 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
-from ohmward.simulate.robot_truth import RobotTruth, stack
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Terrain, scene
 from ohmward.traction.control import (
@@ -30,10 +28,12 @@ from ohmward.traction.control import (
 )
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
-from ohmward.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
-from ohmward.traction.momentum_observer.observer import MomentumObserver
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
+from ohmward_lab.simulate.robot_truth import RobotTruth, stack
+from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
+from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
 
 DT = 1e-3
 REST_S = 1.0

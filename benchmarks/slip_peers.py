@@ -16,14 +16,15 @@ import numpy as np
 
 from figure import Figure, at_least, at_most
 from ohmward.filters.consistency import BAND_95
-from ohmward.simulate.closed_loop.ground import Patch
-from ohmward.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
-from ohmward.simulate.robot_truth import RobotTruth, stack
 from ohmward.traction import RLMA, Terrain
-from ohmward.traction.control import SlipCommand, SlipController, SlipPid
+from ohmward.traction.control import SlipCommand, SlipController
 from ohmward.traction.friction.burckhardt import Burckhardt
 from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward_lab.simulate.closed_loop.ground import Patch
+from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
+from ohmward_lab.simulate.robot_truth import RobotTruth, stack
+from ohmward_lab.traction.slip_pid import SlipPid
 from slip_loops import (
     COASTED_DOWN,
     DT,

@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from figure import HERE
-from ohmward.assess import lives
-from ohmward.assess.battery.conditions import BASE
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample
-from ohmward.battery.tuning.drawn import drawn_log
 from ohmward.battery.tuning.noise_model import NoiseModel, with_factors
 from ohmward.battery.tuning.tune import tune_noise
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log
+from ohmward_lab.assess import lives
+from ohmward_lab.assess.battery.conditions import BASE
+from ohmward_lab.assess.simulated_logs import drawn_log
 
 #: Days that a file is tuned to, and other days of the same battery on which its band is judged.
 DAYS, OTHERS = 4, 8

@@ -24,10 +24,10 @@ from ohmward.battery.cells.unseen import unseen_weakest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
-from ohmward.simulate.electrochemical import CellTruth, DayPlan, ElectrochemicalCell, aged
-from ohmward.simulate.electrochemical.days import days, first_discharged
-from ohmward.simulate.electrochemical.records import usual_sensors
-from ohmward.simulate.profile import Profile, join
+from ohmward_lab.simulate.electrochemical import CellTruth, DayPlan, ElectrochemicalCell, aged
+from ohmward_lab.simulate.electrochemical.days import days, first_discharged
+from ohmward_lab.simulate.electrochemical.records import usual_sensors
+from ohmward_lab.simulate.profile import Profile, join
 
 RMSE_BAR, COVERAGE_BAR, SECONDS_BAR = 0.015, 0.90, 5.0
 #: The band must hold after the first half hour, as in the table of lives.

@@ -28,10 +28,10 @@ from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import apply_gain
 from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
-from ohmward.published.rc_joint import Nominal
-from ohmward.published.textbook_joint import LEAST, TextbookJoint
-from ohmward.simulate.voltage import simulate_voltage
 from ohmward.trace import sign, table
+from ohmward_lab.published.rc_joint import Nominal
+from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 CAPACITY_AH, START_SOC = 2.0, 0.95
 #: Open-circuit voltage at every tenth of SoC: few enough points for peers that write a table as nested choices.

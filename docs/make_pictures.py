@@ -30,11 +30,11 @@ from ohmward.energy import (
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.report import TIME, Band, Figure, Series
-from ohmward.simulate.closed_loop import drive_log, run
-from ohmward.simulate.robot_drive import robot_drive
 from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.speed_observer.estimator import SlipRun, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward_lab.simulate.closed_loop import drive_log, run
+from ohmward_lab.simulate.robot_drive import robot_drive
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import energy_world

@@ -35,11 +35,11 @@ from ohmward.errors import OhmwardError
 from ohmward.export import Export, Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.export.twin import first_of
 from ohmward.logs import DriveLog
-from ohmward.simulate import closed_loop, make_robot_day
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate import closed_loop, make_robot_day
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
 OPTIONS = ("-O2", "-Os")

@@ -23,13 +23,13 @@ from ohmward.export import Twin, battery_export, library, observer_export, write
 from ohmward.export.battery import JOINT
 from ohmward.export.comparison import in_double_precision
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"
 STEPS = 100_000

@@ -10,14 +10,19 @@ from pathlib import Path
 import pytest
 
 import ohmward
+import ohmward_lab
 
 SOURCE = Path(ohmward.__file__).parent
+LAB = Path(ohmward_lab.__file__).parent
 DOCS = Path(__file__).parent.parent / "docs"
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file"}
+GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file", "lab"}
+LOGS = {"logs.log", "logs.drive_log"}
+CORE = {"battery", "traction", "trace", "filters"} | GROUND
 BELOW: dict[str, set[str]] = {
     "errors": set(),
+    "lab": set(),
     "checks": {"errors"},
     "atomic": {"errors"},
     "optional": {"errors"},
@@ -28,34 +33,35 @@ BELOW: dict[str, set[str]] = {
     "logs": GROUND,
     "report": GROUND,
     "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.cell_columns"} | GROUND,
-    "traction": {"trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
-    "published": {"battery", "traction", "trace", "filters"} | GROUND,
-    "energy": {"battery", "traction", "published", "trace", "filters", "logs.log", "logs.drive_log"} | GROUND,
-    "export": {"battery", "traction", "published", "trace", "filters"} | GROUND,
-    "simulate": {"battery", "traction", "published", "energy", "trace", "filters", "logs"} | GROUND,
-    "fleet": {"battery", "published", "trace", "filters", "logs"} | GROUND,
-    "figures": {"battery", "traction", "energy", "filters", "logs.log", "logs.drive_log", "report"} | GROUND,
-    "reproduce": {"battery", "traction", "published", "simulate", "figures", "trace", "filters", "logs", "report"}
-    | GROUND,
-    "assess": {"fleet", "battery", "traction", "published", "simulate", "trace", "filters", "logs"} | GROUND,
-    "onboard": {"battery", "traction", "energy", "simulate", "trace", "filters", "logs", "report"} | GROUND,
-    "cli": {
-        *("onboard", "reproduce", "assess"),
-        *("fleet", "battery", "traction", "published", "energy", "simulate", "export", "filters", "logs", "report"),
-        "figures",
-    }
-    | GROUND,
+    "traction": {"trace", "filters"} | LOGS | GROUND,
+    "energy": CORE | LOGS,
+    "export": CORE,
+    "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
+    "figures": {"energy", "report"} | CORE | LOGS,
+    "onboard": {"energy", "logs", "report"} | CORE,
+    "cli": {"onboard", "fleet", "energy", "export", "figures", "logs", "report"} | CORE,
     "__main__": {"cli.main"},
+    # the laboratory imports the product; nothing in the product imports it
+    "ohmward_lab.published": {"export"} | CORE,
+    "ohmward_lab.traction": CORE | LOGS,
+    "ohmward_lab.simulate": {"ohmward_lab.published", "ohmward_lab.traction", "energy", "logs"} | CORE,
+    "ohmward_lab.onboard": {"ohmward_lab.simulate", "onboard", "logs"} | CORE,
+    "ohmward_lab.reproduce": {"ohmward_lab.published", "ohmward_lab.simulate", "figures", "logs", "report"} | CORE,
+    "ohmward_lab.assess": {"ohmward_lab.published", "ohmward_lab.simulate", "fleet", "logs"} | CORE,
+    "ohmward_lab.cli": {
+        *("ohmward_lab.assess", "ohmward_lab.reproduce", "ohmward_lab.simulate", "ohmward_lab.published"),
+        *("cli", "energy", "figures", "fleet", "logs", "report"),
+    }
+    | CORE,
 }
 
-#: Modules that load another one by its name: the names of a package, a command, an optional package, and the figures of
-#: a run, which stand above it.
-BY_NAME = ["cli.main", "filters.run", "logs", "optional"]
+#: Modules that load another one by its name: the names of a package, a command, an optional package, the laboratory,
+#: and the figures of a run, which stand above it.
+BY_NAME = ["cli.main", "filters.run", "lab", "logs", "optional"]
 
 #: What runs on a robot.
 ON_BOARD = [
     "ohmward.battery.soc.thevenin_filter",
-    "ohmward.published.rc_joint",
     "ohmward.battery.soc.registry",
     "ohmward.battery.soc.estimator",
     "ohmward.battery.cells.pack_estimator",
@@ -76,25 +82,30 @@ HEAVY = ["scipy", "pyarrow", "msgspec", "rich", "matplotlib", "pandas", "llvmlit
 
 
 def modules() -> list[str]:
-    files = sorted(SOURCE.rglob("*.py"))
-    names = [".".join(f.relative_to(SOURCE).with_suffix("").parts) for f in files]
-    return [name.removesuffix(".__init__") for name in names if name != "__init__"]
+    """Every module: those of ohmward without its name, those of the laboratory with it."""
+    files = dict.fromkeys(SOURCE.rglob("*.py"), SOURCE) | dict.fromkeys(LAB.rglob("*.py"), LAB.parent)
+    names = sorted(".".join(file.relative_to(top).with_suffix("").parts) for file, top in files.items())
+    return [name.removesuffix(".__init__") for name in names if name not in ("__init__", "ohmward_lab.__init__")]
 
 
 def text_of(module: str) -> str:
-    path = SOURCE.joinpath(*module.split("."))
+    path = (LAB.parent if module.startswith("ohmward_lab.") else SOURCE).joinpath(*module.split("."))
     return (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text(encoding="utf-8")
 
 
+def room_of(module: str) -> str:
+    return ".".join(module.split(".")[: 2 if module.startswith("ohmward_lab.") else 1])
+
+
 def imported(module: str, tree: ast.AST | None = None) -> set[str]:
-    """The modules of ohmward that a module, or a part of it, imports, without the leading `ohmward.`."""
+    """The modules that a module, or a part of it, imports, called as in `modules`."""
     nodes = list(ast.walk(tree or ast.parse(text_of(module))))
     names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: imports are absolute here"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    own = {name.removeprefix("ohmward.") for name in names if name.startswith("ohmward.")}
+    own = {name.removeprefix("ohmward.") for name in names if name.startswith(("ohmward.", "ohmward_lab."))}
     return {name if name in MODULES else name.rpartition(".")[0] or name for name in own}
 
 
@@ -106,7 +117,7 @@ def imported_late(module: str) -> set[str]:
 
 
 def allowed(module: str, target: str) -> bool:
-    room = module.split(".")[0]
+    room = room_of(module)
     permitted = {room, "__version__"} | BELOW[room]
     return any(target == name or target.startswith(f"{name}.") for name in permitted)
 
@@ -120,7 +131,7 @@ def run(code: str) -> str:
 
 @pytest.mark.parametrize("module", sorted(MODULES))
 def test_imports_point_downwards(module):
-    room = module.split(".")[0]
+    room = room_of(module)
     assert room in BELOW, (
         f"{room} is a new room: say in BELOW what it may import, and in docs/architecture.md what it is"
     )
@@ -147,7 +158,7 @@ def test_own_modules_are_imported_at_the_top():
 def test_the_rooms_form_no_circle():
     seen: set[str] = set()
     for room, below in BELOW.items():
-        assert {name.split(".")[0] for name in below} <= seen, f"{room} imports from a room above it"
+        assert {room_of(name) for name in below} <= seen, f"{room} imports from a room above it"
         seen.add(room)
 
 

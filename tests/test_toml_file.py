@@ -6,7 +6,7 @@ import pytest
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
-from ohmward.toml_file import TomlFile, noun_of
+from ohmward.toml_file import TomlFile, noun_of, parse_toml
 
 
 @dataclass(frozen=True)
@@ -146,3 +146,29 @@ def test_a_file_says_what_it_holds(tmp_path):
 def test_a_format_that_is_no_text_is_refused(text):
     with pytest.raises(InputError, match="format must be 'ohmward-battery/3', got "):
         BATTERY_FILE.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("v = " + "[" * 100_000 + "]" * 100_000, "arrays or tables nested too deep"),
+        ("v = " + "{a = " * 100_000 + "}" * 100_000, "arrays or tables nested too deep"),
+        ("v = " + "9" * 100_000, "an integer of more than 4300 digits"),
+        ("title = 'a'\n" + ".".join("a" * 50_000) + " = 1", "a key of more than 64 parts in line 2"),
+        ("[" + " . ".join(['"a b"'] * 50_000) + "]", "a key of more than 64 parts in line 1"),
+        ("v = {" + ".".join("a" * 50_000) + " = 1}", "a key of more than 64 parts in line 1"),
+    ],
+)
+def test_a_text_made_to_break_the_parser_is_no_toml(tmp_path, text, reason):
+    path = tmp_path / "drawing.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"drawing.toml: is not valid TOML: {reason}") as error:
+        FILE.load(path)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
+    assert noun_of(path) is None
+
+
+def test_long_lines_of_numbers_and_texts_are_toml():
+    """The search for long keys is quick, and takes neither decimals nor sentences for one."""
+    numbers = ", ".join(["0.125"] * 20_000)
+    assert len(parse_toml(f"v = [{numbers}]\nt = '{'a. b.c ' * 20_000}'\nw = '{'a' * 1_000_000}'")["v"]) == 20_000

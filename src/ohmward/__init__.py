@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from ohmward.battery.identification import identify as identify
     from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
     from ohmward.battery.soc.registry import EstimatorSettings as EstimatorSettings
+    from ohmward.battery.soc.registry import available as available
+    from ohmward.battery.soc.registry import make_estimator as make_estimator
     from ohmward.battery.soc.sample import SocEstimate as SocEstimate
     from ohmward.battery.soc.sample import SocFlag as SocFlag
     from ohmward.battery.soc.sample import SocSample as SocSample
@@ -37,9 +39,6 @@ if TYPE_CHECKING:
     from ohmward.logs.log import read_log as read_log
     from ohmward.logs.write import write_log as write_log
     from ohmward.logs.write import write_table as write_table
-    from ohmward.published.registry import available as available
-    from ohmward.published.registry import make_estimator as make_estimator
-    from ohmward.simulate import make_robot_day as make_robot_day
     from ohmward.traction.calibration import calibrate as calibrate
     from ohmward.traction.robot.file import load_robot as load_robot
     from ohmward.traction.robot.file import save_robot as save_robot
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
     from ohmward.traction.speed_observer.estimate import SlipSample as SlipSample
     from ohmward.traction.speed_observer.estimator import SlipEstimator as SlipEstimator
+    from ohmward_lab.simulate import make_robot_day as make_robot_day
 
 __version__ = "0.1.0"
 
@@ -85,11 +85,11 @@ _HOMES = {
     "RangeEstimate": "energy.range_step",
     "RangeFlag": "energy.range_step",
     "EstimatorSettings": "battery.soc.registry",
-    "available": "published.registry",
-    "make_estimator": "published.registry",
+    "available": "battery.soc.registry",
+    "make_estimator": "battery.soc.registry",
     "plot": "figures.plot",
     "score": "battery.soc.score",
-    "make_robot_day": "simulate",
+    "make_robot_day": "ohmward_lab.simulate",
     "InputError": "errors",
     "OhmwardError": "errors",
 }
@@ -101,7 +101,8 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its home, once."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    home = _HOMES[name]
+    value = getattr(import_module(home if home.startswith("ohmward") else f"{__name__}.{home}"), name)
     globals()[name] = value
     return value
 

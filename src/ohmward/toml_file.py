@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import codecs
 import difflib
+import re
 import reprlib
+import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -20,6 +22,10 @@ from ohmward.optional import require
 T = TypeVar("T")
 _NUMBERS_PER_LINE = 10
 _PREFIX = "ohmward-"
+_KEY_PARTS = 64
+_KEY_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+#: A dotted key so long that the parser's time and memory, which grow with the square of its parts, are none of a file.
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:{_KEY_PART}[ \t]*+\.[ \t]*+){{{_KEY_PARTS}}}")
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,6 @@ class TomlFile(Generic[T]):
         header: comments at the head, lines that start with "#".
         digits: significant digits of the numbers written.
         kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
-        older: formats of before, each with the function from its table to the one of today.
         once: sub-table -> keys that it has in common with the head of the file, where alone they stand.
     """
 
@@ -41,7 +46,6 @@ class TomlFile(Generic[T]):
     header: str
     digits: int = 6
     kinds: Mapping[type, str] = field(default_factory=dict)
-    older: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = field(default_factory=dict)
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -80,15 +84,8 @@ class TomlFile(Generic[T]):
         Raises:
             InputError: not TOML, another format, an unknown or missing key, a value of another kind or out of range.
         """
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"is not valid TOML: {error}; correct the line") from error
-        found = data.pop("format", None)
-        if isinstance(found, str) and found in self.older:
-            data = self.older[found](data)
-        else:
-            self._require_format(found)
+        data = parse_toml(text)
+        self._require_format(data.pop("format", None))
         return self._from_table(self.cls, self._with_common_keys(data), "")
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
@@ -157,6 +154,26 @@ class TomlFile(Generic[T]):
         if isinstance(value, tuple):
             return [self._plain(v, (*get_args(hint), None)[0]) for v in value]
         return float(f"{value:.{self.digits}g}") if isinstance(value, float) else value
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The table in a text.
+
+    Raises:
+        InputError: no TOML, or more nested or longer than any file of ohmward; names the line where it can.
+    """
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise InputError(f"is not valid TOML: a key of more than {_KEY_PARTS} parts in line {line}; correct the line")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is not valid TOML: {error}; correct the line") from error
+    except ValueError as error:
+        digits = sys.get_int_max_str_digits()
+        raise InputError(f"is not valid TOML: an integer of more than {digits} digits; correct it") from error
+    except RecursionError:
+        raise InputError("is not valid TOML: arrays or tables nested too deep; correct the line") from None
 
 
 def _classes(hint: Any) -> list[Any]:
@@ -250,8 +267,8 @@ def text_of(path: str | PathLike[str]) -> str:
 def noun_of(path: str | PathLike[str]) -> str | None:
     """Kind of a file by its key `format`, "battery" or "robot"; None for one that cannot be read or has no such key."""
     try:
-        return _noun(str(tomllib.loads(text_of(path))["format"]))
-    except (OSError, ValueError, KeyError):
+        return _noun(str(parse_toml(text_of(path))["format"]))
+    except (InputError, OSError, ValueError, KeyError):
         return None
 
 

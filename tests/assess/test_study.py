@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from ohmward.assess.battery.cell import SocFigures
-from ohmward.assess.study import STUDIES, assess
 from ohmward.errors import InputError
+from ohmward_lab.assess.battery.cell import SocFigures
+from ohmward_lab.assess.study import STUDIES, assess
 
 BATTERY, TRACTION = STUDIES["battery"], STUDIES["traction"]
 ONLY = ("nca", "base", "laboratory", "coulomb", "textbook-ekf")

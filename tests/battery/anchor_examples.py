@@ -6,8 +6,8 @@ import numpy as np
 
 from ohmward.battery.chemistries import generic_battery
 from ohmward.logs.log import Log
-from ohmward.simulate import BATTERIES, resting_state, simulate
-from ohmward.simulate.profile import steps
+from ohmward_lab.simulate import BATTERIES, resting_state, simulate
+from ohmward_lab.simulate.profile import steps
 
 HOUR = 3600.0
 

@@ -10,7 +10,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 
 @pytest.mark.parametrize("name", CHEMISTRIES)

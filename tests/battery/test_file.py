@@ -124,20 +124,6 @@ def test_a_second_capacity_is_refused():
         BATTERY_FILE.parse(edited("[thevenin]\n", "[thevenin]\ncapacity_Ah = 2.0\n"))
 
 
-@pytest.mark.parametrize(("inner_Ah", "loads"), [(2.0, True), (3.0, False)])
-def test_a_file_of_format_2_had_the_capacity_in_each_model(inner_Ah, loads):
-    text = edited("ohmward-battery/3", "ohmward-battery/2").replace(
-        "[thevenin]\n", f"[thevenin]\ncapacity_Ah = {inner_Ah}\n"
-    )
-    if loads:
-        assert BATTERY_FILE.parse(text) == BATTERY_FILE.parse(BATTERY_FILE.dump(FULL))
-        return
-    with pytest.raises(
-        InputError, match=r"capacity_Ah is 2.0 at the head and 3.0 in \[thevenin\]; write the right one"
-    ):
-        BATTERY_FILE.parse(text)
-
-
 def test_a_file_from_a_data_sheet_needs_little():
     text = """
         format = "ohmward-battery/3"
@@ -211,18 +197,6 @@ def test_unreadable_files_are_refused_by_name(tmp_path):
 def test_a_folder_that_is_not_there(tmp_path):
     with pytest.raises(OhmwardError, match="cannot be written"):
         save_battery(PLAIN, tmp_path / "no" / "battery.toml")
-
-
-def test_a_file_of_format_1_loads_with_its_sensor():
-    new = replace(FULL, sensor=CurrentSensor(noise_std_A=0.02, offset_std_A=0.1, offset_walk_A=0.004))
-    text = BATTERY_FILE.dump(new).replace("ohmward-battery/3", "ohmward-battery/1")
-    before, sensor = text[: text.index("[sensor]")], text[text.index("[sensor]") :]
-    rest = sensor[sensor.index("\n\n") :]
-    keys = "current_std_A = 0.02\ncurrent_offset_std_A = 0.1\ncurrent_offset_walk_A = 0.004\n"
-    old = (before + rest).replace("[noise]\n", "[noise]\n" + keys)
-    assert BATTERY_FILE.parse(old).sensor == new.sensor
-    in_both = old.replace("[noise]", "[rc_noise]", 1).replace("[rc_noise]\nv", "[noise]\nv", 1)
-    assert BATTERY_FILE.parse(in_both).sensor == new.sensor
 
 
 def test_a_file_that_is_replaced_stays_beside_the_new_one(tmp_path):

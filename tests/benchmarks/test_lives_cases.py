@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.scripts import script
 from ohmward.logs import Log
-from ohmward.simulate.electrochemical import CellTruth
+from ohmward_lab.simulate.electrochemical import CellTruth
 
 cases = script("lives_cases")
 cells = script("lives_cells")

@@ -11,7 +11,7 @@ from ohmward.battery.chemistries import start_model
 from ohmward.battery.file import save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.logs import Log, write_log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 CAPACITY_AH = 12.0
 MODEL = start_model("nmc", CAPACITY_AH, 3)

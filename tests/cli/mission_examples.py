@@ -8,7 +8,7 @@ import numpy as np
 
 from cli.examples import MODEL
 from ohmward.logs import Log, write_table
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 IDLE_W, FORCE_N = 12.0, {"grass": 30.0, "gravel": 15.0}
 PLAN = """\

@@ -1,7 +1,7 @@
 """`ohmward assess` as typed: table, page and JSON, and a wrong word."""
 
-from ohmward.assess.study import STUDIES
 from ohmward.cli.main import main
+from ohmward_lab.assess.study import STUDIES
 
 ONLY = ["--only", "nca", "--only", "base", "--only", "coulomb", "--only", "textbook-ekf", "--runs", "2"]
 

@@ -1,6 +1,10 @@
+import json
+
 import numpy as np
 import pytest
 
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 
 COMPARE = ("compare", "day.csv", "--battery", "battery.toml", "--filters", "coulomb,ekf")
@@ -38,12 +42,12 @@ def test_tables_with_and_without_a_truth(here, capsys):
 
 
 def test_a_battery_that_no_estimator_can_use(here, refused, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery: ())
+    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ())
     assert "no estimator works with the models" in refused(*COMPARE[:4])
 
 
 def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery: ("coulomb", "ocv"))
+    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ("coulomb", "ocv"))
     assert list(as_json(*COMPARE[:4])["estimators"]) == ["coulomb", "ocv"]
 
 
@@ -51,5 +55,17 @@ def test_those_that_reproduce_a_publication_on_demand(here, as_json):
     assert list(as_json(*COMPARE[:4], "--published")["estimators"])[-2:] == ["published.aekf", "published.aukf"]
 
 
-def test_a_former_name_is_accepted(here, as_json):
-    assert list(as_json(*COMPARE[:4], "--filters", "coulomb,aekf")["estimators"]) == ["coulomb", "aekf"]
+def test_a_file_that_does_not_fit_is_told_as_by_soc(here, capsys):
+    """A pack of three cells and a file of four; a filter that cannot judge stands first."""
+    save_battery(generic_battery("nmc", 12.0, 4), here / "four.toml")
+    assert main(["soc", "day.csv", "--battery", "four.toml", "--filter", "ekf", "--json"]) == 1
+    alone = json.loads(capsys.readouterr().out)
+    assert main(["compare", "day.csv", "--battery", "four.toml", "--filters", "coulomb,ekf", "--json"]) == 1
+    compared = json.loads(capsys.readouterr().out)
+    assert alone["fits"] is compared["fits"] is False
+    (sentence,) = [note for note in alone["notes"] if "does not fit the log" in note]
+    assert sentence in compared["notes"]
+
+
+def test_a_file_that_fits(here, as_json):
+    assert as_json(*COMPARE)["fits"] is True

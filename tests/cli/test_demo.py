@@ -4,13 +4,13 @@ from dataclasses import replace
 import pytest
 
 from cli.examples import drive, pulse_test
-from ohmward.cli.demo import command as demo
-from ohmward.cli.demo.report import CHAPTERS
 from ohmward.cli.main import main
 from ohmward.logs import Log
-from ohmward.simulate import RobotDay
-from ohmward.simulate.closed_loop import Scenario
-from ohmward.simulate.robot_drive import robot_drive
+from ohmward_lab.cli.demo import command as demo
+from ohmward_lab.cli.demo.report import CHAPTERS
+from ohmward_lab.simulate import RobotDay
+from ohmward_lab.simulate.closed_loop import Scenario
+from ohmward_lab.simulate.robot_drive import robot_drive
 
 
 @pytest.fixture
@@ -30,9 +30,9 @@ def small(monkeypatch, tmp_path):
         (command, *_) = (drive := robot_drive(*args, **how)).commands
         return replace(drive, plant="own", duration_s=1.0, commands=(command,))
 
-    monkeypatch.setattr("ohmward.cli.demo.command.make_robot_day", make_robot_day)
-    monkeypatch.setattr("ohmward.cli.demo.command.robot_drive", short_drive)
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery: ("ekf",))
+    monkeypatch.setattr("ohmward_lab.cli.demo.command.make_robot_day", make_robot_day)
+    monkeypatch.setattr("ohmward_lab.cli.demo.command.robot_drive", short_drive)
+    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -104,7 +104,7 @@ def robot():
     """A controller that listens, with fresh estimates; its loop."""
     port, ready, end = free_port(), threading.Event(), threading.Event()
     sent: list[dict[str, float]] = []
-    loop = ControlLoop(DriveControl(RLMA, DriveLimits()), lambda numbers: sent.append(dict(numbers)), 0.01)
+    loop = ControlLoop(DriveControl(RLMA, DriveLimits()), 0.01)
 
     async def serve() -> None:
         async with OperatorServer(loop, "rlma", "").listening("127.0.0.1", port):
@@ -113,7 +113,7 @@ def robot():
                 loop.state = state(time.monotonic())
                 await asyncio.sleep(0.01)
 
-    loop.start()
+    loop.drive(lambda numbers: sent.append(dict(numbers)))
     thread = threading.Thread(target=lambda: asyncio.run(serve()))
     thread.start()
     ready.wait(10.0)

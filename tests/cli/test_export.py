@@ -60,6 +60,16 @@ def test_a_robot_has_neither_loops_nor_a_curve(options, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("folder", "name"), [("soc", "soc"), ("My Cell-2", "my_cell_2"), ("18650", "filter_18650"), ("Ö", "filter")]
+)
+def test_the_name_is_that_of_the_folder(battery, folder, name, tmp_path, monkeypatch):
+    """The README's command writes soc.h, which the documentation includes."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(battery), "--filter", "coulomb", "-o", folder]) == 0
+    assert f"{name}_state" in (tmp_path / folder / f"{name}.h").read_text()
+
+
 @pytest.mark.parametrize("what", ["ekf", "slip-controller"])
 def test_a_robot_has_filters_and_controllers(what, tmp_path, capsys):
     assert main(["export", "rlma", "--filter", what, "--name", "robot", "-o", str(tmp_path), "--json"]) == 0

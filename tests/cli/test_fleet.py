@@ -1,11 +1,13 @@
 """`ohmward fleet` by hand."""
 
+import csv
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,6 +52,44 @@ def test_people_read_which_logs_were_not_used(folder, capsys):
     assert main([*command, "-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1"]) == 0
     text = capsys.readouterr().out
     assert "broken.csv" in text and "summary.csv" in text
+
+
+def test_a_battery_file_that_does_not_fit_is_named_for_each_log(folder, capsys):
+    """Logs of four cells, a file of five: only the drive of two hours tells, the short ones do not contradict it."""
+    write_log(pack_drive(4), folder / "logs" / "pack.csv")
+    write_log(pack_drive(5), folder / "logs" / "right.csv")
+    save_battery(generic_battery("nmc", 2.0, 5), folder / "five.toml")
+    command = ["fleet", str(folder / "logs" / "*[kt].csv"), "--battery", str(folder / "five.toml"), "--current-sign"]
+    command += ["charge", "-o", str(folder / "out"), "--filter", "coulomb", "--processes", "1"]
+    assert main([*command, "--json"]) == 1
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["logs"], figures["failed"]) == (2, 0)
+    (wrong,) = figures["misfits"]
+    assert (
+        wrong["path"].endswith("pack.csv") and "4 cells in series explain its voltage better than 5" in wrong["misfit"]
+    )
+    rows = list(csv.DictReader((folder / "out" / "summary.csv").open()))
+    assert {Path(row["path"]).stem: row["fits"] for row in rows} == {"pack": "False", "right": "True"}
+    assert main(command) == 1
+    assert "Not to be trusted" in capsys.readouterr().out
+
+
+def test_a_fleet_whose_logs_are_all_refused_exits_as_soc_does(folder, capsys):
+    save_battery(generic_battery("nmc", 2.0, 7), folder / "seven.toml")
+    command = ["fleet", str(folder / "logs" / "*.csv"), "--battery", str(folder / "seven.toml"), "--processes", "1"]
+    assert main([*command, "-o", str(folder / "out"), "--filter", "coulomb"]) == 2
+    assert "is it a log of another battery" in " ".join(capsys.readouterr().out.split())
+
+
+def pack_drive(cells: int) -> Log:
+    """Two hours of changing load and rests of cells with the curve of the label, from 95 to 40 %."""
+    time_s = 10.0 * np.arange(720.0)
+    current_A = -0.55 * (1.0 + np.sign(np.sin(time_s / 150.0)))
+    soc = 0.95 + np.cumsum(current_A) * 10.0 / 3600.0 / 2.0
+    model = generic_battery("nmc", 2.0).thevenin
+    assert model is not None
+    ocv_V = np.interp(soc, np.linspace(0.0, 1.0, len(model.ocv.voltage_V)), model.ocv.voltage_V)
+    return Log("drive", time_s, current_A, cells * (ocv_V + 0.05 * current_A))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 KEYS = {"command", "battery", "logs", "days", "cycles", "capacity_new_Ah", "resistance_new_ohm", "capacity_Ah"}
 KEYS |= {"discharge_Ah", "emptied", "soh_capacity", "resistance_ratio", "worn_share", "worn_in_days", "worn_within"}

@@ -12,7 +12,7 @@ from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.logs import Log, read_log, write_log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 pytest.importorskip("pyarrow")
 resource = pytest.importorskip("resource")

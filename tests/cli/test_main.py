@@ -14,14 +14,13 @@ import ohmward
 from markdown_pages import redirected
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
-from ohmward.battery.soc.registry import DEFAULT
+from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS, published
 from ohmward.cli import main
 from ohmward.cli.doctor import arguments as doctor
 from ohmward.cli.identify import arguments as identify
 from ohmward.cli.parser import count, pair, share
 from ohmward.cli.soc import arguments as soc
 from ohmward.errors import OhmwardError
-from ohmward.published.registry import ESTIMATORS
 
 COMMANDS = tuple(main.COMMANDS)
 
@@ -103,7 +102,7 @@ def test_abbreviated_options_are_refused(here, refused):
 
 
 def test_help_names_what_there_is(capsys):
-    assert set(re.findall(r"\b[a-z.-]+\b", help_of("soc", capsys))) >= set(ESTIMATORS)
+    assert set(re.findall(r"\b[a-z.-]+\b", help_of("soc", capsys))) >= {*ESTIMATORS, *published()}
     text = help_of("identify", capsys)
     assert all(name in text for name in ("thevenin-0rc", "thevenin-3rc", "rc"))
     assert MODELS[:2] == ("thevenin", "thevenin-0rc") and MODELS[-2:] == ("thevenin-3rc", "rc")

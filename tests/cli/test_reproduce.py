@@ -1,7 +1,7 @@
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.reproduce.errata import ERRATA
+from ohmward_lab.reproduce.errata import ERRATA
 
 
 def test_the_errata_all_hold(as_json):

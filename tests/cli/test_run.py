@@ -15,13 +15,13 @@ import pytest
 from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
-from ohmward.cli.run import demonstration
 from ohmward.cli.run.result import summary
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.trial import Trial
 from ohmward.onboard.wiring_check import Recorder, WiringFinding
+from ohmward_lab.onboard import demonstration
 
 
 def ohmward(*words, cwd, **options):

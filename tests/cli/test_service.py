@@ -12,6 +12,7 @@ from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
 from ohmward.cli.service import command
 from ohmward.cli.service.unit import obstacles, unit
+from ohmward.errors import InputError
 
 ANALYZE = shutil.which("systemd-analyze")
 
@@ -148,3 +149,9 @@ def test_a_folder_that_the_service_does_not_see_is_refused(setup, monkeypatch):
     found = " ".join(obstacles(setup))
     assert f"a service does not see {sys.executable}, which runs this" in found
     assert f"a service does not see {setup}, nor anything" in found
+
+
+@pytest.mark.parametrize("character", ["\n", "\r", "\x1b", "\x85"])
+def test_a_control_character_in_a_path_writes_no_line_of_its_own(character):
+    with pytest.raises(InputError, match="holds a control character, which no unit of systemd can; rename it"):
+        unit(Path(f"/etc/ohmward/a{character}ExecStartPre=x/robot.toml"))

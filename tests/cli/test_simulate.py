@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.cli.simulate.result import ENERGY
 from ohmward.logs import read_drive, read_log
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop import drive_log, parse_scenario
 from ohmward.traction import RLMA
+from ohmward_lab.cli.simulate.result import ENERGY
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop import drive_log, parse_scenario
 
 SLIP = """\
 format = "ohmward-scenario/1"
@@ -114,7 +114,7 @@ def test_an_interrupt_leaves_nothing_half_written(folder, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ohmward.simulate.closed_loop.loop.ClosedLoopDrive.step", interrupted)
+    monkeypatch.setattr("ohmward_lab.simulate.closed_loop.loop.ClosedLoopDrive.step", interrupted)
     assert main(["simulate", "speed.toml", "-o", "drive.csv", "--report", "drive.html"]) == 130
     assert sorted(p.name for p in folder.iterdir()) == ["slip.toml", "speed.toml"]
 

@@ -9,11 +9,11 @@ import pytest
 
 from markdown_pages import ROOT
 from ohmward.cli.main import main
-from ohmward.cli.simulate import arguments
-from ohmward.cli.simulate import cell as command
 from ohmward.logs import Log, read_log
-from ohmward.simulate.electrochemical.cell import MODELS
-from ohmward.simulate.electrochemical.records import RECORDS
+from ohmward_lab.cli.simulate import arguments
+from ohmward_lab.cli.simulate import cell as command
+from ohmward_lab.simulate.electrochemical.cell import MODELS
+from ohmward_lab.simulate.electrochemical.records import RECORDS
 
 CELL = ("simulate", "--cell", "Prada2013")
 

@@ -15,8 +15,8 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 
 KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
-    "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "current_offset_A", "soh_capacity", "resistance_ratio",
-    "current_offset_std_A", "soh_capacity_std", "resistance_ratio_std",
+    "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "rejected_voltages", "current_offset_A",
+    "soh_capacity", "resistance_ratio", "current_offset_std_A", "soh_capacity_std", "resistance_ratio_std",
     "explanation", "fits", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}

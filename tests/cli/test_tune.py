@@ -7,10 +7,10 @@ import pytest
 
 from battery.tuning.test_tune import KNOWN, battery, driven
 from ohmward.battery.file import load_battery, save_battery
-from ohmward.battery.tuning.drawn import drawn_log
 from ohmward.battery.tuning.noise_model import NoiseModel, with_factors
 from ohmward.cli.main import main
 from ohmward.logs import write_log
+from ohmward_lab.assess.simulated_logs import drawn_log
 
 KEYS = {"command", "battery", "logs", "voltages", "noise", "innovations_before", "innovations", "log_likelihood_gain"}
 KEYS |= {"innovations_over_steps", "explains", "output", "backup", "report"}

@@ -104,7 +104,7 @@ def test_it_starts_as_it_was_exported_unless_told(here, as_json, refused, capsys
     assert "takes no soc: it always starts as it was exported" in refused(
         "twin", "counter", "day.csv", "--initial-soc", "0.8"
     )
-    (here / "0.2" / "test_filter.c").unlink()
+    (here / "0.2" / "test_filter_0_2.c").unlink()
     assert "needs soc, soc_std to start" in refused("twin", "0.2", "day.csv")
 
 

@@ -9,8 +9,8 @@ from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, RobotInput, forces, hard_terrain, scene
 from ohmward.traction.dynamics.energy_balance import power
-from ohmward.traction.dynamics.quasi_static import wheel_slip
 from ohmward.traction.terrain.floor import STIFFNESS, STIFFNESS_STD
+from ohmward_lab.traction.quasi_static import wheel_slip
 from traction.examples import LOSSY
 
 ROBOT = replace(RLMA, idle_W=12.0)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from export.batteries import BATTERY, WITH_RC
+from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.export.c_library import check_fits, size
 from ohmward.export.comments import field_comments, flag_comments
-from ohmward.published.registry import available, make_estimator
 from ohmward.trace import Kernel, single_precision
 from ohmward.traction import control
 from ohmward.traction.speed_observer import estimate as observers
@@ -77,7 +77,7 @@ def test_cppcheck_finds_nothing(tmp_path):
 
 @needs_gcc
 @pytest.mark.slow
-@pytest.mark.parametrize("name", available(BATTERY))
+@pytest.mark.parametrize("name", available(BATTERY, with_published=True))
 def test_every_estimator_can_be_exported(name, tmp_path):
     write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
     assert made(tmp_path, "test").returncode == 0

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from export.batteries import WITH_RC
+from ohmward.battery.soc.registry import available
 from ohmward.export import Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.export.traction import CONTROLLERS
-from ohmward.published.registry import available
 from ohmward.traction import RLMA, hard_terrain
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
@@ -22,7 +22,11 @@ WHEEL = np.array([0.1, 1.0, 5.0, 0.4, 0.0, 0.0, np.nan, np.nan, 0.001])
 #: Not these: textbook-joint believes any current, as published; rc-kf overflows singles by months, time and again.
 NOT_THESE = {"textbook-joint", "published.rc-kf"}
 EXPORTS: dict[str, tuple[Callable[..., Any], tuple, np.ndarray, str]] = {
-    **{name: (battery_export, (WITH_RC, name), BATTERY, "soc") for name in available(WITH_RC) if name not in NOT_THESE},
+    **{
+        name: (battery_export, (WITH_RC, name), BATTERY, "soc")
+        for name in available(WITH_RC, with_published=True)
+        if name not in NOT_THESE
+    },
     "observer": (observer_export, (RLMA, hard_terrain("dry asphalt"), "ekf"), DRIVE, "speed_m_s"),
     **{name: (controller_export, (RLMA, name), WHEEL, "torque_Nm") for name in CONTROLLERS},
 }

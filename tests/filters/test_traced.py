@@ -17,7 +17,6 @@ from ohmward.filters import (
     pack,
     unpack,
     unscented,
-    update_sequentially,
 )
 from ohmward.filters.adaptive import Matching
 from ohmward.trace import Kernel, trace
@@ -57,9 +56,9 @@ def reusing_step(belief, y):
 
 
 def sequential_step(belief, y):
-    predicted = unscented.predict(belief, pendulum, PENDULUM_Q)
-    belief, (_, innovation) = update_sequentially(predicted, y, two_outputs, np.array([0.01, 0.03]), unscented.update)
-    return belief, innovation
+    belief = unscented.predict(belief, pendulum, PENDULUM_Q)
+    belief, _ = unscented.update(belief, y[:1], lambda x: two_outputs(x)[:1], np.array([[0.01]]))
+    return unscented.update(belief, y[1:], lambda x: two_outputs(x)[1:], np.array([[0.03]]))
 
 
 def one_output(rng):

@@ -32,7 +32,7 @@ def run(tmp_path):
     return script
 
 
-TESTS = ["make check", "make test", "make test-spark"]
+TESTS = ["make static", "make test", "make test-spark"]
 ROOT, USER, GOOD, BAD = "echo 0", "echo 1000", "exit 0", "exit 1"
 
 
@@ -64,4 +64,4 @@ def test_without_root_or_apt_it_says_what_would_be_needed(run, commands):
 
 def test_a_failing_test_fails_it(run):
     calls, result = run({"id": USER, "make": BAD})
-    assert calls == ["make check"] and result.returncode != 0
+    assert calls == ["make static"] and result.returncode != 0

@@ -12,10 +12,10 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, published
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.fleet.lanes import _kernel, _parts, estimate_logs
 from ohmward.logs.log import Log
-from ohmward.published.registry import ESTIMATORS, make_estimator
 
 NOISE = BatteryNoise()
 
@@ -58,7 +58,7 @@ def test_parts_cover_every_step_of_every_log(lengths):
         assert first < last and lanes == sum(length > first for length in lengths)
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("name", [*ESTIMATORS, *published()])
 def test_every_estimator_is_traced_once_for_all_batches(name):
     generic = generic_battery("nmc", 2.0)
     battery = replace(generic, rc=RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, NMC.ocv, 2.0))

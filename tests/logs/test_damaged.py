@@ -1,12 +1,14 @@
 """Damaged logs of all formats: refused, or a log that can be; `python benchmarks/log_fuzz.py` takes 100,000."""
 
+import gzip
 import warnings
+import zipfile
 
 import numpy as np
 import pytest
 
 from logs.formats.mutation import damaged
-from ohmward.errors import OhmwardError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
 
 
@@ -26,3 +28,67 @@ def test_a_damaged_file_is_read_or_refused(seed, tmp_path):
             assert (np.diff(log.time_s) > 0).all()
             assert not np.isinf(log.current_A).any() and not np.isinf(log.voltage_V).any()
     assert read > 10
+
+
+_CELLS = {
+    "a cell far away": '<row r="1"><c r="A1"><v>1</v></c></row><row r="1048576"><c r="XFD1048576"><v>2</v></c></row>',
+    "with a prefix": '<x:c r="A1"/><x:c r="XFD1048576"/>',
+    "rows far away, cells without a place": '<row r="1"><c/></row><row r="1048576">'
+    + "<c><v>1</v></c>" * 20
+    + "</row>",
+    "other quotes": "<c r='A1'/><c s='1'\nr = 'XFD1048576'/>",
+}
+_SHEET = "xl/worksheets/sheet1.xml"
+
+
+def workbook(path, part, content):
+    """A workbook with a part that its size is told from."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as book:
+        book.writestr(part, content)
+    return path
+
+
+@pytest.mark.parametrize("kind", _CELLS)
+def test_a_workbook_with_a_cell_far_away_is_refused(tmp_path, kind):
+    """Its parser would ask for the memory of all cells between, and end the process."""
+    sheet = f'<worksheet xmlns:x="x"><sheetData>{_CELLS[kind]}</sheetData></worksheet>'
+    with pytest.raises(InputError, match=r"span [\d,]+ cells, more than 16,777,216; delete the cells far from the log"):
+        read_log(workbook(tmp_path / "log.xlsx", _SHEET, sheet))
+
+
+def test_a_table_of_open_document_with_a_cell_far_away_is_refused(tmp_path):
+    table = (
+        "<table:table><table:table-row><table:table-cell office:value-type='float'/></table:table-row>"
+        "<table:table-row table:number-rows-repeated='1048575'><table:table-cell table:number-columns-repeated='9000'/>"
+        "<table:table-cell office:value-type='float'/></table:table-row></table:table>"
+    )
+    content = f"<content xmlns:table='t' xmlns:office='o'>{table}</content>"
+    with pytest.raises(InputError, match="span 9,438,232,576 cells"):
+        read_log(workbook(tmp_path / "log.ods", "content.xml", content))
+
+
+def test_a_binary_workbook_with_a_cell_far_away_is_refused(tmp_path):
+    """Records: their kind, their size, the number of the row or column."""
+    first = b"\0\x04" + (0).to_bytes(4, "little") + b"\x05\x04" + (0).to_bytes(4, "little")
+    other = b"\x93\x01\x84\0" + b"\0" * 4
+    last = b"\0\x04" + (1048575).to_bytes(4, "little") + b"\x05\x04" + (16383).to_bytes(4, "little")
+    with pytest.raises(InputError, match="span 17,179,869,184 cells"):
+        read_log(workbook(tmp_path / "log.xlsb", "xl/worksheets/sheet1.bin", first + other + last))
+
+
+def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("ohmward.logs.rows_file.MOST_BYTES", 1 << 20)
+    with pytest.raises(InputError, match="unpacks to more than"):
+        read_log(workbook(tmp_path / "log.xlsx", "xl/sharedStrings.xml", "a" * (2 << 20)))
+
+
+@pytest.mark.parametrize("line", ["1,1,1\n", "1"])
+def test_a_gzip_file_that_unpacks_to_far_more_than_a_log_is_refused(tmp_path, monkeypatch, line):
+    """Of rows, or of one line without an end."""
+    monkeypatch.setattr("ohmward.logs.csv_layout.UNPACKED_BYTES", 1 << 18)
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(f"time_s,current_A,voltage_V\n0,1,1\n1,1,1\n{line * (1 << 22)}".encode()))
+    with pytest.raises(
+        InputError, match=r"log.csv.gz: the gzip file unpacks to more than .* unpack it with gunzip first"
+    ):
+        read_log(path)

@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.logs import read_log
+from ohmward.logs import FileHints, read_log
+from ohmward.logs.survey import survey
 
 
 def csv(names, *columns):
@@ -217,6 +218,35 @@ def test_malformed_files_are_refused(tmp_path, content, message):
         read_log(path)
 
 
+def test_stamps_to_the_minute_keep_resistance_and_charge(write_text, pulses):
+    """Ten minutes of pulses at 1 Hz that begin in the middle of a minute."""
+    time_s, current_A, voltage_V = pulses
+    minutes = ((time_s + 25) // 60).astype(int)
+    rows = [f"2026-05-01 10:{m:02},{i},{v:.4f}" for m, i, v in zip(minutes, current_A, voltage_V, strict=True)]
+    log = read_log(write_text("\n".join(["Date,Current (A),Voltage (V)", *rows])), extra=())
+    np.testing.assert_allclose(log.time_s, time_s, atol=1e-6)
+    assert log.throughput_Ah() == pytest.approx(np.abs(current_A).sum() / 3600.0)
+    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert any(note.level == "warning" and "11 stamps" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.2])
+@pytest.mark.parametrize("extra", [None, ()])
+def test_two_batteries_in_one_table_are_chosen_by_their_column(write_text, pulses, extra, shift_s):
+    """Whether the column is wanted or not, and with stamps of their own or the same."""
+    time_s, current_A, voltage_V = pulses
+    rows = [
+        f"{t + shift_s * k},{name},{i},{v - k:.4f}"
+        for t, i, v in zip(time_s, current_A, voltage_V, strict=True)
+        for k, name in enumerate(("left", "right"))
+    ]
+    path = write_text("\n".join(["time_s,battery,current_A,voltage_V", *rows]))
+    with pytest.raises(InputError, match=r"told apart by 'battery'.* --where battery=left or --where battery=right"):
+        read_log(path, extra=extra)
+    log = read_log(path, extra=extra, where={"battery": "right"})
+    np.testing.assert_allclose(log.voltage_V, voltage_V - 1.0, atol=1e-3)
+
+
 def test_missing_files_and_folders_are_refused(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         read_log(tmp_path / "nothing.csv")
@@ -262,3 +292,32 @@ def test_measured_lfp_charge_matches_the_cycler(measured, script):
     counted = np.ptp(log.extra["chg_Ah"]) - np.ptp(log.extra["dis_Ah"])
     throughput = np.ptp(log.extra["chg_Ah"]) + np.ptp(log.extra["dis_Ah"])
     assert abs(log.charge_Ah()[-1] - counted) < 0.012 * throughput
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "degC"),
+    [
+        ("Temp", "0", "0"),
+        ("temperature [K]", "0", "-273.15"),
+        ("temperature [degF]", "0", "-17.7778"),
+        ("temperature_degC", "-127.0", "-127"),
+        ("temperature_degC", "-40", "-40"),
+        ("temperature_degC", "85.0", "85"),
+        ("temperature_degC", "6553.5", "6553.5"),
+    ],
+)
+def test_a_temperature_of_no_sensor_is_left_out_with_a_warning(write_text, pulses, name, cell, degC):
+    constant = [cell] * 599 + [""]
+    path = write_text(csv(["time_s", "current_A", "voltage_V", name], *pulses, constant))
+    log = read_log(path)
+    assert log.temperature_degC is None
+    assert f"warning: temperature {degC} degC throughout" in texts(log)
+    told = read_log(path, hints=FileHints(temperature_degC=5.0))
+    assert told.temperature_degC is not None
+    assert (told.temperature_degC == 5.0).all()
+
+
+@pytest.mark.parametrize("cells", [["25.0"] * 600, ["-20"] * 600, ["0"] * 599 + ["0.1"]])
+def test_the_set_point_of_a_chamber_and_a_cold_that_changes_stay(write_text, pulses, cells):
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V", "temperature_degC"], *pulses, cells)))
+    assert log.temperature_degC is not None

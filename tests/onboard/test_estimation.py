@@ -8,6 +8,7 @@ from ohmward import SocEstimator, generic_battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.onboard.estimation import Estimation
 from ohmward.traction.inbox import SensorInbox
+from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
@@ -117,6 +118,17 @@ def test_a_sample_of_the_drive_is_estimated_at_once():
         expected = alone.update(**sample)
     assert last(states).slip.speed_m_s == expected.speed_m_s
     assert last(states).pose.x_m == pytest.approx(last(states).pose.distance_m)
+
+
+def test_without_motor_currents_the_pose_is_that_of_wheels_and_gyro():
+    estimation, alone = Estimation(robot=RLMA), Odometry(RLMA)
+    for k in range(200):
+        t, speeds = 0.02 * k, dict.fromkeys((f"wheel_speed_rad_s.{name}" for name in PLACES), min(2.0, 0.02 * k))
+        outside = {"speed_m_s": 0.12 * min(2.0, t)} if k % 50 == 0 else {}
+        states = estimation.put(t, speeds | outside | {"yaw_rate_rad_s": 0.01})
+        expected = alone.update(t, [min(2.0, t)] * 4, 0.01, speed_m_s=outside.get("speed_m_s"))
+    for value, other in zip(last(states).pose, expected, strict=True):
+        np.testing.assert_allclose(value, other, atol=1e-12)
 
 
 def test_wheels_that_report_one_by_one_are_one_sample():

@@ -6,12 +6,14 @@ import random
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
+from ohmward.onboard.line_reader import MOST_KNOWN, MOST_STRANGERS
 from ohmward.onboard.message import Wiring
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
@@ -48,6 +50,36 @@ def test_it_listens_to_whoever_connects(kind, tmp_path):
         got = asyncio.run(listening(JsonLinesSource(address, listen=True), LINES, LINES))
         assert [message.values.get("battery_current_A") for message in got] == [-2.5, None, -2.5, None]
         assert list(got[1].values) == ["cell_voltage_V.0", "cell_voltage_V.1"]
+
+
+def test_any_number_of_connections_leaves_room_for_one_that_sends():
+    """Idle ones go first; of those that have sent, the one that has been silent for longest."""
+    source, got = JsonLinesSource(f"127.0.0.1:{free_port()}", listen=True), list[Any]()
+
+    async def run():
+        task = asyncio.create_task(source.run(got.append))
+        port = int(source.address.rpartition(":")[2])
+        await asyncio.to_thread(wait_for_port, port)
+        sending = [await asyncio.open_connection("127.0.0.1", port) for _ in range(MOST_KNOWN + 20)]
+        for _, writer in sending:
+            writer.write(LINES.splitlines(keepends=True)[0])
+        await asyncio.sleep(0.3)
+        idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(300)]
+        await asyncio.sleep(0.3)
+        at_once = sum(not reader.at_eof() for reader, _ in sending + idle)
+        before = len(got)
+        for _, writer in sending[-20:]:
+            writer.write(LINES.splitlines(keepends=True)[0])
+        await asyncio.sleep(0.3)
+        for _, writer in sending + idle:
+            writer.close()
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return at_once, len(got) - before
+
+    at_once, later = asyncio.run(run())
+    assert at_once <= MOST_STRANGERS + MOST_KNOWN + 10
+    assert later == 20
 
 
 def test_a_line_without_end_is_left_out():
@@ -97,6 +129,18 @@ def test_a_folder_that_is_not_there_is_made(tmp_path):
     assert json.loads((tmp_path / "my states" / "states.jsonl").read_text())["time_s"] == 1.0
     with pytest.raises(OhmwardError, match=r"states.jsonl/x cannot be written \(.*\); check the path"):
         asyncio.run(write(tmp_path / "my states" / "states.jsonl" / "x"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_named_in_one_line():
+    async def run():
+        feed = Feed()
+        feed.put(RobotState(1.0, 2.0))
+        feed.end()
+        await JsonLinesSink("/dev/full").run(feed)
+
+    with pytest.raises(OhmwardError, match=r"/dev/full cannot be written .*No space left"):
+        asyncio.run(run())
 
 
 def test_lines_of_any_kind_are_no_fault():

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import MOST_READERS, make_app
 from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
@@ -22,6 +23,8 @@ from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.page import PageSink, is_loopback
+from ohmward.onboard.store.rows import RowMaker
+from ohmward.traction.robot.file import load_robot
 from onboard.page_server import TOKEN, drive, filled_dashboard, served
 
 
@@ -65,6 +68,19 @@ def test_the_view_has_bands_power_and_wheels_by_name():
     assert power["motion_W"] + power["slip_W"] + power["rest_W"] == pytest.approx(39.0)
     assert shown["level"] == "WARN"
     json.dumps(shown, allow_nan=False)
+
+
+def test_wheels_keep_their_names_when_an_encoder_falls_silent():
+    """Page and store: the names are those of the robot file, whatever signals a sample has."""
+    robot = load_robot("rlma")
+    names, estimation = [place.name for place in robot.places], Estimation(None, robot)
+    for k in range(120):
+        there = {f"wheel_speed_rad_s.{name}": 3.0 for name in names if k < 60 or name != "front_left"}
+        states = estimation.put(0.01 * k, there | {"yaw_rate_rad_s": 0.0})
+    driven = names[: robot.driven]
+    assert [wheel["name"] for wheel in view(states[-1])["drive"]["wheels"]] == driven
+    (row,) = RowMaker().rows(states[-1]._replace(unix_s=1.8e9))
+    assert {name for name in row.values if name.startswith("slip_ratio")} <= {f"slip_ratio.{name}" for name in driven}
 
 
 def test_the_ellipse_holds_95_percent():

@@ -134,6 +134,25 @@ def test_numbers_move_and_silence_is_said(browser):
     page.close()
 
 
+def test_estimates_whose_sensors_are_silent_are_dashes_and_not_live(browser):
+    dashboard = filled_dashboard()
+    with served(dashboard=dashboard) as address:
+        page = browser.new_page()
+        page.goto(address)
+        page.wait_for_function("() => document.getElementById('speed').textContent !== '–'")
+        silent = drive()[-1]._replace(battery=None, cells=None, range=None, slip=None, pose=None, sample={})
+        dashboard.take([silent._replace(time_s=silent.time_s + 90.0)])
+        page.wait_for_function("() => document.getElementById('speed').textContent === '–'")
+        assert [page.inner_text(f"#{name}") for name in ("soc", "range", "time-left")] == ["–"] * 3
+        assert page.inner_text("#link") == (
+            "stale: no news from the sensors of the battery for 2 min and of the wheels for 2 min"
+        )
+        assert page.get_attribute("#link-dot", "class") == "dot lost"
+        dashboard.take([drive()[-1]._replace(time_s=silent.time_s + 100.0)])
+        page.wait_for_function("() => document.getElementById('link').textContent === 'live'")
+        page.close()
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_in_the_login(browser, monkeypatch, scheme):
     axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()

@@ -1,4 +1,5 @@
 import asyncio
+import errno
 import itertools
 import math
 import time
@@ -11,10 +12,17 @@ from ohmward import generic_battery
 from ohmward.errors import OhmwardError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Message
+from ohmward.onboard.notify import status
+from ohmward.onboard.page.metrics import metrics
+from ohmward.onboard.page.view import HISTORY, history_row, view
 from ohmward.onboard.part import EndedError
+from ohmward.onboard.plain import plain_state
 from ohmward.onboard.process import END_S, Process
 from ohmward.onboard.robot_state import Level
+from ohmward.onboard.sinks.mqtt import MqttSink
+from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
+from ohmward.traction.robot.file import load_robot
 
 
 @dataclass
@@ -142,10 +150,95 @@ def test_states_go_on_while_no_sensor_reports(battery):
     run(Process(Estimation(battery), [Script(samples(1))], [sink]), seconds=1.5)
     first, *later = sink.states
     assert later
-    assert later[-1].battery == first.battery
     assert later[-1].battery_time_s == first.battery_time_s
     assert later[-1].time_s != first.time_s
     assert later[-1].sample == {}
+
+
+PACK = {"battery_current_A": -1.0, "battery_voltage_V": 12.6}
+WHEELS = dict.fromkeys((f"wheel_speed_rad_s.{k}" for k in range(4)), 5.0) | {"yaw_rate_rad_s": 0.0}
+CELLS = {f"cell_voltage_V.{k}": 3.15 for k in range(4)}
+
+
+def moving(values, k):
+    """Values that are never the same twice in a row, as those of a sensor that works."""
+    return {name: value + 1e-3 * (-1) ** k for name, value in values.items()}
+
+
+@pytest.mark.parametrize(
+    ("silent", "kept", "unknown"),
+    [
+        (PACK | WHEELS | CELLS, set(), {"battery", "range", "cells", "slip", "pose"}),
+        (PACK | CELLS, {"slip", "pose"}, {"battery", "range", "cells"}),
+        (CELLS, {"battery", "range", "slip", "pose"}, {"cells"}),
+        ({"battery_current_A": 0.0}, {"battery", "range", "cells", "slip", "pose"}, set()),
+        ({name: 0.0 for name in WHEELS if name != "yaw_rate_rad_s"}, {"battery", "range", "cells"}, {"slip", "pose"}),
+    ],
+)
+@pytest.mark.parametrize("how", ["nothing", "no number"])
+def test_estimates_whose_sensors_tell_nothing_are_unknown_in_what_is_passed_on(battery, silent, kept, unknown, how):
+    """Ten samples a second: after more than a second of silence, or of nan, and not before."""
+    collector, process = Collector(), Process(Estimation(battery, load_robot("rlma")), [Script([])], [])
+    process.add_sink(collector)
+    values = PACK | WHEELS | CELLS
+    for k in range(60):
+        told = {name: v for name, v in moving(values, k).items() if k < 40 or name not in silent}
+        if k >= 40 and how == "no number":
+            told |= dict.fromkeys(silent, math.nan)
+        process.put(Message(math.nan, 100.0 + 0.1 * k, "script", told | {"battery_temperature_degC": 20.0 + 0.1 * k}))
+        process._pass_on(process.estimation.state._replace(time_s=100.0 + 0.1 * k))
+        if k == 45:
+            assert all(getattr(process.state, name) is not None for name in kept | unknown)
+    assert {name for name in kept | unknown if getattr(process.state, name) is None} == unknown
+    if {"battery", "slip"} <= unknown:
+        assert process.state.battery_time_s == process.state.drive_time_s == process.state.cells_time_s
+        assert process.state.drive_time_s == pytest.approx(103.9)
+
+
+def test_estimates_come_back_with_their_sensors(battery):
+    process = Process(Estimation(battery), [Script([])], [])
+    for time_s in (*np.arange(100.0, 104.0, 0.1), *np.arange(120.0, 121.0, 0.1)):
+        process.put(Message(math.nan, time_s, "script", moving(PACK, round(10 * time_s))))
+        if time_s < 104.0:
+            process._pass_on(process.estimation.state._replace(time_s=time_s + 6.0))
+            assert process.state.battery is None
+    assert process.state.battery is not None
+
+
+def test_every_sink_shows_a_dash_for_what_is_unknown(battery):
+    """JSON, MQTT, the page, its metrics and history, the terminal and the status of the service."""
+    process = Process(Estimation(battery, load_robot("rlma")), [Script([])], [])
+    for k in range(40):
+        process.put(Message(math.nan, 100.0 + 0.1 * k, "script", moving(PACK | WHEELS, k)))
+    shown = [process.state]
+    process._pass_on(process.estimation.state._replace(time_s=250.0, sample={}))
+    shown.append(process.state)
+    known, unknown = (_shown(state, process) for state in shown)
+    assert all(value is not None for value in known.values())
+    assert unknown == dict.fromkeys(known)
+    assert "stale: no news from the sensors of the battery for 2 min and of the wheels for 2 min" in line_of(shown[1])
+    assert 'ohmward_drive_sample_age_seconds{robot="rover"} 146.1' in metrics({"name": "rover", **view(shown[1])})
+
+
+def _shown(state, process):
+    """Numbers of a state in every sink, None where it is not shown."""
+    seen, plain = view(state), plain_state(state)
+    process.state = state
+    topics = dict(MqttSink(numbers=("battery.soc", "slip.speed_m_s", "pose.x_m")).payloads(state))
+    speed, soc = history_row(state)[HISTORY.index("speed_m_s")], history_row(state)[HISTORY.index("soc")]
+    gauges = metrics({"name": "rover", **seen})
+    return {
+        "page": seen["charge"] and seen["drive"] and seen["pose"],
+        "live": None if seen["stale"] else True,
+        "json": plain.get("battery") and plain.get("slip") and plain.get("pose"),
+        "mqtt charge": topics["ohmward/robot/battery/soc"] or None,
+        "mqtt speed": topics["ohmward/robot/slip/speed_m_s"] or None,
+        "history": None if math.isnan(speed) and math.isnan(soc) else speed,
+        "metrics charge": True if "ohmward_soc_ratio" in gauges else None,
+        "metrics speed": True if "ohmward_speed_metres" in gauges else None,
+        "terminal": True if "charge" in line_of(state) or "speed" in line_of(state) else None,
+        "service": True if "charge" in status(process) else None,
+    }
 
 
 def test_a_sink_that_never_ends_does_not_hold_the_process(battery, monkeypatch):
@@ -291,3 +384,20 @@ def test_sensors_that_end_with_the_process_are_not_called_silent(battery, caplog
     live = [message._replace(received_s=now_s + 0.1 * k - 2.0) for k, message in enumerate(samples(20))]
     run(Process(Estimation(battery), [Script(live)], [Absent()]), seconds=0.05)
     assert [r.message for r in caplog.records if "silent" in r.message] == []
+
+
+def test_connections_that_cannot_be_taken_are_few_lines_in_the_log(battery, caplog):
+    """The loop of asyncio tells of each, a hundred at a time, as long as there are no file handles."""
+
+    @dataclass
+    class Exhausted(Script):
+        async def run(self, put):
+            error = OSError(errno.EMFILE, "Too many open files")
+            for _ in range(10_000):
+                asyncio.get_running_loop().call_exception_handler({"message": "accept", "exception": error})
+            raise EndedError("done")
+
+    run(Process(Estimation(battery), [Exhausted([])], [Collector()]))
+    told = [record for record in caplog.records if "cannot be taken" in record.message]
+    assert 0 < len(told) < 20
+    assert len(caplog.records) == len(told)

@@ -236,3 +236,12 @@ def test_messages_that_come_late_are_missed_no_longer(battery):
     watch.take("simulation", 6.5, 6.5, {"yaw_rate_rad_s": 0.0})
     after = {d.name: d.level for d in watch.look(7.0)}
     assert (late["messages of simulation"], after["messages of simulation"]) == (Level.STALE, Level.OK)
+
+
+def test_a_slow_sensor_whose_first_values_came_in_haste_is_not_silent():
+    """A broker's retained value, the live one at once after it, then one every half minute."""
+    watch = SensorWatch()
+    for time_s in (0.0, 0.01, 30.0, 60.0, 90.0):
+        watch.take("mqtt", time_s, time_s, {"battery_voltage_V": 13.0 + 1e-3 * time_s})
+    (found,) = [d for d in watch.look(100.0) if d.name == "battery_voltage_V"]
+    assert found.level == Level.OK

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from ohmward.onboard.part import EndedError
-from ohmward.onboard.sources import simulation
 from ohmward.onboard.sources.simulation import SimulationSource
+from ohmward_lab.onboard import simulated_robot
 
 
 def drive_with(monkeypatch, delays_s):
@@ -29,15 +29,15 @@ def drive_with(monkeypatch, delays_s):
             empty=False,
         )
 
-    monkeypatch.setattr(simulation, "_advance", advance)
-    monkeypatch.setattr(simulation, "ClosedLoopDrive", drive)
+    monkeypatch.setattr(simulated_robot, "_advance", advance)
+    monkeypatch.setattr(simulated_robot, "ClosedLoopDrive", drive)
     with pytest.raises(EndedError):
         asyncio.run(SimulationSource().run(lambda message: put_s.append((message.stamp_s, time.monotonic()))))
     return put_s
 
 
 def test_a_machine_that_was_held_up_goes_on_from_now_and_says_so_once(monkeypatch, caplog):
-    monkeypatch.setattr(simulation, "_MOST_LATE_S", 0.1)
+    monkeypatch.setattr(simulated_robot, "_MOST_LATE_S", 0.1)
     found = drive_with(monkeypatch, [0.5, 0.5, 0.0, 0.0])
     robot_s, machine_s = (after - before for before, after in zip(found[10], found[-1], strict=True))
     assert robot_s == pytest.approx(0.28)

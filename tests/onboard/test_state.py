@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.resume import remember, resume
 from ohmward.onboard.snapshot_file import NAME, PREVIOUS, read_snapshot, write_snapshot
 from ohmward.onboard.state_folder import CONSUMPTION, IN_USE, LEARNT, StateFolder
+from ohmward.trace.snapshot import sealed
+from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import RLMA
 
 
@@ -152,6 +156,71 @@ def test_cells_go_on_too(battery):
     resume(after, json.loads(json.dumps(remember(before, 100.0))), 5.0, 0.0)
     assert after.cells and before.cells
     assert after.cells.snapshot()["cells"] == before.cells.snapshot()["cells"]
+
+
+def places_in(part, place=()):
+    """Ways to every value in plain data, keys and numbers of elements."""
+    inside = part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ()
+    for key, value in inside:
+        yield (*place, key)
+        yield from places_in(value, (*place, key))
+
+
+def resealed(part):
+    """Plain data with new checksums, as a program of another version or of malice writes it."""
+    if isinstance(part, list):
+        return [resealed(item) for item in part]
+    if not isinstance(part, dict):
+        return part
+    inner = {key: resealed(value) for key, value in part.items() if key not in ("checksum", "version")}
+    return sealed(inner) if "checksum" in part else inner
+
+
+@pytest.fixture(scope="module")
+def taken(battery):
+    """A snapshot with every part, and the battery and the robot that it is of."""
+    robot = load_robot("rlma")
+    before = Estimation(battery, robot)
+    for k in range(40):
+        pack = {"battery_current_A": -1.0, "battery_voltage_V": 15.2 - 1e-4 * k}
+        cells = {f"cell_voltage_V.{j}": 3.8 + 0.002 * j for j in range(4)}
+        before.put(0.5 * k, pack | cells | {f"wheel_speed_rad_s.{j}": 4.0 for j in range(4)})
+    clocks = {"boot": "another", "monotonic_s": 20.0, "unix_s": 0.0}
+    return json.loads(json.dumps(remember(before, 20.0) | clocks)), robot
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_snapshot_of_wrong_types_never_ends_the_process_at_its_start(tmp_path, battery, taken, seed):
+    """Values of every kind, or none, at random places: the process starts, takes a sample, and says what it refused."""
+    content, robot = taken
+    draw, places = random.Random(seed), list(places_in(content))
+    wrong: list[Any] = [None, "x", [], {}, True, -0.5, 1e30, -1e308, math.inf, 10**400, "1e999"]
+    for k in range(12):
+        mutant = json.loads(json.dumps(content))
+        # one half at the head of each part, where the layout is; the other anywhere
+        *way, last = draw.choice([place for place in places if len(place) < 4 or k % 2])
+        reduce(getitem, way, mutant)[last] = draw.choice(wrong)
+        path = tmp_path / str(k)
+        path.mkdir()
+        (path / "snapshot.json").write_text(json.dumps(sealed(resealed(mutant))))
+        folder, after = StateFolder(path), Estimation(battery, robot)
+        folder.begin(after)
+        folder.close()
+        state = after.put(1e4, {"battery_current_A": -1.0, "battery_voltage_V": 15.2})[-1]
+        assert state.battery and -0.2 < state.battery.soc < 1.2
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [(("charge",), []), (("charge", "soc"), "x"), (("charge", "std"), 1e308), (("battery",), None), (("time_s",), {})],
+)
+def test_a_snapshot_that_cannot_be_is_refused_in_one_line(battery, taken, place, value):
+    mutant = json.loads(json.dumps(taken[0]))
+    reduce(getitem, place[:-1], mutant)[place[-1]] = value
+    after = Estimation(battery)
+    (note,) = resume(after, mutant, 10.0, 5.0)
+    assert note.startswith("the snapshot cannot be used") and place[0] in note
+    assert after.soc and after.soc.state is None
 
 
 def folder(path, clock, **options):

@@ -11,7 +11,7 @@ from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
-from ohmward.published.hybrid import Hybrid, _surer
+from ohmward_lab.published.hybrid import Hybrid, _surer
 
 NOISE = BatteryNoise()
 CAPACITANCE_F = rc.capacitance_for(NMC.capacity_Ah, NMC.ocv)

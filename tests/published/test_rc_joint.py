@@ -14,8 +14,8 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
-from ohmward.published.rc_joint import PARAMETERS, Nominal, RcJoint
 from ohmward.trace import Kernel
+from ohmward_lab.published.rc_joint import PARAMETERS, Nominal, RcJoint
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 WRONG = Nominal(1.8 * TRUE.c_bulk_F, 0.5 * TRUE.c_surface_F, 1.6 * TRUE.r_ohm, 0.5 * TRUE.r_terminal_ohm)

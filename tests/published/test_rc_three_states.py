@@ -10,7 +10,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
 from ohmward.logs.log import Log
-from ohmward.published.rc_three_states import RcThreeStates
+from ohmward_lab.published.rc_three_states import RcThreeStates
 
 CIRCUIT = rc.Circuit(9000.0, 40.0, 0.09, 0.06, 0.05)
 OCV = OcvCurve((11.5, 13.5))
@@ -22,6 +22,7 @@ def log_of(model, start_soc):
     rng = np.random.default_rng(1)
     time_s = np.arange(600.0)
     current_A = -np.repeat(rng.uniform(0.0, 3.0, 60), 10)
+    current_A[:10] = 0.0
     x, voltage_V = model.at_rest(start_soc), []
     for k, now_A in enumerate(current_A):
         if k:
@@ -47,10 +48,10 @@ def test_without_the_jump_each_step_of_the_current_is_an_innovation_of_its_ohmic
 
 def test_a_wrong_start_is_taken_as_given():
     log, _ = log_of(MODEL, 0.8)
-    filter_ = RcThreeStates(MODEL, bulk_walk_V=1e-9, surface_walk_V=1e-9)
+    filter_ = RcThreeStates(MODEL)
     first = SocSample(0.0, float(log.current_A[0]), float(log.voltage_V[0]), math.nan)
     belief = unpack(filter_.init(first, soc=0.5).belief)
-    assert belief.mean[0] == pytest.approx(12.5)
+    assert belief.mean == pytest.approx([12.5, 12.5, 12.5])
 
 
 def test_no_voltage_is_no_correction():
@@ -63,5 +64,5 @@ def test_no_voltage_is_no_correction():
 
 
 def test_a_noise_of_nothing_is_refused():
-    with pytest.raises(InputError, match="voltage_std_V must be"):
-        RcThreeStates(MODEL, voltage_std_V=0.0)
+    with pytest.raises(InputError, match="voltage_variance_V2 must be"):
+        RcThreeStates(MODEL, voltage_variance_V2=0.0)

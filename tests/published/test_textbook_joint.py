@@ -13,9 +13,9 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import unpack
-from ohmward.published.rc_joint import Nominal
-from ohmward.published.textbook_joint import LEAST, TextbookJoint
 from ohmward.trace import trace
+from ohmward_lab.published.rc_joint import Nominal
+from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 JOINT = TextbookJoint(Nominal(1.3 * TRUE.c_bulk_F, 0.8 * TRUE.c_surface_F, 1.2 * TRUE.r_ohm, 0.8 * TRUE.r_terminal_ohm))

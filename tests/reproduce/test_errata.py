@@ -5,9 +5,9 @@ import pytest
 import sympy as sp
 
 from ohmward.battery.models import rc
-from ohmward.reproduce.errata import ERRATA, check
-from ohmward.reproduce.errata_circuit import _p_rate
-from ohmward.reproduce.erratum import Erratum, differs
+from ohmward_lab.reproduce.errata import ERRATA, check
+from ohmward_lab.reproduce.errata_circuit import _p_rate
+from ohmward_lab.reproduce.erratum import Erratum, differs
 
 
 @pytest.mark.parametrize("erratum", ERRATA, ids=lambda e: f"{e.text} {e.place}")

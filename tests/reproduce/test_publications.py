@@ -1,8 +1,10 @@
 import pytest
 
+from benchmarks.scripts import script
 from ohmward.errors import InputError
-from ohmward.reproduce.publications import PUBLICATIONS, select
+from ohmward_lab.reproduce.publications import PUBLICATIONS, select
 
+fill = script("fill_publications", "docs")
 THESIS = PUBLICATIONS["thesis"]
 
 
@@ -26,3 +28,12 @@ def test_a_figure_selects_its_item_once():
 def test_an_unknown_number_is_refused_with_those_there_are():
     with pytest.raises(InputError, match=r"--only must be one of 3\.1, .* got '9.9'"):
         select(THESIS, ["9.9"])
+
+
+def test_the_claims_and_the_errata_of_the_pages_are_those_of_the_tables():
+    numbers = fill.NUMBERS.read_text(encoding="utf-8")
+    for short, page in fill.PAGES.items():
+        text = page.read_text(encoding="utf-8")
+        assert fill.filled(text, short, numbers) == text, "run `python docs/fill_publications.py`"
+    text = fill.ERRATA_PAGE.read_text(encoding="utf-8")
+    assert fill.with_errata(text) == text, "run `python docs/fill_publications.py`"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.reproduce import thesis_observer as bench
+from ohmward_lab.reproduce import thesis_observer as bench
 
 RIGHT, R_TOO_SMALL = bench.STARTS[:2]
 

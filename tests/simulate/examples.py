@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.simulate.cells import SimulatedBattery
+from ohmward_lab.simulate.cells import SimulatedBattery
 
 
 def simple_battery(**changes) -> SimulatedBattery:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate import BATTERIES
+from ohmward_lab.simulate import BATTERIES
 from simulate.examples import simple_battery
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.mission import MissionRobot, ambient_degC, drive, leg_speed, robot_day, shaft_power_W
+from ohmward_lab.simulate.mission import MissionRobot, ambient_degC, drive, leg_speed, robot_day, shaft_power_W
 
 
 def test_at_constant_speed_on_the_flat_power_is_rolling_resistance():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, uniform
 from ohmward.traction.dynamics.forces import RobotInput, rates, scene
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
@@ -15,6 +14,7 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import Robot, Wheel
+from ohmward_lab.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, uniform
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 

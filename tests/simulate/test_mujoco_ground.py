@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.mujoco_plant import Ground, RlmaPlant, switching, uniform, zones
+from ohmward_lab.simulate.mujoco_plant import Ground, RlmaPlant, switching, uniform, zones
 
 HERE = np.zeros((4, 2))
 

@@ -12,8 +12,16 @@ pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco
 
 from ohmward.errors import InputError
 from ohmward.optional import MissingPackageError
-from ohmward.simulate.mujoco_plant import FRONT_AND_REAR, RlmaParameters, RlmaPlant, drive, switching, uniform, zones
 from ohmward.traction.robot.robot import GRAVITY as G
+from ohmward_lab.simulate.mujoco_plant import (
+    FRONT_AND_REAR,
+    RlmaParameters,
+    RlmaPlant,
+    drive,
+    switching,
+    uniform,
+    zones,
+)
 
 FREE = RlmaParameters(rolling_resistance=0.0)
 M, R, J = FREE.mass_kg, FREE.wheel_radius_m, FREE.wheel_inertia_kg_m2
@@ -309,5 +317,5 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
 
 
 def test_mujoco_is_imported_only_when_a_plant_is_made():
-    code = "import sys, ohmward.simulate.mujoco_plant; sys.exit('mujoco' in sys.modules)"
+    code = "import sys, ohmward_lab.simulate.mujoco_plant; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
-from ohmward.simulate import BATTERIES, Profile, resting_state, simulate
-from ohmward.simulate.plant import Demand, current_at, fine_times, step, stored_energy_J
-from ohmward.simulate.profile import steps
+from ohmward_lab.simulate import BATTERIES, Profile, resting_state, simulate
+from ohmward_lab.simulate.plant import Demand, current_at, fine_times, step, stored_energy_J
+from ohmward_lab.simulate.profile import steps
 from simulate.examples import simple_battery
 
 BUSY_DAY = [(3000.0, -6.0), (1200.0, 0.0), (2400.0, 4.0), (600.0, -10.0), (1800.0, 0.0)]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.profile import EDGE_S, Profile, join, steps
+from ohmward_lab.simulate.profile import EDGE_S, Profile, join, steps
 
 
 def test_phases_hold_their_current_and_end_in_time():

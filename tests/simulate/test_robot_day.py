@@ -3,8 +3,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import examine, read_log
-from ohmward.simulate import RobotDay, make_robot_day, write_robot_day
-from ohmward.simulate.robot_day import CHEMISTRIES
+from ohmward_lab.simulate import RobotDay, make_robot_day, write_robot_day
+from ohmward_lab.simulate.robot_day import CHEMISTRIES
 
 
 @pytest.fixture(scope="module", params=CHEMISTRIES)

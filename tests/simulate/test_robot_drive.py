@@ -1,9 +1,9 @@
 import pytest
 
 from ohmward.energy.plan_file import load_plan
-from ohmward.simulate.closed_loop import parse_scenario, run, save_scenario
-from ohmward.simulate.closed_loop.figures import figures
-from ohmward.simulate.robot_drive import WAY_HOME, robot_drive
+from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
+from ohmward_lab.simulate.closed_loop.figures import figures
+from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
 
 
 def test_it_can_be_written_and_read(tmp_path):

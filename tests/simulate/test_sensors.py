@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.sensors import Sensor, low_cost_sensors, on_the_bench
+from ohmward_lab.simulate.sensors import Sensor, low_cost_sensors, on_the_bench
 
 COUNT = 40_000
 TIME = np.arange(COUNT, dtype=float)

@@ -319,8 +319,10 @@ def test_kernels_travel_between_processes():
 
 def test_a_few_long_lanes_are_worth_machine_code_too():
     kernel = Kernel(lambda state, x: (state + x, state), 0.0, 0.0, lowering="auto")
-    assert kernel._worth(np.zeros((10_000, 2)), 400_000)
-    assert not kernel._worth(np.zeros((9_999, 2)), 400_000)
+    kernel.scan_lanes(0.0, np.zeros((9_999, 2)))
+    assert "machine" not in vars(kernel)
+    kernel.scan_lanes(0.0, np.zeros((10_000, 2)))
+    assert "machine" in vars(kernel)
 
 
 def without(monkeypatch, reason):

@@ -8,7 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
-from ohmward.traction.drive_checks import check_drive
+from ohmward.traction.drive_checks import check_drive, with_signed_speed
 
 TIME = np.arange(0.0, 20.0, 0.02)
 FOUR = replace(RLMA, chassis=Differential(0.314, 0.314, 0.30, driven="all"))
@@ -89,6 +89,44 @@ def test_a_current_of_the_wrong_sign():
     assert "motor of front left brakes all the way" in text
 
 
+def slowing(speed_m_s, current_A):
+    """A drive straight ahead with these speeds (T,), both motors with this current (T,)."""
+    rng = np.random.default_rng(1)
+    wheels = speed_m_s[:, None] / RLMA.wheel.radius_m + 0.01 * rng.standard_normal((TIME.size, 4))
+    current = current_A[:, None] + 0.1 * rng.standard_normal((TIME.size, 2))
+    return DriveLog("slowing", TIME, wheels, current)
+
+
+#: Braking from 2 m/s for 20 s, and the current [A] that takes most of the energy, the rest is rolling resistance.
+SLOWING_M_S = 2.0 - 0.09 * TIME
+BRAKING_A = np.full(
+    TIME.size, -0.7 * 0.09 * RLMA.mass_kg * RLMA.wheel.radius_m / 2 / RLMA.motor.wheel_constant_Nm_per_A
+)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_drive_that_only_brakes_has_no_wrong_sign(direction):
+    assert texts(RLMA, slowing(direction * SLOWING_M_S, direction * BRAKING_A)) == []
+
+
+def test_a_descent_brakes_as_its_pitch_says():
+    steady = slowing(np.full(TIME.size, 0.5), 20 * BRAKING_A)
+    assert sum("brakes all the way" in text for text in texts(RLMA, steady)) == 2
+    slope = 20 * 0.09 / 9.81
+    assert texts(RLMA, replace(steady, pitch_rad=np.full(TIME.size, -slope))) == []
+
+
+@pytest.mark.parametrize("flipped", ["motor_current_A", "wheel_speed_rad_s"])
+def test_wrong_signs_of_a_drive_that_starts_and_stops(flipped):
+    """It drives for ten seconds and brakes for one."""
+    speed_m_s = np.interp(TIME % 12.0, [0.0, 2.0, 10.0, 11.0], [0.0, 1.0, 1.0, 0.0])
+    current_A = np.where(TIME % 12.0 < 10.0, 1.0, -1.0) * (speed_m_s > 0)
+    log = slowing(speed_m_s, current_A)
+    assert texts(RLMA, log) == []
+    found = texts(RLMA, replace(log, **{flipped: -getattr(log, flipped)}))
+    assert sum("brakes all the way, but the robot does not slow down" in text for text in found) == 2
+
+
 def test_a_blocked_wheel():
     log = changed(good(), "wheel_speed_rad_s", 0, lambda v: np.where(TIME < 4, 0.01 * v, v))
     log = replace(log, motor_current_A=3.0 * log.motor_current_A)
@@ -114,3 +152,47 @@ def test_a_unit_that_is_wrong():
     meaningless = replace(doubtful, wheel_speed_rad_s=9.55 * good().wheel_speed_rad_s)
     with pytest.raises(InputError, match=r"the wheels say 9.5\d times the speed.*--unit wheel_speed=rpm"):
         check_drive(RLMA, meaningless)
+
+
+def there_and_back(every, std_m_s=0.03, sign=1.0, age_s=0.0):
+    """Forward for 8 s, a stop of 4 s, back for 8 s; the speed from outside comes every so many samples, as a size."""
+    rng = np.random.default_rng(2)
+    true_m_s = np.interp(TIME, [0, 1, 7, 8, 12, 13, 19, 20], [0, 0.5, 0.5, 0, 0, -0.4, -0.4, 0])
+    late_m_s = np.interp(TIME - age_s, TIME, true_m_s)
+    speed = np.full(TIME.size, np.nan)
+    speed[::every] = np.abs(late_m_s + std_m_s * rng.standard_normal(TIME.size))[::every]
+    speed = np.where(late_m_s < 0, sign, 1.0) * speed
+    wheels = np.repeat(true_m_s[:, None] / RLMA.wheel.radius_m, 4, axis=1)
+    age = np.where(np.isfinite(speed), age_s, np.nan)
+    log = DriveLog("size", TIME, wheels, np.full((TIME.size, 2), np.nan), speed_m_s=speed, speed_age_s=age)
+    return log, late_m_s
+
+
+@pytest.mark.parametrize("every", [1, 10, 50])
+@pytest.mark.parametrize("std_m_s, age_s", [(0.0, 0.0), (0.03, 0.0), (0.03, 0.5)])
+def test_a_speed_without_a_sign_gets_that_of_the_wheels(every, std_m_s, age_s):
+    log, true_m_s = there_and_back(every, std_m_s, age_s=age_s)
+    signed = with_signed_speed(RLMA, log)
+    kept = np.isfinite(signed.speed_m_s)
+    assert kept.sum() > 0.95 * np.isfinite(log.speed_m_s).sum()
+    assert np.abs(signed.speed_m_s - true_m_s)[kept].max() < 0.2
+    assert "never negative while the wheels turn back" in signed.notes[-1].text
+
+
+def test_a_speed_with_a_sign_or_of_wheels_that_only_turn_ahead_stays():
+    signed, _ = there_and_back(10, sign=-1.0)
+    assert with_signed_speed(RLMA, signed) is signed
+    assert with_signed_speed(RLMA, good()) is not None and with_signed_speed(RLMA, good()).notes == ()
+
+
+def test_wheels_that_spin_back_under_a_robot_that_stands_leave_the_speed_as_it_is():
+    log, _ = there_and_back(10)
+    stuck = replace(log, speed_m_s=np.where(TIME > 10, np.minimum(log.speed_m_s, 0.02), log.speed_m_s))
+    assert with_signed_speed(RLMA, stuck) is stuck
+
+
+def test_a_size_is_left_out_where_the_robot_slides_on_wheels_that_stand():
+    log, _ = there_and_back(10)
+    slid = replace(log, speed_m_s=np.where((TIME > 9) & (TIME < 11), log.speed_m_s + 0.5, log.speed_m_s))
+    found = with_signed_speed(RLMA, slid).speed_m_s
+    assert np.isnan(found[(TIME > 9) & (TIME < 11)]).all()

@@ -7,8 +7,6 @@ from pathlib import Path
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
-from ohmward.battery.format_1 import from_format_1
-from ohmward.battery.format_2 import MODELS, from_format_2
 from ohmward.toml_file import TomlFile
 
 _HEADER = """\
@@ -23,8 +21,7 @@ BATTERY_FILE = TomlFile(
     Battery,
     "ohmward-battery/3",
     _HEADER,
-    older={"ohmward-battery/1": lambda table: from_format_2(from_format_1(table)), "ohmward-battery/2": from_format_2},
-    once=dict.fromkeys(MODELS, ("capacity_Ah",)),
+    once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)},
 )
 
 

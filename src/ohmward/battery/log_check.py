@@ -1,13 +1,26 @@
-"""Check that a log can be of the battery that it is estimated with, and under conditions that its tests have shown."""
+"""Check that a log can be of the battery that it is estimated with, and under conditions that its tests have shown.
+
+The number of cells in series follows from the shape of the voltage. With N cells the mean voltage of one is
+
+    v / N = OCV(soc_0 + q / Q) + R_0 i + R_1 i_slow,
+
+q the charge that the log counts; a wrong N puts the log on a part of the curve whose shape the charge does not explain.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, product
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.errors import InputError
-from ohmward.logs.log import Log, Note
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.runs import runs
 
 #: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
 OTHER_BATTERY = 0.2
@@ -18,12 +31,44 @@ ABOVE_FULL = 0.1
 #: A resistance that is known worse than this at a temperature of the log is worth a warning (1 sigma, relative).
 DOUBTFUL_RESISTANCE = 0.1
 
+#: Numbers of cells that are tried beside the file's: so many more and fewer.
+_CELLS_APART = 2
+#: Another number of cells explains a log better where the errors of the voltage with the file's number are larger than
+#: this for a cell [V], and than so many times those of the other. Of right files on measured cells, cold and aged ones
+#: among them, they are 1.6 times as large at most.
+_CELL_ERROR_V, _TIMES_BETTER = 0.03, 2.5
+#: A log is explained in windows of at most this length, and as many as this of them; within one, the offset of the
+#: current sensor moves the charge by at most this share of the capacity, and the capacity is one of these over the
+#: file's.
+_WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
+_OFFSET_SHARE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
+#: Rows of a window and samples in one, fewest rows, starts that are tried, and the part of the rows that spikes do not
+#: touch.
+_ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
+#: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
+#: without a prior a steady current would explain any number of cells.
+_PER_RATIO_V = 0.003
+#: Time constant of the slow part of the overpotential [s]; a longer step is a gap.
+_SLOW_S, _GAP_S = 1000.0, 600.0
+#: A larger current, in multiples of the capacity per hour, is a fault of its sensor, as for the filter.
+_CURRENT_LIMIT_C = 20.0
+
+#: A rest is below this current, in multiples of the capacity per hour, and a battery that is idle below this one out of
+#: it; one sample of noise does not end it. After the first time [s] its voltage has relaxed but for a few millivolts,
+#: and moves no further than self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this
+#: much of the state of charge by the curve, and more with every hour.
+REST_C, _IDLE_C, _RELAXED_S = 0.01, 0.1, 1200.0
+_HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
+#: A change of an idle current moves the voltage by at most so many times the file's resistance to a steady one.
+_IDLE_RESISTANCE = 2.0
+#: Samples of a median.
+MEDIAN_OF = 5
+
 
 def check_log(log: Log, battery: Battery) -> Log:
     """The log, with a warning where its voltage leaves the range of the battery's tests by more than 2 %.
 
-    Likewise where the tests say little of the resistance at its temperatures, and where its usual voltage is that of
-    another number of cells.
+    Likewise where the tests say little of the resistance at its temperatures.
 
     Raises:
         InputError: the median voltage is more than 20 % outside: another battery, or another unit.
@@ -36,7 +81,7 @@ def check_log(log: Log, battery: Battery) -> Log:
             f"{low_V:g} and {high_V:g} V; is it a log of another battery, of one of its cells, or in another unit "
             "(--unit voltage=mV)?"
         )
-    log = _check_cells(_check_temperature(log, battery), battery)
+    log = _check_temperature(log, battery)
     outside = (log.voltage_V < (1 - BEYOND_TESTS) * low_V) | (log.voltage_V > (1 + BEYOND_TESTS) * high_V)
     if not outside.any():
         return log
@@ -44,23 +89,244 @@ def check_log(log: Log, battery: Battery) -> Log:
     return log.with_notes(Note(text, "warning"))
 
 
-def _check_cells(log: Log, battery: Battery) -> Log:
-    """The log, with a warning where its usual voltage is not between those of the empty and of the full battery."""
-    contradiction = other_cells(log, battery)
-    return log.with_notes(Note(contradiction, "warning")) if contradiction else log
-
-
 def other_cells(log: Log, battery: Battery) -> str:
-    """Contradiction of the log's usual voltage with the number of cells in the battery file; "" for none."""
+    """Contradiction of the log's voltage with the number of cells in the battery file; "" for none."""
     model = battery.thevenin or battery.rc
     curve_V = model.ocv.voltage_V if model else (-np.inf, np.inf)
     usual_V = float(np.nanmedian(log.voltage_V))
     if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
-        return ""
+        return _better_explained(log, battery)
     return (
         f"its usual voltage, {usual_V:.4g} V, contradicts the battery file, {curve_V[0]:.4g} V (empty) to "
         f"{curve_V[-1]:.4g} V (full) with n_series = {battery.n_series}: another number of cells in series?"
     )
+
+
+def _better_explained(log: Log, battery: Battery) -> str:
+    """Contradiction of the shape of the voltage with the number of cells in the battery file; "" for none."""
+    own = int(battery.n_series)
+    if battery.thevenin is None or own < 2:
+        return ""
+    curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
+    windows = [rows for window in _windows(log, battery) if (rows := _rows(window, battery))]
+    if not windows or cell_error_V(windows, curve_V, own, _CELL_ERROR_V) <= _CELL_ERROR_V:
+        return ""
+    tried = range(max(own - _CELLS_APART, 1), own + _CELLS_APART + 1)
+    error_V = {cells: cell_error_V(windows, curve_V, cells) for cells in tried}
+    best = min(error_V, key=lambda cells: error_V[cells])
+    if error_V[own] < _TIMES_BETTER * error_V[best]:
+        return ""
+    number = f"{best} cells" if best > 1 else "1 cell"
+    return (
+        f"{number} in series explain its voltage better than {own}, the n_series of the battery file: "
+        f"{1e3 * error_V[best]:.2g} against {1e3 * error_V[own]:.2g} mV RMS a cell; correct n_series?"
+    )
+
+
+class _WindowMeans(NamedTuple):
+    """Means over the parts of a window, (T,) each.
+
+    charge: counted since the start of the window, as a share of the capacity.
+    offset_charge: (O, T) the same of the offsets that are tried.
+    voltage_V: of the battery.
+    overpotentials: (T, 2) the overpotential of a cell by the file's resistances, quick and slow [V].
+    """
+
+    charge: np.ndarray
+    offset_charge: np.ndarray
+    voltage_V: np.ndarray
+    overpotentials: np.ndarray
+
+
+def cell_error_V(windows: Sequence[_WindowMeans], curve_V: np.ndarray, cells: int, enough_V: float = 0.0) -> float:
+    """RMS error [V] of the mean cell voltage that this number of cells leaves; `enough_V` ends a search."""
+    squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2) for rows in windows]
+    return float(np.sqrt(np.average(squares, weights=[rows.voltage_V.size for rows in windows])))
+
+
+def _windows(log: Log, battery: Battery) -> Iterator[Log]:
+    """Windows of the log without gaps, spread over it, of the samples with a credible current and voltage."""
+    model = battery.thevenin
+    assert model is not None
+    current_A: Any = log.current_A
+    voltage_V: Any = log.voltage_V
+    credible = np.asarray(is_current(current_A, _CURRENT_LIMIT_C * battery.capacity_Ah))
+    full_V = model.ocv.voltage_V[-1]  # a charger holds its voltage above that, whatever the charge
+    credible &= np.asarray(is_voltage(voltage_V, full_V) & (voltage_V < full_V))
+    known = np.flatnonzero(credible)
+    if known.size < _FEWEST_ROWS:
+        return
+    time_s = log.time_s[known]
+    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > _GAP_S)
+    number = pieces * 1_000_000 + (time_s - time_s[0]) // _WINDOW_S
+    starts = np.flatnonzero(np.diff(number, prepend=-1.0))
+    edges = np.append(starts, known.size)
+    long = np.flatnonzero(np.diff(edges) >= _FEWEST_ROWS)
+    chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]
+    for k in chosen:
+        at = known[edges[k] : edges[k + 1]]
+        yield Log(log.name, log.time_s[at], current_A[at], voltage_V[at])
+
+
+def _rows(window: Log, battery: Battery) -> _WindowMeans | None:
+    """Means over the parts of a window; None where they are too few or no charge flows in it."""
+    mean_A = 0.5 * (window.current_A + np.concatenate([window.current_A[:1], window.current_A[:-1]]))
+    counted_Ah = np.cumsum(mean_A * np.diff(window.time_s, prepend=window.time_s[0])) / SECONDS_PER_HOUR
+    some = slice(None, None, max(len(window) // (_ROWS * _ROW_SAMPLES), 1))
+    time_s, current_A, voltage_V = window.time_s[some], window.current_A[some], _without_spikes(window.voltage_V[some])
+    duration_s = float(time_s[-1] - time_s[0])
+    if duration_s <= 0.0:
+        return None
+    part = np.minimum((_ROWS * (time_s - time_s[0]) / duration_s).astype(int), _ROWS - 1)
+    count = np.bincount(part, minlength=_ROWS)
+    if np.count_nonzero(count) < _FEWEST_ROWS:
+        return None
+
+    def means(values: np.ndarray) -> np.ndarray:
+        return np.asarray(np.bincount(part, weights=values, minlength=_ROWS)[count > 0] / count[count > 0])
+
+    hours = means(time_s - time_s[0]) / SECONDS_PER_HOUR
+    most_A = min(battery.sensor.offset_std_A, _OFFSET_SHARE * battery.capacity_Ah * SECONDS_PER_HOUR / duration_s)
+    offsets_A = most_A * np.array(_OFFSETS)
+    current = means(current_A)
+    slow, decays = current.copy(), np.exp(-np.diff(hours) * SECONDS_PER_HOUR / _SLOW_S)
+    for k, decay in enumerate(decays):
+        slow[k + 1] = decay * slow[k] + (1 - decay) * current[k + 1]
+    overpotentials_V = _steady_ohm(battery) / battery.n_series * np.column_stack([current, slow])
+    charge = means(counted_Ah[some]) / battery.capacity_Ah
+    return _WindowMeans(charge, np.outer(offsets_A, hours) / battery.capacity_Ah, means(voltage_V), overpotentials_V)
+
+
+def _without_spikes(values: np.ndarray) -> np.ndarray:
+    """Running median of `MEDIAN_OF` samples (T,)."""
+    padded = np.pad(values, MEDIAN_OF // 2, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, MEDIAN_OF), axis=1)
+
+
+def _unexplained_V2(rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float) -> float:
+    """Mean square [V^2] of the cell voltage that the curve and the overpotentials leave, at the best start."""
+    grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
+    least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
+    C = rows.overpotentials
+    to_ratios = C @ np.linalg.inv(C.T @ C + rows.charge.size * _PER_RATIO_V**2 * np.eye(2))
+    for capacity, offset_charge in product(_CAPACITIES, rows.offset_charge):
+        moved = rows.charge / capacity - offset_charge
+        room = 1.0 - np.ptp(moved)
+        first = -moved.min() + (np.linspace(0.0, room, _STARTS) if room > 0.0 else np.array([0.5 * room]))
+        left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V)
+        ratios = left_V @ to_ratios
+        left_V -= ratios @ C.T
+        squares_V2 = np.sort(left_V**2, axis=1)[:, :least_rows].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)
+        least_V2 = min(least_V2, float(squares_V2.min()))
+        if least_V2 <= enough_V2:
+            break
+    return least_V2
+
+
+def contradictions(log: Log, battery: Battery) -> tuple[str, ...]:
+    """Contradictions of the log itself with the battery file, a sentence each."""
+    return tuple(text for text in (other_cells(log, battery), unmeasured_charge(log, battery)) if text)
+
+
+def with_contradictions(log: Log, battery: Battery) -> Log:
+    """The log with a warning of each contradiction with the battery file."""
+    return log.with_notes(*(Note(text, "warning") for text in contradictions(log, battery)))
+
+
+def unmeasured_charge(log: Log, battery: Battery) -> str:
+    """Contradiction of the voltage with a current that shows rest or discharge; "" for none."""
+    if not (hidden := hidden_charges(log, battery)):
+        return ""
+    first, stop = hidden[0]
+    start_h, hours = log.time_s[first] / SECONDS_PER_HOUR, (log.time_s[stop - 1] - log.time_s[first]) / SECONDS_PER_HOUR
+    return (
+        f"the voltage rises as by a charge in the {hours:.2g} h from {start_h:.2g} h on, where the current shows a "
+        "discharge or none: does the charger bypass the current sensor?"
+    )
+
+
+def moving_rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
+    """First and end index of rests in which the voltage moves further than that of a battery at rest does."""
+    at_rest = np.abs(log.current_A - battery.sensor.offset_A) < REST_C * battery.capacity_Ah
+    return [run for run in _long(log, at_rest) if (late := _late(log, run)).size and _moved(log, late, battery)]
+
+
+def hidden_charges(log: Log, battery: Battery) -> list[tuple[int, int]]:
+    """First and end index of stretches without a charging current in which the voltage rises as by a charge."""
+    excess_A = log.current_A - battery.sensor.offset_A
+    idle = (excess_A < REST_C * battery.capacity_Ah) & (excess_A > -_IDLE_C * battery.capacity_Ah)
+    return [run for run in _long(log, idle) if (late := _late(log, run)).size and _rises(log, late, battery)]
+
+
+def _long(log: Log, condition: np.ndarray) -> list[tuple[int, int]]:
+    """First and end index of the runs of a condition that are long enough to tell, without gaps of the log in them.
+
+    Single samples of noise do not end a run.
+    """
+    bridged = condition.copy()
+    for first, stop in runs(~condition & np.isfinite(log.current_A)):
+        if stop - first == 1:
+            bridged[first] = True
+    gaps = 1 + np.flatnonzero(np.diff(log.time_s) > _GAP_S)
+    pieces = [piece for run in runs(bridged) for piece in pairwise((run[0], *_inside(gaps, run), run[1]))]
+    return [(a, b) for a, b in pieces if log.time_s[b - 1] - log.time_s[a] > 2 * _RELAXED_S]
+
+
+def _inside(indices: np.ndarray, run: tuple[int, int]) -> list[int]:
+    """The indices (K,) inside a run."""
+    first, last = np.searchsorted(indices, [run[0] + 1, run[1]])
+    return indices[first:last].tolist()
+
+
+def _late(log: Log, run: tuple[int, int]) -> np.ndarray:
+    """Indices of the samples of a stretch with a voltage after its relaxation; () where they are too few."""
+    first, stop = run
+    late = np.arange(first, stop)[log.time_s[first:stop] > log.time_s[first] + _RELAXED_S]
+    known = late[np.isfinite(log.voltage_V[late])]
+    return known if known.size >= 2 * MEDIAN_OF else known[:0]
+
+
+def _moved(log: Log, late: np.ndarray, battery: Battery) -> bool:
+    """True where the voltage moves either way by more than a battery at rest does."""
+    if battery.thevenin is None:
+        return False
+    smooth_V = medians(log.voltage_V[late])
+    return _is_far(smooth_V.min(), smooth_V.max(), 0.0, log, late, battery)
+
+
+def _rises(log: Log, late: np.ndarray, battery: Battery) -> bool:
+    """True where the voltage rises by more than relaxation and the changes of the idle current make it."""
+    if battery.thevenin is None:
+        return False
+    smooth_V = medians(log.voltage_V[late])
+    lowest_V = np.minimum.accumulate(smooth_V)
+    top = int(np.argmax(smooth_V - lowest_V))
+    change_A = float(np.ptp(medians(np.nan_to_num(log.current_A[late]))))
+    by_current_V = _IDLE_RESISTANCE * _steady_ohm(battery) * change_A
+    return _is_far(lowest_V[top], smooth_V[top], by_current_V, log, late, battery)
+
+
+def _steady_ohm(battery: Battery) -> float:
+    """Resistance [ohm] of the file to a steady current, at its temperature."""
+    model = battery.thevenin
+    assert model is not None
+    return float(np.median(model.r0_discharge_ohm) + np.sum([np.median(r) for r in model.r_ohm]))
+
+
+def _is_far(low_V: float, high_V: float, by_current_V: float, log: Log, late: np.ndarray, battery: Battery) -> bool:
+    """True where two voltages are further apart than relaxation, self-discharge and by_current_V [V] put them."""
+    assert battery.thevenin is not None
+    curve_V = battery.thevenin.ocv.voltage_V
+    low_soc, high_soc = np.interp([low_V, high_V - by_current_V], curve_V, np.linspace(0.0, 1.0, len(curve_V)))
+    hours = (log.time_s[late[-1]] - log.time_s[late[0]] + _RELAXED_S) / SECONDS_PER_HOUR
+    moved_soc = high_soc - low_soc - _HIDDEN_SOC_PER_HOUR * hours
+    return bool(high_V - low_V - by_current_V > _HIDDEN_V * battery.n_series and moved_soc > _HIDDEN_SOC)
+
+
+def medians(values: np.ndarray) -> np.ndarray:
+    """Medians of `MEDIAN_OF` neighbours, which a spike does not move."""
+    count = values.size // MEDIAN_OF
+    return np.median(values[: count * MEDIAN_OF].reshape(count, MEDIAN_OF), axis=1)
 
 
 def _check_temperature(log: Log, battery: Battery) -> Log:
@@ -74,6 +340,6 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
         return log
     text = (
         f"the log goes to {degC[worst]:z.0f} degC, where the resistance follows from {reference_degC:z.0f} degC within "
-        f"+-{spread[worst]:.0%} only (1 sigma); the band is wider there"
+        f"± {spread[worst]:.0%} only (1 sigma); the band is wider there"
     )
     return log.with_notes(Note(text, "warning"))

@@ -13,7 +13,7 @@ from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.reference import SocReference
-from ohmward.battery.soc.registry import EstimatorSettings
+from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN, file_hints
 from ohmward.cli.parser import selected_name, split_selection
@@ -25,7 +25,6 @@ from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
 from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.read import open_table
 from ohmward.logs.table import TableFile
-from ohmward.published.registry import make_estimator
 
 
 class SocTask(NamedTuple):

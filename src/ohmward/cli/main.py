@@ -18,7 +18,7 @@ from ohmward.cli.outcome import carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
-#: The commands in the order of the help. The package `ohmward.cli.NAME` of a command is loaded only when it is typed.
+#: The commands in the order of the help. The package `cli.NAME` of a command is loaded only when it is typed.
 COMMANDS = {
     "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
     "identify": "from logs of tests to a battery file",
@@ -43,6 +43,8 @@ COMMANDS = {
     "assess": "limits of the methods: chemistries, sensors and faults on simulated shifts, and which method for which",
     "reproduce": "tables and figures of the two publications, printed numbers beside those found here; their errata",
 }
+#: Those whose package is in `ohmward_lab`.
+OF_THE_LABORATORY = {"simulate", "demo", "assess", "reproduce"}
 REFUSED, BUG, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 _EPILOG = """\
@@ -158,4 +160,5 @@ def _require_command(words: Sequence[str]) -> None:
 
 def _load(name: str, part: str) -> ModuleType:
     """A module of a command, loaded by its name."""
-    return import_module(f"ohmward.cli.{name}.{part}")
+    package = "ohmward_lab" if name in OF_THE_LABORATORY else "ohmward"
+    return import_module(f"{package}.cli.{name}.{part}")

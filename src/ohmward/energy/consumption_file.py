@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from os import PathLike
@@ -17,7 +16,7 @@ from ohmward.energy.consumption_prior import ConsumptionPrior
 from ohmward.energy.consumption_sums import Variance, Visits
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.toml_file import parse_file
+from ohmward.toml_file import parse_file, parse_toml
 
 FORMAT = "ohmward-consumption/1"
 _HEADER = """\
@@ -71,10 +70,7 @@ def parse_consumption(text: str) -> Consumption:
     Raises:
         InputError: not TOML, another format, a key that is missing or of another kind.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is not valid TOML: {error}; correct the line") from error
+    data = parse_toml(text)
     if (found := data.get("format")) != FORMAT:
         raise InputError(f'format must be "{FORMAT}", got {found!r}; a consumption table starts with that line')
     if unknown := sorted(set(data) - {"format", "last_drive_unix_s", *_TABLES}):

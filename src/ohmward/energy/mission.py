@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.log_check import check_log
+from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings
+from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
 from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
@@ -31,7 +31,6 @@ from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
-from ohmward.published.registry import make_estimator
 from ohmward.traction.friction.terrain import Terrain, hard_terrain
 from ohmward.traction.robot.robot import Robot
 
@@ -124,7 +123,7 @@ def analyse(
     settings = settings or MissionSettings()
     if log is None and plan is None:
         raise InputError("a mission analysis needs a log, a plan, or both; got neither")
-    log = None if log is None else check_log(log, battery)
+    log = None if log is None else with_contradictions(check_log(log, battery), battery)
     estimates = _estimates(battery, log, settings)
     record = None
     if log is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -238,12 +238,31 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, RangeFlag) else value
 
 
+#: A number as `_plain` writes it, and the types of the state that is made of them.
+_Number = float | None | Literal["inf", "-inf"]
+_Sample = tuple[_Number, _Number, _Number, _Number, str]
+_Stretch = tuple[str, float, float, float, float, float, float, float, float]
+_Measured = tuple[_Stretch, float, float, float] | None
+_Quantiles = tuple[_Number, _Number, _Number]
+_State = tuple[
+    str,
+    tuple[_Sample, _Measured, _Measured],
+    list[_Stretch],
+    float,
+    tuple[_Number, _Number, _Number, _Number, _Number],
+    tuple[_Quantiles, _Quantiles, _Quantiles, _Quantiles, _Number, float, int],
+    _Number,
+]
+
+
 def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
     """The state in a snapshot."""
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
-    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s = taken["state"]
+    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s = snapshot.typed(
+        _State, "state", taken.get("state")
+    )
     distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
     meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
     return RangeState(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from enum import IntFlag
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -14,15 +13,14 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.registry import chosen_name
+from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, make_estimator, published, title_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export
-from ohmward.export.loops import joint_loops, textbook_loops
-from ohmward.published.rc_joint import nominal_of
-from ohmward.published.registry import ESTIMATORS, current_name, make_estimator, title_of
-from ohmward.published.textbook_joint import TextbookJoint
+from ohmward.export.c_library import Export, VoltageStartPrograms
+from ohmward.export.loops import EXAMPLE, textbook_loops
+from ohmward.lab import lab
 from ohmward.trace import trace
 
 #: The filter of the RC model's parameters, which is no estimator of state of charge.
@@ -36,15 +34,7 @@ WITH_LINES = ("textbook-ekf", "textbook-ukf")
 
 Style = Literal["lines", "loops"]
 
-#: Standard deviation of the open-circuit voltage about the first voltage, in the test of the joint filter [V].
-BULK_STD_V = 0.05
-
 _STEPS = 64
-_EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
-
-
-class NoFlag(IntFlag):
-    """Flags of an output that has none."""
 
 
 def battery_export(
@@ -61,7 +51,7 @@ def battery_export(
 
     filter_name: as of `SocEstimator`; "default" is the one that it takes.
     name: prefix of the symbols and files.
-    soc, soc_std: of the start in the test and the README; estimators whose start cannot be traced always start there.
+    soc, soc_std: of the start in C, in its test and README; estimators whose start cannot be traced always start there.
     sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
     style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
     curve_error_V: largest error of the open-circuit voltage of a textbook filter, of the whole pack [V]: its curve
@@ -75,26 +65,36 @@ def battery_export(
     if filter_name == JOINT:
         if curve_error_V is not None:
             raise InputError(f"{JOINT} has no open-circuit voltage curve; leave out the curve error")
-        return _joint_export(battery, name, sample_time_s, style)
+        return lab("published.joint_export").joint_export(battery, name, sample_time_s, style)
     title = f"State of charge of {battery.name}: {_title(filter_name)}"
     if curve_error_V is not None:
         battery, error_V = _on_lines(battery, filter_name, curve_error_V)
         title += f", curve within {1e3 * error_V:.2g} mV"
     estimator: Any = make_estimator(filter_name, battery)
-    rest = SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC)
+    rest = SocSample(0.0, 0.0, usual_voltage(battery), ROOM_DEGC)
     state = estimator.init(rest, soc, soc_std)
-    at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
+    at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     traceable = hasattr(estimator, "start")
-    start = trace(estimator.start, _EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, _EXAMPLE)
+    start = trace(estimator.start, EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, EXAMPLE)
     return Export(
         name=name,
         title=title,
-        step=trace(at_rate(estimator.step), state, _EXAMPLE),
+        step=trace(at_rate(estimator.step), state, EXAMPLE),
         start=start,
         flags=SocFlag,
         arguments=(soc, soc_std) if traceable else (),
         samples=vector_samples(battery),
         loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
+        voltage_start=_voltage_start(estimator) if hasattr(estimator, "voltage_start") else None,
+    )
+
+
+def _voltage_start(estimator: Any) -> VoltageStartPrograms:
+    """The start of an estimator from the first voltage, traced."""
+    start, part = estimator.voltage_start, Hypothesis(1.0, InitialSoc(0.5, 0.3))
+    return VoltageStartPrograms(
+        expected=trace(start.expected_voltage, 0.5, EXAMPLE),
+        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count),
     )
 
 
@@ -111,8 +111,8 @@ def require_style(style: str, filter_name: str) -> None:
 
 
 def _title(filter_name: str) -> str:
-    if current_name(filter_name) not in ESTIMATORS:
-        raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, JOINT))}, got {filter_name!r}")
+    if not is_estimator(filter_name):
+        raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, *published(), JOINT))}, got {filter_name!r}")
     return title_of(filter_name)
 
 
@@ -128,30 +128,7 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
     return replace(battery, thevenin=replace(model, ocv=ocv)), found_V
 
 
-def _joint_export(battery: Battery, name: str, sample_time_s: float | None, style: Style) -> Export:
-    """The published filter of states and parameters of the RC model; it starts at rest at the first voltage."""
-    if battery.rc is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [rc] model, which {JOINT} needs; "
-            "identify one with `ohmward identify ... --model rc`"
-        )
-    highest_V = battery.rc.ocv.voltage_V[-1]
-    joint = TextbookJoint(nominal_of(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
-    state = joint.init(SocSample(0.0, 0.0, _usual_voltage(battery), ROOM_DEGC))
-    at_rate = partial(_at_fixed_rate, sample_time_s=sample_time_s)
-    return Export(
-        name=name,
-        title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
-        step=trace(at_rate(joint.step), state, _EXAMPLE),
-        start=trace(joint.start, _EXAMPLE, BULK_STD_V),
-        flags=NoFlag,
-        arguments=(BULK_STD_V,),
-        samples=vector_samples(battery),
-        loops=joint_loops(joint, state, name, at_rate) if style == "loops" else None,
-    )
-
-
-def _at_fixed_rate(step: Callable[..., Any], sample_time_s: float | None) -> Callable[..., Any]:
+def at_fixed_rate(step: Callable[..., Any], sample_time_s: float | None) -> Callable[..., Any]:
     """A function of state and sample with the time step as a constant; None leaves it as it is."""
     if sample_time_s is None:
         return step
@@ -164,7 +141,7 @@ def vector_samples(battery: Battery) -> np.ndarray:
     rng = np.random.default_rng(0)
     capacity = battery.capacity_Ah
     current = capacity * np.concatenate([rng.normal(-0.5, 0.5, _STEPS // 2), np.zeros(8), rng.uniform(0, 0.5, 24)])
-    voltage = _usual_voltage(battery) * (1.0 + 0.01 * rng.standard_normal(_STEPS)) + 0.002 * current / capacity
+    voltage = usual_voltage(battery) * (1.0 + 0.01 * rng.standard_normal(_STEPS)) + 0.002 * current / capacity
     samples = np.stack([np.ones(_STEPS), current, voltage, np.full(_STEPS, ROOM_DEGC)], axis=1)
     for row, column, value in _FAULTS:
         samples[row, column] = value
@@ -187,7 +164,7 @@ _FAULTS: tuple[tuple[int, int, Any], ...] = (
 )
 
 
-def _usual_voltage(battery: Battery) -> float:
+def usual_voltage(battery: Battery) -> float:
     """Voltage at rest, half charged [V]; 0 without a model."""
     model = battery.thevenin or battery.rc
     return model.ocv.voltage_V[len(model.ocv.voltage_V) // 2] if model else 0.0

@@ -32,6 +32,17 @@ _TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same ti
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
+class VoltageStartPrograms(NamedTuple):
+    """Start from the first voltage, see `VoltageStart`.
+
+    expected: voltage expected at one state of charge, (soc, sample) -> `ExpectedVoltage`.
+    state:    (sample, *hypotheses) -> state.
+    """
+
+    expected: Program
+    state: Program
+
+
 class Export(NamedTuple):
     """An estimator or controller, traced for export.
 
@@ -42,6 +53,7 @@ class Export(NamedTuple):
     arguments: values of the start's arguments after the sample, for the test.
     samples: (T, m) of the test vectors.
     loops:   the step as loops; None where it is a straight line.
+    voltage_start: start from the first voltage, which a file of Python has; None where it cannot be traced.
     """
 
     name: str
@@ -52,6 +64,7 @@ class Export(NamedTuple):
     arguments: tuple[float, ...]
     samples: np.ndarray
     loops: Loops | None = None
+    voltage_start: VoltageStartPrograms | None = None
 
 
 class Size(NamedTuple):

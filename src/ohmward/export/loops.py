@@ -18,8 +18,6 @@ from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.export.template import filled, template
 from ohmward.filters import unscented
 from ohmward.filters.linear_algebra import PIVOT_FLOOR, TINY
-from ohmward.published.rc_joint import PARAMETERS
-from ohmward.published.textbook_joint import TextbookJoint
 from ohmward.trace import linearize, trace
 from ohmward.trace.expression import Scalar
 from ohmward.trace.lower.c_operations import literal
@@ -27,79 +25,18 @@ from ohmward.trace.lower.c_source import Function, Loops, members, places
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 
-_EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
+EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 
 #: Bytes of Thumb-2 code of the loops themselves, compiled with -Os.
-_CODE_BYTES = {"textbook-joint": 690, "unscented": 640, "extended": 440}
+_CODE_BYTES = {"unscented": 640, "extended": 440}
 
 #: Gives a function of state and sample a constant time step, if the library is exported for one.
 AtRate = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def joint_loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) -> Loops:
-    """Loops of the joint filter of states and parameters."""
-    sanitized = trace(at_rate(joint.sanitize), state, _EXAMPLE)
-    n = len(state.belief.mean)
-    w = unscented.pair_weights(n, joint.scaling)
-    words = {
-        "N": str(n),
-        "PARAMETERS": str(PARAMETERS),
-        "WALK": ", ".join(literal(s * s) for s in joint.walk),
-        "SCALE": literal(math.sqrt(w.spread)),
-        "MEAN_0": literal(w.central_mean),
-        "SIDE": literal(w.side),
-        "CENTRE": literal(math.sqrt(w.central_cov / w.pair)),
-        "PAIR": literal(w.pair),
-        "VOLTAGE_VARIANCE": literal(joint.voltage_std_V**2),
-    }
-    functions = _joint_functions(joint, state, name, sanitized)
-    return _loops("textbook-joint", "textbook-joint", name, words, sanitized.result_structure, functions)
-
-
-def _joint_functions(joint: TextbookJoint, state: Any, name: str, sanitized: Program) -> list[Function]:
-    """Straight lines of the joint filter: sanitise a sample, move the states, state and output after the step."""
-    dt_s = sanitized.outputs[0]  # a constant, where samples always come equally far apart
-
-    def move(x: np.ndarray, clean: Any) -> np.ndarray:
-        step_s = dt_s if isinstance(dt_s, float) else clean.dt_s
-        return joint.next_state(x, clean.mean_A, clean.current_A, step_s)[PARAMETERS:]
-
-    n = len(state.belief.mean)
-    example = joint.sanitize(state, _EXAMPLE)
-    concluded = trace(joint.concluded, state, 0.0, example)
-    state_struct, output_struct = (members(s) for s in _parts(concluded.result_structure))
-    in_state, in_output = places("state", state_struct), places("output", output_struct)
-    in_clean = places("clean", members(sanitized.result_structure))
-    in_sample = places("sample", members(sanitized.argument_structure.children[1]))
-    return [
-        Function(
-            "The sanitised sample.",
-            f"static void {name}_sanitize(const {name}_state *state, const {name}_sample *sample, {name}_clean *clean)",
-            sanitized,
-            in_state + in_sample,
-            in_clean,
-        ),
-        Function(
-            "The states that move, after the step.",
-            f"static void {name}_move(const float *x, const {name}_clean *clean, float *y)",
-            trace(move, np.zeros(n), example),
-            [f"x[{i}]" for i in range(n)] + in_clean,
-            [f"y[{i}]" for i in range(n - PARAMETERS)],
-        ),
-        Function(
-            "State and output after the step.",
-            f"static void {name}_conclude({name}_state *state, const {name}_clean *clean, float innovation, "
-            f"{name}_output *output)",
-            concluded,
-            [*in_state, "innovation", *in_clean],
-            in_state + in_output,
-        ),
-    ]
-
-
 def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtRate) -> Loops:
     """Loops of the filter of SoC and RC voltages, extended or unscented."""
-    predicted = trace(at_rate(textbook.predicted), state, _EXAMPLE)
+    predicted = trace(at_rate(textbook.predicted), state, EXAMPLE)
     n = len(state.belief.mean)
     w = unscented.pair_weights(n)
     words = {
@@ -112,15 +49,16 @@ def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtR
     }
     linearised = "unscented" if textbook.method == "ukf" else "extended"
     words["LINEARISED"] = _text(linearised, name, words)
-    _, clean = _parts(predicted.result_structure)
-    return _loops("textbook", linearised, name, words, clean, _textbook_functions(textbook, state, name, predicted))
+    _, clean = parts_of(predicted.result_structure)
+    functions = _textbook_functions(textbook, state, name, predicted)
+    return loops_of("textbook", name, words, clean, functions, _CODE_BYTES[linearised])
 
 
 def _textbook_functions(textbook: TextbookFilter, state: Any, name: str, predicted: Program) -> list[Function]:
     """Straight lines of the textbook filter: predict, the voltage of a state of charge, the output."""
-    example = textbook.predicted(state, _EXAMPLE)[1]
+    example = textbook.predicted(state, EXAMPLE)[1]
     estimate = trace(textbook.estimate, 0.0, 0.0, 0.0, 0.0, example)
-    before, clean = _parts(predicted.result_structure)
+    before, clean = parts_of(predicted.result_structure)
     in_state, in_clean = places("state", members(before)), places("clean", members(clean))
     in_sample = places("sample", members(predicted.argument_structure.children[1]))
     return [
@@ -161,10 +99,14 @@ def _curve(textbook: TextbookFilter, name: str, example: Any, in_clean: list[str
     return Function(comment, f"static void {prototype}, float *y, float *slope)", program, inputs, ["*y", "*slope"])
 
 
-def _loops(
-    file: str, kind: str, name: str, words: dict[str, str], clean: Structure, functions: list[Function]
+def loops_of(
+    file: str, name: str, words: dict[str, str], clean: Structure, functions: list[Function], code_bytes: int
 ) -> Loops:
-    return Loops({"clean": clean}, functions, _text(file, name, words), _CODE_BYTES[kind])
+    """Loops of a file of templates/loops, with its words filled in.
+
+    clean: structure of the sanitised sample.  code_bytes: of the loops themselves, Thumb-2 code compiled with -Os.
+    """
+    return Loops({"clean": clean}, functions, _text(file, name, words), code_bytes)
 
 
 def _text(file: str, name: str, words: dict[str, str]) -> str:
@@ -173,6 +115,7 @@ def _text(file: str, name: str, words: dict[str, str]) -> str:
     return filled(template(f"loops/{file}.c"), common | words)
 
 
-def _parts(structure: Structure) -> tuple[Structure, Structure]:
+def parts_of(structure: Structure) -> tuple[Structure, Structure]:
+    """Both parts of what a step returns."""
     first, second = structure.children  # type: ignore[union-attr]
     return first, second

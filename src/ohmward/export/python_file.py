@@ -8,9 +8,10 @@ from __future__ import annotations
 import inspect
 from collections.abc import Sequence
 from keyword import iskeyword
+from types import ModuleType
 
 from ohmward import __version__
-from ohmward.battery.soc.sample import SocFlag
+from ohmward.battery.soc import start_density
 from ohmward.errors import InputError
 from ohmward.export.c_library import Export
 from ohmward.export.template import filled, template
@@ -22,39 +23,54 @@ from ohmward.trace.structure import scalar_names, size
 USUAL_INTERVAL_S = 1.0
 
 
-def python_file(export: Export, sample_time_s: float | None = None) -> str:
+def python_file(
+    export: Export, sample_time_s: float | None = None, soc: float | None = None, soc_std: float = 0.03
+) -> str:
     """Text of the file: `start` and `step`, and `Model(X, z)` over rows of current, voltage and temperature.
 
     sample_time_s: that the export was made with; None takes the rows to come once a second.
+    soc, soc_std: initial state of charge, which the first voltage is weighed with; None takes it from that voltage.
 
     Raises:
-        InputError: the export is no estimator of the state of charge, or its name is none of a module.
+        InputError: the export is no estimator that starts from the first voltage, or its name is none of a module.
     """
-    if export.flags is not SocFlag:
+    if export.voltage_start is None:
         raise InputError(
-            f"{export.title}: Python is written for estimators of the state of charge; leave out --language"
+            f"{export.title}: Python is written for estimators of the state of charge that start from the first "
+            "voltage, such as gsf, ekf, rc and coulomb; choose one of them, or leave out --language"
         )
     if not export.name.isidentifier() or iskeyword(export.name):
         raise InputError(
             f"name must be one that Python can import, letters, digits and underscores, got {export.name!r}"
         )
     structure = export.step.step_structure
-    step, start = body(export.step, safe=True), body(export.start, safe=True)
+    step = body(export.step, safe=True)
+    expected, start = (body(program, safe=True) for program in export.voltage_start)
     states, samples = size(structure.state), size(structure.sample)
+    count = len(export.voltage_start.state.argument_structure.children) - 1
     words = {
         "TITLE": _safe(export.title),
         "VERSION": __version__,
         "NAME": export.name,
         "INTERVAL": repr(float(sample_time_s or USUAL_INTERVAL_S)),
-        "ARGUMENTS": repr(export.arguments),
+        "START": repr((soc, soc_std)),
+        "COUNT": str(count),
         "SAMPLE": repr(scalar_names(structure.sample)),
         "OUTPUT": repr(scalar_names(structure.output)),
         "FLAGS": repr({flag.name: flag.value for flag in export.flags}),
-        "OPERATIONS": _definitions(),
+        "OPERATIONS": _definitions(ieee),
+        "DENSITY": _definitions(start_density),
+        "EXPECTED_FUNCTION": _function(
+            f"expected_voltage({expected.inputs[0]}, sample)",
+            '"""Mean and standard deviations of the first voltage at a state of charge."""',
+            [f"{_row(expected.inputs[1:])} = sample"],
+            expected,
+            f"ExpectedVoltage{_row(expected.outputs)}",
+        ),
         "START_FUNCTION": _function(
-            f"start({', '.join(['sample', *start.inputs[samples:]])})",
-            '"""State before the first sample, which is looked at."""',
-            [f"{_row(start.inputs[:samples])} = sample"],
+            "start_from(sample, *parts)",
+            '"""State before the first sample, for each part of the density of the state of charge."""',
+            [f"{_row(start.inputs[:samples])} = sample", f"{_parts(start.inputs[samples:], count)} = parts"],
             start,
             _row(start.outputs),
         ),
@@ -79,12 +95,18 @@ def _row(names: Sequence[str]) -> str:
     return f"({''.join(f'{name}, ' for name in names).rstrip()})"
 
 
+def _parts(names: Sequence[str], count: int) -> str:
+    """The names as `count` hypotheses: each a weight, and the numbers of its start."""
+    length = len(names) // count
+    parts = [names[k * length : (k + 1) * length] for k in range(count)]
+    return _row([_row([weight, _row(start)]) for weight, *start in parts])
+
+
 def _safe(title: str) -> str:
     """The title as it can stand in a docstring."""
     return " ".join(title.replace("\\", "/").replace('"', "'").split())
 
 
-def _definitions() -> str:
-    """The definitions of the operations, below their imports."""
-    text = inspect.getsource(ieee)
-    return text[text.index("#: Errors") :].strip()
+def _definitions(module: ModuleType) -> str:
+    """The definitions of a module that needs NumPy alone, below its imports."""
+    return inspect.getsource(module).split("\nimport numpy as np\n", 1)[1].strip()

@@ -6,7 +6,6 @@ and compiled. `kalman`, `extended` and `unscented` each have `predict` and `upda
 
 from ohmward.filters import adaptive, conditionally_linear, consistency, extended, gate, kalman, sanitize, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, is_healthy, log_likelihood, nis, pack, unpack
-from ohmward.filters.sequential import update_sequentially
 
 __all__ = [
     "Belief",
@@ -25,5 +24,4 @@ __all__ = [
     "sanitize",
     "unpack",
     "unscented",
-    "update_sequentially",
 ]

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.soc.registry import DEFAULT
+from ohmward.battery.log_check import check_log
+from ohmward.battery.soc.fit_check import misfits
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.battery.soc.score import score
+from ohmward.battery.soc.score import voltage_score
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.logs import Log, read_log, write_table
 from ohmward.logs.hints import FileHints
-from ohmward.published.registry import make_estimator
 
 
 @dataclass(frozen=True)
@@ -66,18 +67,21 @@ class Job:
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
-        estimator = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
+        battery = BATTERY_FILE.parse(self.battery)
+        estimator = make_estimator(self.filter, battery)
         logs: dict[str, Log] = {}
         rows: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:
-                logs[path] = self._read(path)
+                logs[path] = check_log(self._read(path), battery)
             except OhmwardError as error:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
         for (path, log), found in zip(logs.items(), estimates, strict=True):
             self._write(path, log, found)
-            rows[path] = {"path": path, "error": None, **summary(log, found)}
+            wrong = misfits(battery, log, estimator, found)
+            fit = {"fits": not wrong, "misfit": wrong[0].text if wrong else None}
+            rows[path] = {"path": path, "error": None, **fit, **summary(log, found)}
         return [rows[path] for path in paths]
 
     def _read(self, path: str) -> Log:
@@ -108,7 +112,7 @@ def failed(path: str, reason: str) -> dict[str, Any]:
 def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
     """Figures of one log; None for one that this estimator does not know."""
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
-    voltage = score(found.voltage_V, log.voltage_V)
+    voltage = voltage_score(log, found)
     figures = {
         "samples": len(log),
         "duration_s": log.duration_s,

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.registry import DEFAULT
+from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
 from ohmward.optional import require
-from ohmward.published.registry import make_estimator
 
 if TYPE_CHECKING:
     from pandas import DataFrame as PandasFrame

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any, Literal, NamedTuple, TextIO
 
 from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, find_marks, unit_in_cells
@@ -22,6 +22,8 @@ from ohmward.logs.units import Unit, split_unit
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
 _HEAD_BYTES = 1 << 16
+#: A gzip file may unpack to this many bytes, or to this many times of what it took: logs shrink by 3 to 20.
+UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
 # Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
 _DELIMITERS = "\t;,|"
@@ -79,6 +81,38 @@ class _Split(NamedTuple):
     block: ValueBlock
 
 
+class _LimitedGzip(gzip.GzipFile):
+    """A gzip file [path] that is refused where it unpacks to far more than a log does.
+
+    Raises:
+        InputError: on reading; names the limit and the fix.
+    """
+
+    def __init__(self, path: Path, mode: Literal["rb"]) -> None:
+        super().__init__(path, mode)
+        self.packed: Any = self.fileobj
+
+    def readinto(self, target: Any) -> int:
+        self._require_log()
+        return super().readinto(target)
+
+    def read(self, size: int | None = -1) -> bytes:
+        self._require_log()
+        return super().read(size)
+
+    def read1(self, size: int = -1) -> bytes:
+        self._require_log()
+        return super().read1(size)
+
+    def _require_log(self) -> None:
+        unpacked, taken = self.tell(), max(self.packed.tell(), 1)
+        if unpacked > UNPACKED_BYTES and unpacked > _UNPACKED_TIMES * taken:
+            raise InputError(
+                f"{Path(self.name).name}: the gzip file unpacks to more than {UNPACKED_BYTES >> 20} MiB and "
+                f"{_UNPACKED_TIMES} times its size, as no log does; if it is one, unpack it with gunzip first"
+            )
+
+
 def open_text(path: Path, encoding: str | None = None) -> TextIO:
     """The file as text, plain or gzip, in an encoding, or in the one that its first bytes tell.
 
@@ -86,7 +120,7 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
         InputError: the file is not text.
     """
     with path.open("rb") as stream:
-        opener = gzip.open if stream.read(2) == b"\x1f\x8b" else open
+        opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
     if encoding is None:
         with opener(path, "rb") as stream:
             encoding = _encoding_of(path, stream.read(_HEAD_BYTES))

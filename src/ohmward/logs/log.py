@@ -27,6 +27,11 @@ from ohmward.logs.window import window_s
 
 SECONDS_PER_HOUR = 3600.0
 
+#: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
+COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
+#: So many samples at least tell that it never changes.
+_SAMPLES_OF_A_CONSTANT = 50
+
 
 @dataclass(frozen=True, eq=False)
 class Log(TimeSeries):
@@ -172,7 +177,7 @@ def _as_log(
     doubts = guess_notes(*clock, rows.guessed_unit)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
-    temperature, told = _temperature(file, measured.get("temperature"), time_s.size)
+    temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
@@ -197,15 +202,35 @@ def _to_numbers(table: Table, chosen: Mapping[str, Column], state: str | None) -
 
 
 def _temperature(
-    file: TableFile, measured: np.ndarray | None, samples: int
+    file: TableFile, column: Column | None, measured: np.ndarray | None, samples: int
 ) -> tuple[np.ndarray | None, tuple[Note, ...]]:
-    """The temperature (T,) [degC] that was measured, else the one that the user told; None for neither."""
+    """The temperature (T,) [degC] that was measured, else the one that the user told; None for neither.
+
+    column: of the temperature, where there is one.
+    """
     told = file.hints.temperature_degC
+    notes: tuple[Note, ...] = ()
+    if column is not None and measured is not None and _is_of_no_sensor(column, measured):
+        says = "" if told is not None else "; if it is right, or to give another, say --temperature 25"
+        text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
+        measured, notes = None, (Note(text, "warning"),)
     if told is None:
-        return measured, ()
+        return measured, notes
     if measured is not None:
         return measured, (Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),)
-    return np.full(samples, told), (Note(f"temperature of {told:g} degC throughout, as told"),)
+    return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
+
+
+def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
+    """True for a temperature (T,) [degC] that never changes and is the column's zero, or no chamber's.
+
+    A constant 25 degC may be the set point of a chamber.
+    """
+    known = measured[np.isfinite(measured)]
+    if known.size < _SAMPLES_OF_A_CONSTANT or known.min() < known.max():
+        return False
+    zero_degC = column.unit.in_si(np.zeros(1))[0] if column.unit else 0.0
+    return bool(np.isclose(known[0], zero_degC)) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
 
 
 def _since_start(

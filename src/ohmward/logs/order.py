@@ -1,12 +1,15 @@
-"""Make the time of a table increase: late rows, clocks that start again, equal times."""
+"""Make the time of a table increase: late rows, clocks that start again, equal and coarse stamps."""
 
 from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.note import Note, counted
-from ohmward.logs.selection import explain_recordings
+from ohmward.logs.selection import explain_instances, explain_recordings, find_instances
 from ohmward.logs.table import Table
 
 
@@ -16,6 +19,12 @@ class SeveralRecordingsError(InputError):
 
 # More rows than this fraction out of order are not a few that were written late.
 _MOST_LATE = 0.05
+#: Where more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
+_MOST_REPEATED = 0.2
+#: Quantile of the intervals between stamps that is the smallest one, a few odd stamps aside.
+_SMALLEST_STEP = 0.01
+#: Stamps that are this many times their smallest interval apart have a pause between them.
+_PAUSE = 1.5
 
 
 def find_restarts(time_s: np.ndarray) -> np.ndarray:
@@ -50,17 +59,114 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
     return table.pick(np.argsort(time_s, kind="stable")).with_notes(note)
 
 
-def merge_equal_times(table: Table, time: str) -> Table:
-    """One row for each time; of rows with the same time, the last value of each column that is not NaN counts."""
+def require_one_instance(table: Table, time: str, channels: Collection[str]) -> None:
+    """Refuse rows of several batteries or robots side by side.
+
+    time: the column with the time [s], which does not fall; channels: the columns that were measured.
+
+    Raises:
+        InputError: names the column that tells them apart, and its values.
+    """
+    if name := find_instances(table, time, channels):
+        raise SeveralRecordingsError(explain_instances(table, name))
+
+
+def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Table:
+    """Rows with a time of their own each.
+
+    Rows of one time that hold different channels, or the same values twice, become one row. Rows that measured the
+    same channel again are readings of their own: where they are many, the stamps are coarser than the rows, which are
+    spread over the interval of the stamps; where they are few, the last one counts, with a warning.
+
+    time: the column with the time [s], which does not fall; channels: the columns that were measured.
+
+    """
+    repeats = find_repeats(table, time, channels)
+    if repeats.differ and repeats.again.mean() > _MOST_REPEATED:
+        return _spread(table, time)
+    return merge_equal_times(table, time, "warning" if repeats.differ else "info")
+
+
+class Repeats(NamedTuple):
+    """Rows of a table that share their time.
+
+    again: (T,) a channel of the row is measured once more by a later row of the same time.
+    differ: two such measurements have different values.
+    """
+
+    again: np.ndarray
+    differ: bool
+
+
+def find_repeats(table: Table, time: str, channels: Collection[str]) -> Repeats:
+    """The rows that measured a channel which a later row of the same time measured as well.
+
+    time: the column with the time [s], which does not fall; channels: the columns that were measured.
+    """
+    time_s = table.columns[time]
+    again = np.zeros(time_s.size, dtype=bool)
+    differ = False
+    if (time_s[1:] > time_s[:-1]).all():
+        return Repeats(again, differ)
+    for name in channels:
+        values = table.columns[name]
+        if values.dtype.kind not in "fiu":
+            continue
+        rows = np.flatnonzero(np.isfinite(values))
+        same = time_s[rows[1:]] == time_s[rows[:-1]]
+        again[rows[:-1][same]] = True
+        differ = differ or bool((values[rows[1:]] != values[rows[:-1]])[same].any())
+    return Repeats(again, differ)
+
+
+def merge_equal_times(table: Table, time: str, level: str = "info") -> Table:
+    """One row for each time; of rows with the same time, the last value of each column that is not NaN counts.
+
+    level: of the note on it.
+    """
     time_s = table.columns[time]
     later = time_s[1:] > time_s[:-1]
     if later.all():
         return table
     first = np.flatnonzero(np.concatenate([[True], later]))
     columns = {name: _last_known(values, first) for name, values in table.columns.items()}
-    repeated = counted(time_s.size - first.size, "row")
-    note = Note(f"{repeated} with the time of the row before: the last value of each column kept")
+    repeated = time_s.size - first.size
+    percent = 100.0 * repeated / time_s.size
+    note = Note(
+        f"{repeated} of {counted(time_s.size, 'row')} ({percent:.3g} %) with the time of the row before: the last "
+        "value of each column kept",
+        level,
+    )
     return table._replace(columns=columns, line=table.line[first]).with_notes(note)
+
+
+def _spread(table: Table, time: str) -> Table:
+    """The table with the n rows of each stamp, to which the logger rounded down, at equal intervals until the next.
+
+    The interval of the stamps is the smallest between two of them. Beside a pause, at the start and at the end, a
+    stamp may hold fewer rows than its interval had room for: they lie at the usual distance from each other, before
+    the pause from the stamp on, after it up to the next stamp.
+    """
+    time_s = table.columns[time]
+    stamp_s, group, count = np.unique(time_s, return_inverse=True, return_counts=True)
+    steps = np.diff(stamp_s)
+    interval_s = float(np.quantile(steps, _SMALLEST_STEP, method="lower")) if steps.size else 1.0
+    room_s = np.minimum(np.append(steps, interval_s), interval_s)
+    is_pause = np.append(steps, np.inf) > _PAUSE * interval_s
+    after_pause = np.concatenate([[True], is_pause[:-1]])
+    distance_s = room_s / count
+    inner = ~(is_pause | after_pause)
+    usual_s = float(np.median(distance_s[inner])) if inner.any() else float(distance_s.min())
+    distance_s[~inner] = np.minimum(distance_s[~inner], usual_s)
+    begin_s = stamp_s + np.where(after_pause & ~is_pause, room_s - count * distance_s, 0.0)
+    within = np.arange(time_s.size) - np.searchsorted(time_s, time_s)
+    spread_s = begin_s[group] + within * distance_s[group]
+    note = Note(
+        f"{counted(time_s.size, 'row')} with {counted(stamp_s.size, 'stamp')}, {interval_s:g} s apart: the rows of one "
+        "stamp are spread evenly until the next; let the logger write finer stamps",
+        "warning",
+    )
+    return table.with_columns({time: spread_s}, note)
 
 
 def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:

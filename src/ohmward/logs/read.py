@@ -30,10 +30,17 @@ from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.long_table import as_wide
-from ohmward.logs.order import SeveralRecordingsError, find_restarts, merge_equal_times, sort_rows
+from ohmward.logs.order import (
+    SeveralRecordingsError,
+    find_repeats,
+    find_restarts,
+    require_one_instance,
+    settle_equal_times,
+    sort_rows,
+)
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_json, open_json, open_workbook
-from ohmward.logs.selection import RECORDING, recording_numbers, select_rows
+from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.table import Progress, Table, TableFile
 from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
 
@@ -161,7 +168,8 @@ def read_recording(
     time = columns["time"].name
     date = date_column(file, time)
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
-    table = file.load(_names(file, own, wanted), wanted.progress)
+    names = _names(file, own, wanted)
+    table = file.load({*names, *filter(names_instances, file.names)}, wanted.progress)
     labels = dict(wanted.where)
     if file.choose:
         labels.pop(TOPIC, None)
@@ -173,15 +181,27 @@ def read_recording(
     if number is not None:
         numbers = recording_numbers(find_restarts(table.columns[time]), table.line.size)
         table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
+    channels = {column.name for channel, column in columns.items() if channel != "time"} & table.columns.keys()
     try:
         table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
+        clock_parts = own - channels - {time}
+        require_one_instance(_only(table, table.columns.keys() - clock_parts), time, channels)
+        if wanted.extra is not None and find_repeats(table, time, channels).differ:
+            raise SeveralRecordingsError(f"{table.source}: rows with the same time differ")
     except SeveralRecordingsError:
         if wanted.extra is None:
             raise
         # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
-        return read_recording(file, columns, wanted._replace(extra=None), to_numbers)
-    merged = merge_equal_times(drop_text(table), time)
-    return RecordedTable(merged, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone)
+        rows = read_recording(file, columns, wanted._replace(extra=None), to_numbers)
+        return rows._replace(table=_only(rows.table, names))
+    table = drop_text(_only(table, {*names, RECORDING}))
+    settled = settle_equal_times(table, time, channels & table.columns.keys())
+    return RecordedTable(settled, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone)
+
+
+def _only(table: Table, names: Collection[str]) -> Table:
+    """The table with the columns of these names alone."""
+    return table._replace(columns={name: values for name, values in table.columns.items() if name in names})
 
 
 def _names(file: TableFile, own: Collection[str], wanted: Wanted) -> set[str]:

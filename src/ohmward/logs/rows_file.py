@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from xml.parsers import expat
 
 import numpy as np
 
@@ -23,6 +25,13 @@ from ohmward.optional import require
 
 #: Beginnings of a file of JSON.
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
+#: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
+MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
+#: Bytes of a part that are looked at together, and those of one tag that may lie across two such blocks.
+_BLOCK, _LONGEST_TAG = 1 << 20, 1 << 8
+#: A cell of Excel, and one with its place as nearly all write it.
+_CELL = re.compile(rb"<(?:\w+:)?c[\s/>]")
+_PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']""")
 WORKBOOK_ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 
 
@@ -40,8 +49,11 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
     """
     calamine = require("python_calamine", "a workbook")
     try:
+        _require_size(path)
         book = calamine.CalamineWorkbook.from_path(str(path))
         sheets = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names}
+    except InputError:
+        raise
     except Exception as error:  # of its parser, many kinds
         raise InputError(f"{path.name}: no readable workbook ({error}); save it again, or as CSV") from error
     found = []
@@ -57,6 +69,157 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
     _, _, sheet_name, rows, header = max(found, key=lambda one: one[:2])
     notes = (Note(f"sheet {sheet_name!r} of {len(sheets)}"),) if len(sheets) > 1 else ()
     return _table_file(path.name, rows, header, hints, notes)
+
+
+def _require_size(path: Path) -> None:
+    """Refuse a workbook whose sheets would not fit the memory; its parser holds all cells between those filled.
+
+    A sheet of the older .xls has no more than 16 million.
+
+    Raises:
+        InputError: names the limit and the fix.
+        BadZipFile: a part is not what the workbook says of it.
+    """
+    if not zipfile.is_zipfile(path):
+        return
+    with zipfile.ZipFile(path) as book:
+        if sum(part.file_size for part in book.infolist()) > MOST_BYTES:
+            raise InputError(
+                f"{path.name}: the workbook unpacks to more than {MOST_BYTES >> 30} GiB; save its log as CSV or Parquet"
+            )
+        cells = 0
+        for part in book.infolist():
+            with book.open(part) as stream:
+                cells += _cells_of_part(part.filename, stream)
+    if cells > MOST_CELLS:
+        raise InputError(
+            f"{path.name}: the filled cells of the workbook span {cells:,} cells, more than {MOST_CELLS:,}; delete the "
+            "cells far from the log, or save it as CSV or Parquet"
+        )
+
+
+class _Extent:
+    """First and last row and column of the filled cells of a sheet."""
+
+    def __init__(self) -> None:
+        self.first_row = self.row = self.column = 0
+        self.rows: tuple[int, int] | None = None
+        self.columns: tuple[int, int] | None = None
+
+    @property
+    def cells(self) -> int:
+        """The cells between them."""
+        if self.rows is None or self.columns is None:
+            return 0
+        return (self.rows[1] - self.rows[0] + 1) * (self.columns[1] - self.columns[0] + 1)
+
+    def include(self, first_row: int, last_row: int, first_column: int, last_column: int) -> None:
+        """Widen the extent by filled cells."""
+        rows, columns = self.rows or (first_row, last_row), self.columns or (first_column, last_column)
+        self.rows = min(rows[0], first_row), max(rows[1], last_row)
+        self.columns = min(columns[0], first_column), max(columns[1], last_column)
+
+
+def _cells_of_part(name: str, stream: IO[bytes]) -> int:
+    """Cells of a part of a workbook, from its first filled one to its last; the part is read to its end."""
+    if name == "content.xml":
+        return _cells_of_xml(stream, _of_open_document)
+    if "/worksheets/" in name and name.endswith(".bin"):
+        return _cells_of_records(stream)
+    cells = _cells_of_places(stream)
+    if cells is None and name.endswith(".xml"):
+        stream.seek(0)
+        cells = _cells_of_xml(stream, _of_excel)
+    while stream.read(_BLOCK):
+        pass
+    return cells or 0
+
+
+def _cells_of_places(stream: IO[bytes]) -> int | None:
+    """Cells of a sheet of Excel by the places that stand in them; None where one has none."""
+    sheet = _Extent()
+    before = b""
+    while block := stream.read(_BLOCK):
+        block = before + block
+        end = max(block.rfind(b"<", -_LONGEST_TAG), 0) or len(block)
+        places = _PLACE.findall(block, 0, end)
+        if len(places) != len(_CELL.findall(block, 0, end)):
+            return None
+        before = block[end:]
+        rows = [int(row) for _, row in places]
+        columns = [_column_number(column) for column in {column for column, _ in places}]
+        if places:
+            sheet.include(min(rows), max(rows), min(columns), max(columns))
+    return sheet.cells
+
+
+def _column_number(letters: bytes) -> int:
+    """1 for A, 26 for Z, 27 for AA."""
+    return sum((letter - 64) * 26**k for k, letter in enumerate(reversed(letters)))
+
+
+def _cells_of_xml(stream: IO[bytes], include: Callable[[_Extent, str, dict[str, str]], None]) -> int:
+    sheets = [_Extent()]
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        name = tag.rpartition(":")[2]
+        if name == "table":
+            sheets.append(_Extent())
+        include(sheets[-1], name, attributes)
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = begin
+    parser.ParseFile(stream)
+    return sum(sheet.cells for sheet in sheets)
+
+
+def _of_excel(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
+    """A row or a cell of Excel, with its place, such as 12 or XFD12, or behind the one before."""
+    if tag == "row":
+        sheet.row, sheet.column = int(attributes.get("r", sheet.row + 1)), 0
+    elif tag == "c":
+        sheet.column += 1
+        if place := attributes.get("r"):
+            letters = place.rstrip("0123456789").upper()
+            sheet.column = _column_number(letters.encode())
+            sheet.row = int(place[len(letters) :])
+        sheet.include(sheet.row, sheet.row, sheet.column, sheet.column)
+
+
+def _of_open_document(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
+    """A row or a cell of .ods, which stands once for several."""
+    if tag == "table-row":
+        repeated = int(attributes.get("table:number-rows-repeated", 1))
+        sheet.first_row, sheet.row, sheet.column = sheet.row + 1, sheet.row + repeated, 0
+    elif tag in ("table-cell", "covered-table-cell"):
+        first, sheet.column = sheet.column + 1, sheet.column + int(attributes.get("table:number-columns-repeated", 1))
+        if "office:value-type" in attributes:
+            sheet.include(sheet.first_row, sheet.row, first, sheet.column)
+
+
+def _cells_of_records(stream: IO[bytes]) -> int:
+    """Cells of a sheet of .xlsb: records of kind, size and content."""
+    sheet = _Extent()
+    while (kind := _packed_number(stream, 2)) is not None and (size := _packed_number(stream, 4)) is not None:
+        record = stream.read(size)
+        number = int.from_bytes(record[:4], "little")
+        if kind == 0:
+            sheet.row = number
+        elif kind <= 11:  # a cell
+            sheet.include(sheet.row, sheet.row, number, number)
+    return sheet.cells
+
+
+def _packed_number(stream: IO[bytes], most: int) -> int | None:
+    """A number of seven bits a byte, of which the last has no eighth; None at the end."""
+    number = 0
+    for k in range(most):
+        if not (byte := stream.read(1)):
+            return None
+        number |= (byte[0] & 0x7F) << (7 * k)
+        if byte[0] < 0x80:
+            break
+    return number
 
 
 def _has_log(names: Sequence[str]) -> bool:

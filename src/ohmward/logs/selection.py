@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.channels import letters
 from ohmward.logs.columns import argument, guess, listed
 from ohmward.logs.note import Note
 from ohmward.logs.table import Table, numbers
@@ -15,6 +16,17 @@ from ohmward.logs.table import Table, numbers
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"
 _MOST_SEPARATORS = 3
+#: Words in the name of a column that tells batteries or robots apart, and words beside them.
+_INSTANCE = frozenset(("instance", "battery", "pack", "bms", "robot"))
+_BESIDE_INSTANCE = frozenset(("id", "no", "nr", "number", "name", "index", "serial"))
+#: Words of the rest of a stamp, which tells its rows apart as well.
+_STAMP = frozenset(("s", "sec", "secs", "second", "seconds", "ms", "msec", "millis", "milliseconds", "us", "ns"))
+#: So many instances at most in one table; rows whose labels are looked at first.
+_MOST_INSTANCES, _HEAD_ROWS = 16, 1000
+#: Fraction of the rows that take turns, or of the rarer instances that have the time of another row.
+_SIDE_BY_SIDE = 0.5
+#: Between rows of different instances a channel changes by this many times its change within one.
+_MORE_CHANGE = 1.5
 
 
 def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
@@ -81,6 +93,84 @@ def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str,
             if _rises([codes[name] for name in names], first, last):
                 return names
     return ()
+
+
+def find_instances(table: Table, time: str, channels: Collection[str]) -> str | None:
+    """The column whose few values tell batteries or robots apart whose rows stand side by side; None for none.
+
+    The rows of the instances take turns, or those of the rarer ones share their stamps with others, and none has a
+    stamp twice. A flag of one battery may do the same: the name of the column must be that of instances, or a channel
+    changes more from instance to instance than within each.
+
+    time: the column with the time [s], which does not fall; channels: the columns that were measured.
+    """
+    time_s = table.columns[time]
+    equal = time_s[1:] == time_s[:-1]
+    shared = np.append(equal, False) | np.append(False, equal)
+    for name, values in table.columns.items():
+        if name == time or name in channels or _STAMP & set(letters(name)) or not _are_labels(values):
+            continue
+        turns = _changes(values)
+        often = turns.size >= _SIDE_BY_SIDE * equal.size
+        if not turns.size or not (often or equal.any()):
+            continue
+        code = np.unique(values.astype(str) if values.dtype == object else values, return_inverse=True)[1]
+        counts = np.bincount(code)
+        order = np.argsort(code, kind="stable")
+        within = np.diff(code[order]) == 0
+        before, later = order[:-1][within], order[1:][within]
+        if counts.size > _MOST_INSTANCES or counts.min() < 2 or (time_s[later] == time_s[before]).any():
+            continue
+        beside = often or shared[code != np.argmax(counts)].mean() >= _SIDE_BY_SIDE
+        if beside and (names_instances(name) or _differ(table, channels, turns, (before, later))):
+            return name
+    return None
+
+
+def names_instances(name: str) -> bool:
+    """True for the name of a column that tells batteries or robots apart: Instance, Battery ID; not pack_voltage."""
+    words = set(letters(name))
+    return bool(words & _INSTANCE) and words <= _INSTANCE | _BESIDE_INSTANCE
+
+
+def _are_labels(values: np.ndarray) -> bool:
+    """True where the first rows hold a few whole numbers or texts, none missing."""
+    head = values[:_HEAD_ROWS]
+    if head.dtype.kind == "f" and not (np.isfinite(head).all() and (head == np.rint(head)).all()):
+        return False
+    return head.dtype.kind in "fiubO" and len(set(head.tolist())) <= _MOST_INSTANCES
+
+
+def _differ(
+    table: Table, channels: Collection[str], turns: np.ndarray, neighbours: tuple[np.ndarray, np.ndarray]
+) -> bool:
+    """True where a channel changes more at the rows `turns` than between the `neighbours` of one instance."""
+    before, later = neighbours
+    for name in channels:
+        values = table.columns[name]
+        if values.dtype.kind not in "fiu":
+            continue
+        between = _median_change(values[turns - 1], values[turns])
+        if between > _MORE_CHANGE * _median_change(values[before], values[later]):
+            return True
+    return False
+
+
+def _median_change(before: np.ndarray, later: np.ndarray) -> float:
+    """Median of the size of the changes that are known; 0 for none."""
+    change = np.abs(later - before)
+    known = np.isfinite(change)
+    return float(np.median(change[known])) if known.any() else 0.0
+
+
+def explain_instances(table: Table, name: str) -> str:
+    """The message on the rows of several batteries or robots side by side, which the column `name` tells apart."""
+    values = list(dict.fromkeys(_plain(value) for value in table.columns[name]))
+    options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)
+    return (
+        f"{table.source}: the rows of {len(values)} batteries or robots take turns, told apart by {name!r}; choose one "
+        f"with {options} (where={{{name!r}: {values[0]!r}}})"
+    )
 
 
 def _rises(codes: Sequence[np.ndarray], first: np.ndarray, last: np.ndarray) -> bool:

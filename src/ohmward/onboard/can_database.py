@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,10 +97,7 @@ class CanDecoder:
     @property
     def filters(self) -> list[dict[str, Any]]:
         """Filters of the frames that matter, as python-can takes them."""
-        return [
-            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for number, extended in self._frames
-        ]
+        return _filters(self._frames)
 
     def values(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
         """Quantities of a frame; none of a frame that is not wired, None of one that cannot be decoded."""
@@ -132,6 +129,16 @@ class CanEncoder:
             found = database.find(scaled.name)
             self._frames.setdefault(found.frame.name, (found.frame, []))[1].append((name, found.signal, scaled))
 
+    @property
+    def identifiers(self) -> dict[tuple[int, bool], str]:
+        """Identifier, extended or not, of every frame, and its name."""
+        return {(frame.frame_id, frame.is_extended_frame): name for name, (frame, _) in self._frames.items()}
+
+    @property
+    def filters(self) -> list[dict[str, Any]]:
+        """Filters of its own frames, as python-can takes them."""
+        return _filters(self.identifiers)
+
     def frames(self, numbers: Mapping[str, float]) -> list[tuple[int, bool, bytes]]:
         """Identifier, extended or not, and data of every frame whose numbers are all known; signals saturate.
 
@@ -147,6 +154,13 @@ class CanEncoder:
                 data[signal.name] = _saturated(signal, (found[name] - scaled.offset) / scaled.scale)
             frames.append((frame.frame_id, frame.is_extended_frame, frame.encode(data, strict=False)))
         return frames
+
+
+def _filters(identifiers: Iterable[tuple[int, bool]]) -> list[dict[str, Any]]:
+    return [
+        {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+        for number, extended in identifiers
+    ]
 
 
 def _saturated(signal: Any, value: float) -> float:

@@ -31,6 +31,9 @@ from ohmward.traction.terrain.demand import travel_speed
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
 
+#: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
+ODOMETRY_SIGNALS = {"time_s", "wheel_speed_rad_s", "yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s"}
+
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
 
@@ -66,7 +69,6 @@ class Estimation:
         self.odometry = Odometry(robot) if robot else None
         self.range = RangeEstimator(battery, consumption or robot, days) if battery and robot else None
         self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
-        self.state = RobotState(math.nan, math.nan)
         #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
         self.shift_s = 0.0
         #: Charge before a long absence, which the first voltage after it may contradict.
@@ -75,6 +77,7 @@ class Estimation:
         self.last_current_A = math.nan
         self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
         places = tuple(place.name for place in robot.places) if robot else ()
+        self.state = RobotState(math.nan, math.nan, wheels=places[: robot.driven] if robot else ())
         self._wheel_signals = {
             argument: tuple(f"{name}.{place}" for place in places)
             for argument, name in (("wheel_speed_rad_s", "wheel_speed_rad_s"), ("current_A", "motor_current_A"))
@@ -216,7 +219,7 @@ class Estimation:
         cells_V = [sample.values.get(name, math.nan) for name in self._cell_names]
         current_A = sample.values.get(CURRENT, math.nan)
         found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)
-        self.state = self.state._replace(cells=found)
+        self.state = self.state._replace(cells=found, cells_time_s=sample.time_s)
 
     def _told_full(self, time_s: float) -> list[RobotState]:
         """The state after a charger has said that the battery is full."""
@@ -230,9 +233,9 @@ class Estimation:
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
         slip = self.slip.update(**sample)
-        time_s, speeds = sample["time_s"], sample["wheel_speed_rad_s"]
-        pose = self.odometry.update(time_s, speeds, sample.get("yaw_rate_rad_s"), observed=slip)
-        return self._after(time_s, self._signals(sample), slip=slip, pose=pose, drive_time_s=time_s)
+        seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
+        pose = self.odometry.update(**seen, observed=slip)
+        return self._after(sample["time_s"], self._signals(sample), slip=slip, pose=pose, drive_time_s=sample["time_s"])
 
     def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
         """Values of a sample of the drive by signal, wheels by name; those that were not measured left out."""

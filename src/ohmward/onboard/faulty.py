@@ -13,17 +13,18 @@ class FaultyInput:
     Args:
         name: of the source.
         sentence: about them, "lines are no JSON object".
+        kind: of what is named, "source".
 
     Attributes:
         number: of them so far.
     """
 
-    def __init__(self, name: str, sentence: str):
-        self.name, self.sentence, self.number = name, sentence, 0
+    def __init__(self, name: str, sentence: str, kind: str = "source"):
+        self.name, self.sentence, self.kind, self.number = name, sentence, kind, 0
 
     def count(self, more: int = 1, example: bytes = b"") -> None:
         """Count more of them; every doubling of the number is a line in the log, with the beginning of an example."""
         before, self.number = self.number, self.number + more
         if self.number.bit_length() > before.bit_length():
             quoted = f", such as {reprlib.repr(example.decode(errors='replace'))}" if example else ""
-            LOG.warning("source %s: %s (%d so far%s)", self.name, self.sentence, self.number, quoted)
+            LOG.warning("%s %s: %s (%d so far%s)", self.kind, self.name, self.sentence, self.number, quoted)

@@ -1,13 +1,24 @@
-"""Lines of a connection, as they come: a protocol of asyncio, which wakes the process half as often as a stream."""
+"""Lines of a connection, as they come, and how many connections whoever reaches an address may hold.
+
+The reader is a protocol of asyncio, which wakes the process half as often as a stream.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Callable
 
 #: Longest line that is read [bytes]; a longer one is left out.
 LONGEST_LINE = 1 << 16
+
+#: Connections to an address that have said nothing of use yet, and those that have: each is a file handle of the
+#: process, which has a thousand by default.
+MOST_STRANGERS, MOST_KNOWN = 32, 64
+
+#: Connections that the operating system hands over at once; they take a handle before they can be refused.
+BACKLOG = 16
 
 #: Lines of a burst that are read before others have their turn: some milliseconds.
 AT_ONCE = 16
@@ -20,12 +31,17 @@ class LineReader(asyncio.Protocol):
         take: takes a line without its end; never raises.
         left_out: is called for a line that is too long.
         end: is called once, after the last line, with the error that ended the connection, if one did.
+        begin: is called once, with the connection.
     """
 
     def __init__(
-        self, take: Callable[[bytes], None], left_out: Callable[[], None], end: Callable[[Exception | None], None]
+        self,
+        take: Callable[[bytes], object],
+        left_out: Callable[[], None],
+        end: Callable[[Exception | None], None],
+        begin: Callable[[asyncio.BaseTransport], None] | None = None,
     ):
-        self._take, self._left_out, self._end = take, left_out, end
+        self._take, self._left_out, self._end, self._begin = take, left_out, end, begin
         self._waiting: deque[bytes] = deque()
         self._rest, self._skipping = b"", False
         self._busy, self._closed = False, False
@@ -36,6 +52,8 @@ class LineReader(asyncio.Protocol):
         """Begin."""
         assert isinstance(transport, asyncio.ReadTransport)
         self.transport = transport
+        if self._begin:
+            self._begin(transport)
 
     def data_received(self, data: bytes) -> None:
         """Take in what has come; of a line that is too long all is left out."""
@@ -72,3 +90,53 @@ class LineReader(asyncio.Protocol):
             self._end(self._error)
         elif was_busy and self.transport:
             self.transport.resume_reading()
+
+
+class Visitors:
+    """Connections to an address that anybody may reach, in bounded numbers.
+
+    A stranger becomes known by what it sends. Where strangers are too many the oldest of them goes, where known ones
+    are, that which has been silent for longest: no number of idle or dead ones keeps others out.
+
+    Args:
+        wait_s: a stranger goes after so long.
+        left_out: is called for each that goes.
+    """
+
+    def __init__(self, left_out: Callable[[], None], wait_s: float = math.inf):
+        self._left_out, self._wait_s = left_out, wait_s
+        self._strangers: dict[asyncio.BaseTransport, asyncio.TimerHandle | None] = {}
+        self._known: dict[asyncio.BaseTransport, None] = {}
+
+    def arrive(self, transport: asyncio.BaseTransport) -> None:
+        """Take a stranger in."""
+        if len(self._strangers) >= MOST_STRANGERS:
+            self._refuse(next(iter(self._strangers)))
+        timed = self._wait_s < math.inf
+        self._strangers[transport] = (
+            asyncio.get_running_loop().call_later(self._wait_s, self._refuse, transport) if timed else None
+        )
+
+    def know(self, transport: asyncio.BaseTransport) -> None:
+        """Know a connection by what it has sent just now."""
+        self.leave(transport)
+        if len(self._known) >= MOST_KNOWN:
+            self._refuse(next(iter(self._known)))
+        self._known[transport] = None
+
+    def leave(self, transport: asyncio.BaseTransport) -> None:
+        """Forget a connection that has ended."""
+        self._known.pop(transport, None)
+        if timer := self._strangers.pop(transport, None):
+            timer.cancel()
+
+    def close(self) -> None:
+        """Close them all."""
+        for transport in (*self._strangers, *self._known):
+            self.leave(transport)
+            transport.close()
+
+    def _refuse(self, transport: asyncio.BaseTransport) -> None:
+        self.leave(transport)
+        self._left_out()
+        transport.close()

@@ -86,7 +86,7 @@ def is_alive(process: Process) -> bool:
 
 def status(process: Process) -> str:
     """A line for `systemctl status`: charge, and what is not in order."""
-    charge = process.estimation.state.battery
+    charge = process.state.battery
     parts = [f"charge {100.0 * charge.soc:.0f} %"] if charge else []
     worse = [told for told in process.diagnostics.values() if told.level != Level.OK]
     parts += [f"{told.name}: {told.message}" for told in worse[:1]] or ["in order"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -53,6 +53,15 @@ class Sink(Protocol):
 
         What could not be delivered goes back to the feed (`Feed.put_back`) or stays on the sink's own disk.
         """
+        ...
+
+
+@runtime_checkable
+class ActingSink(Protocol):
+    """A sink that sends by itself, without any state: commands, its status, what waited on the disk."""
+
+    async def try_out(self) -> None:
+        """Open what it sends to, and send nothing, until it is cancelled."""
         ...
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import math
 import signal
@@ -11,11 +12,13 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import Any
 
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.part import LOG, EndedError, Sink, Source, is_live, keep_running
@@ -45,6 +48,9 @@ SETTLED_S = 2.0
 #: In strict mode a source or sink that fails so soon after the start ends the process.
 STRICT_S = 5.0
 
+#: Errors of a connection that cannot be taken for want of file handles or memory.
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
 #: Name of something that runs beside sources and sinks, and the function that does.
 Companion = tuple[str, Callable[[], Awaitable[None]]]
 
@@ -62,6 +68,7 @@ class Process:
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
 
     Attributes:
+        state: that was passed on last, with no estimate whose sensors are silent.
         faults: messages of a source in a row that the estimators failed at, for a fault of their own.
         stopping: set once somebody stops it.
     """
@@ -85,6 +92,7 @@ class Process:
         self._own = {source.name for source in sources if not is_live(source)}
         promised = {source.name: getattr(source, "signals", ()) for source in sources if source.name not in self._own}
         self.watch = SensorWatch(estimation.battery, estimation.robot, promised)
+        self.state = estimation.state
         self._told: tuple[Diagnostic, ...] = ()
         self._ahead_s = 0.0
         self._passed_s = self.clock.now_s()
@@ -92,6 +100,7 @@ class Process:
         self.faults: Counter[str] = Counter()
         self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
         self._refused = ""
+        self._exhausted = FaultyInput("connections", "cannot be taken; who opens so many?", "process")
 
     async def run(self) -> None:
         """Run until every source has ended or `stop` is called; sinks then deliver what waits.
@@ -106,6 +115,7 @@ class Process:
         if not self.sinks:
             LOG.warning("no sink: nobody gets the estimates; add a [[sink]] to the setup")
         sys.setswitchinterval(SWITCH_S)
+        asyncio.get_running_loop().set_exception_handler(self._take_error)
         sinks = [self._begin(f"sink {sink.name}", partial(_deliver, sink, feed)) for sink, feed in self.sinks]
         watch = self._begin("sensors", self._look)
         beside = [
@@ -202,6 +212,14 @@ class Process:
             self._refused = self._refused or f"{diagnostic.name}: {diagnostic.message}"
             self.stop()
 
+    def _take_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Log an error that the loop has met; one of no more files, which comes by hundreds, in a line now and then."""
+        error = context.get("exception")
+        if isinstance(error, OSError) and error.errno in _EXHAUSTED:
+            self._exhausted.count(example=str(error.strerror).encode())
+        else:
+            loop.default_exception_handler(context)
+
     def _begin(self, name: str, run: Callable[[], Awaitable[None]]) -> asyncio.Task[None]:
         """Begin a part, and begin it again whenever it ends."""
         return asyncio.create_task(keep_running(name, run, self.tell))
@@ -243,9 +261,9 @@ class Process:
         behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
         self._told = self._told or tuple(self.diagnostics.values())
-        whole = state._replace(unix_s=unix_s, diagnostics=self._told)
+        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:
-            feed.put(whole)
+            feed.put(self.state)
 
 
 def _said(diagnostic: Diagnostic) -> tuple[Level, str]:

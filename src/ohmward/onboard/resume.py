@@ -14,16 +14,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
 from ohmward.onboard.estimation import Estimation
-from ohmward.trace.snapshot import to_json
+from ohmward.onboard.quantities import QUANTITIES
+from ohmward.trace.snapshot import to_json, typed
 
 #: An absence up to this is one in which the current went on as it was: a process that crashed, a computer that reboots.
 SHORT_S = 60.0
@@ -49,6 +51,9 @@ _LABEL = ("capacity_Ah", "n_series")
 #: Use teaches a capacity that differs from the label by no more than this factor: a battery that has lost more is worn
 #: out long ago.
 _MOST_LEARNT = 2.0
+
+#: No clock counts further: some 300 years [s].
+_MOST_S = 1e10
 
 _SECONDS_PER_HOUR, _SECONDS_PER_DAY = 3600.0, 86400.0
 
@@ -80,9 +85,12 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     if "soc" not in content or estimation.battery is None:
         return []
     away_s = UNKNOWN_S if math.isnan(away_s) else away_s
-    if is_another(content.get("battery", {}), estimation.battery):
+    try:
+        charge, label = _charge_of(content)
+    except InputError as error:
+        return [f"the snapshot cannot be used: {error}"]
+    if is_another(label, estimation.battery):
         return ["the battery file is that of another battery than before: its charge begins anew"]
-    charge = content["charge"]
     known = SocNormal(charge["soc"], _std_after(charge, estimation.battery.capacity_Ah, away_s))
     try:
         estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
@@ -94,6 +102,38 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     passed_s = away_s if away_s <= SHORT_S else max(away_s, _GAP_S)
     estimation.shift_s = content["time_s"] + passed_s - now_s
     return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
+
+
+class _Charge(TypedDict):
+    """Charge in a snapshot, its standard deviation, and the last current, None before the first."""
+
+    soc: float
+    std: float
+    current_A: float | None
+
+
+class _Label(TypedDict):
+    """Label of the battery in a snapshot."""
+
+    capacity_Ah: float
+    n_series: float
+
+
+def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
+    """Charge and label of a snapshot.
+
+    Raises:
+        InputError: they are of another type, or cannot be.
+    """
+    charge: _Charge = typed(_Charge, "charge", content.get("charge"))
+    label: _Label = typed(_Label, "battery", content.get("battery"))
+    current = QUANTITIES["battery_current_A"]
+    require_between("charge.soc", charge["soc"], -0.5, 1.5)
+    require_between("charge.std", charge["std"], 0.0, 10.0)
+    require_between("charge.current_A", charge["current_A"] or 0.0, current.lowest, current.highest)
+    require_positive("battery.capacity_Ah", label["capacity_Ah"])
+    require_between("time_s", typed(float, "time_s", content.get("time_s")), -_MOST_S, _MOST_S)
+    return charge, label
 
 
 def label_of(battery: Battery) -> dict[str, Any]:
@@ -108,7 +148,7 @@ def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
     return more > _MOST_LEARNT or label.get("n_series", battery.n_series) != battery.n_series
 
 
-def _std_after(charge: Mapping[str, float], capacity_Ah: float, away_s: float) -> float:
+def _std_after(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
     """Standard deviation of the charge of before after the absence; the equation at the head."""
     drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
     standby = _STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
@@ -131,7 +171,7 @@ def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: fl
         return []
     try:
         before = RangeEstimator.restore(estimation.battery, content["range"])
-    except (InputError, KeyError, TypeError, ValueError):
+    except InputError:
         return ["the drive of before cannot be continued: battery or settings have changed; a new one begins"]
     if away_s <= DRIVE_S:
         estimation.range = before

@@ -37,6 +37,14 @@ class Diagnostic(NamedTuple):
     values: Mapping[str, str | float] = {}
 
 
+#: Estimates of a state, and the quantities that are their evidence: without any of them lately they are guesses.
+EVIDENCE: dict[tuple[str, ...], frozenset[str]] = {
+    ("battery", "range"): frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"}),
+    ("cells",): frozenset({"cell_voltage_V"}),
+    ("slip", "pose"): frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
+}
+
+
 class RobotState(NamedTuple):
     """Everything that is known at an instant. What is not estimated, or not yet, is None.
 
@@ -45,8 +53,10 @@ class RobotState(NamedTuple):
     sample: measured values that made this state, by signal.
     battery: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches.
     diagnostics: conditions of sensors, sources, sinks and estimates, the latest of each.
-    battery_time_s, drive_time_s: of the samples behind the estimates of battery and drive, nan before the first. While
-        no sensor reports, states with new diagnostics go on, and these two stand still.
+    battery_time_s, drive_time_s, cells_time_s: of the samples behind the estimates of battery, drive and cells, nan
+        before the first. While no sensor reports, states with new diagnostics go on, and these stand still; estimates
+        whose sensors are silent are None (`SensorWatch.supported`).
+    wheels: names of the driven wheels of the robot file, in the order of the arrays of `slip`.
     """
 
     time_s: float
@@ -60,12 +70,20 @@ class RobotState(NamedTuple):
     diagnostics: tuple[Diagnostic, ...] = ()
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
+    cells_time_s: float = math.nan
+    wheels: tuple[str, ...] = ()
 
 
-def wheel_names(state: RobotState) -> list[str]:
-    """Names of the driven wheels, numbers where the sample does not name them."""
-    assert state.slip is not None
-    prefix = "wheel_speed_rad_s."
-    named = [signal.removeprefix(prefix) for signal in state.sample if signal.startswith(prefix)]
-    driven = len(state.slip.slip_ratio)
-    return (named if len(named) >= driven else [f"wheel_{k}" for k in range(driven)])[:driven]
+def stale(state: RobotState) -> str:
+    """Sentence about the estimates whose sensors are silent; "" where every one that was made stands."""
+    missing = [
+        part if state.time_s - time_s < 60.0 else f"{part} for {(state.time_s - time_s) / 60.0:.0f} min"
+        for part, estimate, time_s in (
+            ("battery", state.battery, state.battery_time_s),
+            ("wheels", state.slip, state.drive_time_s),
+        )
+        if estimate is None and math.isfinite(time_s)
+    ]
+    if missing:
+        return f"stale: no news from the sensors of the {' and of the '.join(missing)}"
+    return "no news from any sensor yet" if state.battery is None and state.slip is None else ""

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.plausible import no_such_part, plausible_values
 from ohmward.onboard.quantities import quantity_of
-from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.robot_state import EVIDENCE, Diagnostic, Level, RobotState
 from ohmward.onboard.wheel_check import WheelCheck
 from ohmward.traction.robot.robot import Robot
 
@@ -35,7 +36,7 @@ TURNS = 2
 #: resistance of a cell is then some millivolts, the last digit of a usual converter.
 MOVE_C = 0.1
 
-#: Messages of a source are missed so long after the start.
+#: Messages of a source are missed so long after the start, and a value that has come once so long after it came.
 PROMISED_S = 5.0
 
 #: A signal that a source promises is missed so long after the source's first message: slow sensors take their time.
@@ -63,7 +64,8 @@ class WatchedSensor:
     """One signal as it has reported so far.
 
     source: that it comes from.  lowest, highest: outside of these no sensor that works reads.
-    last_s, interval_s: time of its last value, and between two usually; received_s: when it came, which may be later.
+    last_s, interval_s: time of its last value, and between two usually; received_s: when it came, which may be later;
+    true_s: when the last one that may be true came.  pauses: silences in a row.
     value: last one that may be true; same: number of times in a row, since same_s; stuck: declared to be.
     move: smallest change that counts as a move; turns: number of times that moves have changed their direction.
     moved_to, upwards: value after the last move, and its direction.
@@ -81,6 +83,8 @@ class WatchedSensor:
     last_s: float = -math.inf
     received_s: float = -math.inf
     interval_s: float = 0.0
+    true_s: float = -math.inf
+    pauses: int = 0
     value: float = math.nan
     same: int = 0
     same_s: float = -math.inf
@@ -110,6 +114,10 @@ class WatchedSensor:
         """True where no value has come for long; those of a slow link come late, but they come."""
         return now_s - self.received_s > self.silent_after_s
 
+    def has_told(self, now_s: float) -> bool:
+        """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
+        return now_s - self.true_s <= (self.silent_after_s if self.interval_s else PROMISED_S)
+
     def take(self, time_s: float, received_s: float, value: float) -> float:
         """The value, nan where it cannot be true."""
         self.received_s = received_s
@@ -129,7 +137,10 @@ class WatchedSensor:
                 self._moved()
         self._reported(time_s)
         self.good += 1
-        return math.nan if self.stuck else value
+        if self.stuck:
+            return math.nan
+        self.true_s = received_s
+        return value
 
     def _moved(self) -> None:
         upwards = self.value > self.moved_to
@@ -144,6 +155,11 @@ class WatchedSensor:
             self.interval_s = gap_s if gap_s < math.inf else 0.0
         elif gap_s < SILENT_S or gap_s < self.silent_after_s:
             self.interval_s += _NEWEST * (gap_s - self.interval_s)
+            self.pauses = 0
+        else:
+            self.pauses += 1
+            if self.pauses > 1:  # no outage: the first two values came in haste
+                self.interval_s = gap_s
 
     @property
     def is_same(self) -> bool:
@@ -181,6 +197,15 @@ class SensorWatch:
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
         self._motion = WheelCheck(self.robot) if self.robot else None
         self._left_out = ""
+        self._evidence: dict[tuple[str, ...], list[WatchedSensor]] = {names: [] for names in EVIDENCE}
+
+    def supported(self, state: RobotState) -> RobotState:
+        """The state with None for the estimates whose sensors are all silent, or tell nothing true, at its time."""
+        unknown: dict[str, Any] = {}
+        for names, sensors in self._evidence.items():
+            if not any(sensor.has_told(state.time_s) for sensor in sensors):
+                unknown |= dict.fromkeys(names)
+        return state._replace(**unknown)
 
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
         """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
@@ -246,6 +271,9 @@ class SensorWatch:
         sensor = self.sensors[signal] = WatchedSensor(signal, source, quantity.lowest, quantity.highest, move)
         sensor.absent = no_such_part(signal, self.robot)
         sensor.plausible = plausible_values(quantity.name, self.battery, self.robot)
+        for names, quantities in EVIDENCE.items():
+            if quantity.name in quantities and not sensor.absent:
+                self._evidence[names].append(sensor)
         for other in self.sensors.values():
             for a, b in ((sensor, other), (other, sensor)):
                 if _PARTNER.get(a.signal.partition(".")[0]) == b.signal:

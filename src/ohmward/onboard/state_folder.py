@@ -27,6 +27,7 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
 from ohmward.onboard.resume import DRIVE_S, is_another, label_of, remember, resume
 from ohmward.onboard.snapshot_file import read_snapshot, write_snapshot
+from ohmward.trace.snapshot import typed
 
 #: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
 SNAPSHOT_S = 5.0
@@ -186,10 +187,14 @@ class StateFolder:
         """Time since the last snapshot; nan where no clock tells, as on a computer without one that was off."""
         if not self.before:
             return math.nan
-        if self.before.get("boot") == boot_id() != "":
-            return max(self.clock.now_s() - float(self.before["monotonic_s"]), 0.0)
-        away_s = self.clock.unix_s() - float(self.before["unix_s"])
-        return away_s if away_s > 0.0 else math.nan
+        try:
+            if self.before.get("boot") == boot_id() != "":
+                return max(self.clock.now_s() - typed(float, "monotonic_s", self.before.get("monotonic_s")), 0.0)
+            away_s = self.clock.unix_s() - typed(float, "unix_s", self.before.get("unix_s"))
+        except InputError as error:
+            self.notes.append(str(error))
+            return math.nan
+        return away_s if 0.0 < away_s < math.inf else math.nan
 
 
 def boot_id() -> str:

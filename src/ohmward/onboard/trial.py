@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import math
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.part import keep_running
+from ohmward.onboard.part import ActingSink, Sink, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, WiringFinding, check_wiring
@@ -63,10 +63,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
             told[diagnostic.name] = diagnostic
 
     simulated, driving = connect_simulated_drives(setup.source, setup.sink)
-    sinks = [
-        asyncio.create_task(keep_running(f"sink {sink.name}", partial(sink.run, Feed(math.inf)), tell))
-        for sink in driving
-    ]
+    sinks = [asyncio.create_task(keep_running(f"sink {sink.name}", _trial_of(sink), tell)) for sink in driving]
     sources = [
         asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, recorder.put), tell))
         for source in simulated
@@ -77,3 +74,8 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         task.cancel()
     await asyncio.gather(*sources, *sinks, return_exceptions=True)
     return told
+
+
+def _trial_of(sink: Sink) -> Callable[[], Awaitable[None]]:
+    """The trial of a sink: it opens what it sends to, and gets no state."""
+    return sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed())

@@ -20,7 +20,11 @@ LOWERINGS = ("auto", "python", "machine")
 
 #: Steps of a log from which on machine code is faster although it must be compiled first.
 WORTH_STEPS = 10_000
-#: The same for the steps of all lanes together.
+#: The logs of a kernel together are worth it from the same number on, of programs up to this many operations. The time
+#: to compile larger ones grows with the square: 0.5 s for 1,400 operations, 1.7 s for 4,300, 11 s for 8,100, 46 s for
+#: 16,000, where a step in Python takes 55, 190, 250 and 340 us.
+USUAL_OPERATIONS = 4_000
+#: The same for the steps of all lanes of one call together.
 WORTH_LANE_STEPS = 400_000
 
 T = TypeVar("T")
@@ -34,8 +38,8 @@ class Kernel:
     examples:  arguments of the structure to come; their values do not matter.
     constants: further arguments, the same for all calls; they are not traced.
     lowering:  of whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" takes machine code
-               where it is installed and the log is long enough to pay for the compilation. None: as the environment
-               variable OHMWARD_LOWERING says, else "auto".
+               where it is installed and the logs so far, with this one, are long enough to pay for the compilation.
+               None: as the environment variable OHMWARD_LOWERING says, else "auto".
 
     Results are those of `function` with floats. In Python: arithmetic, sqrt, comparisons and tables to the last bit;
     exp, log and their like within a few units in the last place (the platform's libm, where NumPy has its own). In
@@ -52,6 +56,7 @@ class Kernel:
         self.function, self.examples, self.constants = function, examples, constants
         self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
         require_one_of("lowering", self.lowering, LOWERINGS)
+        self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
         self._key = kept_steps.key_of(function, examples, constants)
         if self._key is None:
             _ = self.program  # faults are told here
@@ -79,10 +84,12 @@ class Kernel:
         Returns:  the state after the last sample, and the outputs with a leading time axis.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
+        length, _ = self._steps(samples)
+        self._scanned += length
         return self._run(
             lambda: llvm_logs.run_log(self.machine, state, samples, progress),
             lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress),
-            self._worth(samples, WORTH_STEPS),
+            length >= WORTH_STEPS or self._scanned >= self._worth_scanned,
         )
 
     def scan_lanes(self, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
@@ -95,10 +102,11 @@ class Kernel:
         Returns:  as `scan`, with a trailing lane axis on every leaf.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
+        length, steps = self._steps(samples)
         return self._run(
             lambda: llvm_logs.run_lanes(self.machine, state, samples, progress),
             lambda: lanes.run(self._lanes, self.program.step_structure, state, samples, progress),
-            self._worth(samples, WORTH_LANE_STEPS),
+            length >= WORTH_STEPS or steps >= WORTH_LANE_STEPS,
         )
 
     def live(self, state: Any, flags: FlagTable = None) -> Live:
@@ -170,13 +178,17 @@ class Kernel:
             code_cache.say_once(f"no machine code: {error}; this runs in Python, ten to a hundred times slower")
             return otherwise()
 
-    def _worth(self, samples: Any, steps_worth: int) -> bool:
-        """True where the samples are so many that machine code pays for its compilation."""
+    def _steps(self, samples: Any) -> tuple[int, int]:
+        """Steps along time, and those of all lanes together."""
         structure = self.program.step_structure.sample
         pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
-        steps = max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
         length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
-        return steps >= steps_worth or length >= WORTH_STEPS
+        return length, max((np.size(value) // max(1, leaf.size) for (_, leaf), value in pairs), default=0)
+
+    @property
+    def _worth_scanned(self) -> float:
+        """Steps of all logs together from which on machine code pays for its compilation."""
+        return WORTH_STEPS * max(1.0, len(self.program.nodes) / USUAL_OPERATIONS) ** 2
 
     @cached_property
     def _call(self) -> Callable[..., Any]:

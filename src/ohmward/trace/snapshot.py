@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import lru_cache
@@ -13,10 +14,14 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.optional import require
 from ohmward.trace.structure import Structure, flatten, leaves, scalar_names, shaped, structure_of
 
 #: Of the layout of the dict; raised when old snapshots can no longer be read. Those of version 1 had no checksum.
 VERSION = 2
+
+#: No number in a snapshot is larger, times in seconds among them; a step from larger ones overflows.
+LARGEST = 1e12
 
 _ADVICE = "start a new estimator from the first sample instead"
 
@@ -121,7 +126,22 @@ def from_json(name: str, value: Any) -> float:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"snapshot {name} must be a number, got {value!r}; {_ADVICE}")
+    if not abs(value) <= LARGEST:
+        raise InputError(f"snapshot {name} must be within {LARGEST:g}, got {reprlib.repr(value)}; {_ADVICE}")
     return float(value)
+
+
+def typed(hint: Any, name: str, value: Any) -> Any:
+    """A part of a snapshot as a type, such as `tuple[float, str]`.
+
+    Raises:
+        InputError: it is something else.
+    """
+    msgspec = require("msgspec", "reading snapshots")
+    try:
+        return msgspec.convert(value, hint)
+    except msgspec.ValidationError as error:
+        raise InputError(f"snapshot {name} cannot be read ({error}); {_ADVICE}") from error
 
 
 def _checksum(content: Mapping[str, Any]) -> str:

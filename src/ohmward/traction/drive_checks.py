@@ -1,12 +1,14 @@
 """Checks of the recording of a drive for faults, before an estimate is made from it.
 
-Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure.
+Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure. A speed from
+outside without a sign is mended.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimator import require_wheels
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 from ohmward.traction.speed_observer.turning import yaw_rate_of_wheels
@@ -33,8 +35,16 @@ CONTRADICTION, CURED = 0.1, 0.1
 #: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
 BRAKES = -0.3
 
+#: A motor whose sign is right takes no more than so many times the energy that the robot gives up while it brakes: mass
+#: and torque constant of a robot file may be wrong.
+TAKES = 2.0
+
 #: A spike is so many times the usual speed of a wheel.
 SPIKE = 10.0
+
+#: A speed from outside has no sign where it is positive in so many samples of wheels that turn back, none negative, and
+#: no less than this share of the wheels' speed in the median.
+FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
 #: The speed from outside over that of the wheels: beyond these it is another unit.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
@@ -59,6 +69,31 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _wrong_units,
     )
     return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
+
+
+def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log with the sign of the wheels on a speed from outside that is a size, and a note; else the log as it is.
+
+    Where the wheels stand and the robot does not, the sign is unknown, and the speed is left out.
+    """
+    if log.speed_m_s is None:
+        return log
+    speed, wheels = speed_and_wheels_m_s(robot, log)
+    back = wheels < -MOVES_M_S
+    if back.sum() < FEWEST_BACK or (speed < -MOVES_M_S).any() or np.mean(speed[back] <= 0.0) > 0.05:
+        return log
+    if np.median(speed[back]) < SIZE_SHARE * np.median(-wheels[back]):
+        return log
+    turn, size = np.abs(wheels) > MOVES_M_S, np.abs(speed)
+    signed = np.full(len(log), np.nan)
+    signed[np.isfinite(log.speed_m_s)] = np.where(
+        turn, size * np.sign(wheels), np.where(size > MOVES_M_S, np.nan, speed)
+    )
+    text = (
+        f"the speed from outside is never negative while the wheels turn back ({back.sum()} samples): taken as a size "
+        "with the sign of the wheels; if the robot never drove back, the signs of the encoders are wrong"
+    )
+    return replace(log, speed_m_s=signed, notes=(*log.notes, Note(text, "warning")))
 
 
 def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
@@ -147,15 +182,29 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """Motors that would brake the whole drive."""
+    """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
+
+    Each driven wheel gives up an equal share of it, by the speed of the rims, and by the pitch if there is one.
+    """
     found = []
+    mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m
+    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
+    climb = np.zeros(len(log)) if log.pitch_rad is None else GRAVITY * np.sin(np.nan_to_num(log.pitch_rad))
     for k, name in enumerate(_names(robot)[: robot.driven]):
-        forward_A = log.motor_current_A[:, k] * np.sign(log.wheel_speed_rad_s[:, k])
-        forward_A = forward_A[np.isfinite(forward_A) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
-        if forward_A.size >= FEWEST and forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+        omega, current_A = log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k]
+        rows = np.isfinite(current_A) & (np.abs(omega) > TURNS_RAD_S)
+        forward_A = (current_A * np.sign(omega))[rows]
+        if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+            continue
+        rim_m_s, brakes = radius_m * omega[rows], forward_A < 0
+        kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
+        potential_J = mass_kg * climb[rows] * rim_m_s * dt_s[rows]
+        taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * omega[rows] * dt_s[rows]
+        if np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]):
             found.append(
-                f"the motor of {name} brakes all the way: the sign of its current or of its encoder is wrong; a "
-                "positive current must drive forward; change the sign in the file"
+                f"the motor of {name} brakes all the way, but the robot does not slow down: the sign of its current or "
+                "of its encoder is wrong, or the whole drive goes downhill; a positive current must drive forward; "
+                "change the sign in the file"
             )
     return found
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.traction.drive_checks import check_drive
+from ohmward.traction.drive_checks import check_drive, with_signed_speed
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.episodes import (
     ImmobilisedEpisode,
@@ -146,6 +146,7 @@ def observe_drive(
         InputError: no such method, or a log that cannot be of this robot.
     """
     faults = check_drive(robot, log)
+    log = with_signed_speed(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = Odometry(robot).run(log, track.estimates)
@@ -167,6 +168,7 @@ def observe_on_floors(
             current.
     """
     faults = check_drive(robot, log)
+    log = with_signed_speed(robot, log)
     began = time.perf_counter()
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
     on_floors = estimator.run(log)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.assess.battery.cell import figures, soc_cell
-from ohmward.assess.battery.conditions import BASE, CONDITIONS
-from ohmward.assess.battery.methods import METHODS
-from ohmward.assess.battery.shifts import identified, measured
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
+from ohmward_lab.assess.battery.cell import figures, soc_cell
+from ohmward_lab.assess.battery.conditions import BASE, CONDITIONS
+from ohmward_lab.assess.battery.methods import METHODS
+from ohmward_lab.assess.battery.shifts import identified, measured
 
 BY_NAME = {method.name: method for method in METHODS}
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ohmward.assess.battery.conditions import BASE, CONDITIONS, Condition, Truth
-from ohmward.assess.battery.shifts import CHEMISTRIES, identified, measured, shifts
-from ohmward.assess.draws import generator, signs
-from ohmward.simulate.cells import BATTERIES
+from ohmward_lab.assess.battery.conditions import BASE, CONDITIONS, Condition, Truth
+from ohmward_lab.assess.battery.shifts import CHEMISTRIES, identified, measured, shifts
+from ohmward_lab.assess.draws import generator, signs
+from ohmward_lab.simulate.cells import BATTERIES
 
 EXACT = BASE._replace(offset_C=0.0, gain=0.0, current_noise_C=0.0, voltage_noise_V=0.0, voltage_step_V=1e-9)
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from ohmward.assess.draws import signs
-from ohmward.assess.traction.conditions import BASE_DRIVE, World
-from ohmward.assess.traction.drives import DURATION_S, INTERVAL_S, ROBOTS, STEP_S, drives, in_world
-from ohmward.assess.traction.sensors import measured
-from ohmward.simulate.closed_loop import Patch
-from ohmward.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.assess.draws import signs
+from ohmward_lab.assess.traction.conditions import BASE_DRIVE, World
+from ohmward_lab.assess.traction.drives import DURATION_S, INTERVAL_S, ROBOTS, STEP_S, drives, in_world
+from ohmward_lab.assess.traction.sensors import measured
+from ohmward_lab.simulate.closed_loop import Patch
+from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 
 RUNS = 2
 EXACT = BASE_DRIVE._replace(current_gain=0.0, gyro_offset_rad_s=0.0, current_noise_A=0.0, counts_per_turn=10**9)

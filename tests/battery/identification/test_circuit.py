@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
-from ohmward.battery.identification.circuit import circuit_of
+from ohmward.battery.identification.circuit import circuit_of, curve_notes
 from ohmward.battery.identification.circuit_design import (
     OCV_KNOTS,
     RESISTANCE_GRID,
@@ -201,3 +201,15 @@ def test_ocv_prior_has_the_stated_spread():
 
 def test_last_direction_is_remembered_in_rest():
     assert last_direction(np.array([0, 0, 2, 0, 0, -1, 0, 0.01])).tolist() == [0, 0, 1, 1, 1, -1, -1, -1]
+
+
+def test_a_curve_that_runs_backwards_is_warned_of(exact):
+    """As logs with a wrong capacity give: a rise between two knots that is taken back between the next."""
+    problem, p = exact
+    solution = solve(problem, Rates(p.tau_s, p.hysteresis_rate))
+    assert curve_notes(solution, problem) == ()
+    stairs_V = np.where((OCV_KNOTS > 0.2) & (OCV_KNOTS < 0.8), 0.05 * (np.arange(OCV_KNOTS.size) % 2), 0.0)
+    x = solution.x.copy()
+    x[solution.layout.correction] += stairs_V
+    (note,) = curve_notes(replace(solution, x=x), problem)
+    assert str(note).startswith("warning: ") and "Is 2 Ah what the tests at low rate move" in str(note)

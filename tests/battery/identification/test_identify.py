@@ -23,7 +23,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import equivalent_thevenin
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 SOC = np.linspace(0.1, 0.95, 30)
 

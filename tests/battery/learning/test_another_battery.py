@@ -1,5 +1,6 @@
 """Days of one battery teach its file; a day of another one, or of the same one with other cells, does not."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 from cli.examples import MODEL
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
+from ohmward.battery.learning.learn import learn_log
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward.logs.log import Note
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 
 def day(model: Thevenin, seed: int, name: str = "") -> Log:
@@ -76,6 +79,16 @@ def test_a_swap_is_noticed_by_a_file_that_many_days_have_confirmed(taught):
 def test_the_day_after_a_swap_back_is_learnt(taught):
     lessons = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).lessons
     assert [lesson.verdict for lesson in lessons] == ["set aside", "learnt"]
+
+
+def test_a_day_that_the_file_does_not_fit_by_the_check_of_soc_is_set_aside(monkeypatch):
+    """One policy: whatever `misfits` says of a log, it is not learnt."""
+    wrong = (Note("the battery file does not fit the log: as soc says", "warning"),)
+    monkeypatch.setattr(sys.modules[learn_log.__module__], "misfits", lambda *_: wrong)
+    before = generic_battery("nmc", 12.0, 3)
+    after, lesson = learn_log(before, day(MODEL, 1))
+    assert after is before and lesson.verdict == "set aside"
+    assert lesson.reason == wrong[0].text
 
 
 def test_a_day_whose_sensor_has_another_offset_is_set_aside(taught):

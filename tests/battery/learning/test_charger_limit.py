@@ -14,7 +14,7 @@ from ohmward.battery.learning.charger_limit import full_at_charger_limit, raised
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.soc.anchors import charger_limit_V, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.simulate import BATTERIES
+from ohmward_lab.simulate import BATTERIES
 
 #: Voltage of a full simulated cell is 4.18 V; its charger stops at this one [V].
 LIMIT_V = 4.05

@@ -10,7 +10,7 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 BATTERY = generic_battery("nmc", 12.0, 3)
 
@@ -93,6 +93,23 @@ def test_a_charge_that_the_sensor_does_not_show_is_left_out():
     np.testing.assert_array_equal(np.isnan(found.current_A), half.current_A > 0.0)
     assert "did not show what charged or discharged the battery for 1 of 2 h" in warnings(found)[0]
     assert usable_log(half, BATTERY).notes == ()
+
+
+@pytest.mark.parametrize("idle_A", [-0.3, -0.8])
+def test_a_charge_past_the_sensor_of_an_idle_robot_is_left_out(idle_A):
+    """The charger is not wired through the shunt, which shows what the robot draws at the dock."""
+    log = charge_and_rest(1.0)
+    noisy_A = idle_A + 0.02 * np.random.default_rng(5).standard_normal(len(log))
+    found = usable_log(replace(log, current_A=np.where(log.current_A > 0.0, noisy_A, log.current_A)), BATTERY)
+    np.testing.assert_array_equal(np.isnan(found.current_A), log.current_A > 0.0)
+    assert "the voltage rises as by a charge" in warnings(found)[0]
+
+
+def test_a_gap_of_the_log_is_no_rest():
+    """Discharged by a fifth while nothing was logged."""
+    time_s = np.r_[10.0 * np.arange(300), 20000.0 + 10.0 * np.arange(300)]
+    voltage_V = np.where(time_s < 10000, 12.3, 11.4)
+    assert usable_log(Log("gap", time_s, np.full(600, -0.05), voltage_V), BATTERY).notes == ()
 
 
 def test_the_relaxation_of_a_rest_is_no_hidden_charge():

@@ -13,7 +13,7 @@ from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 LABEL = generic_battery("nmc", 10.0)
 

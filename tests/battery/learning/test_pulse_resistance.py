@@ -9,7 +9,7 @@ from cli.examples import MODEL
 from ohmward.battery.learning.pulse_resistance import pulse_ohm
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 TRANSFER = replace(MODEL, transfer_V=0.4)
 

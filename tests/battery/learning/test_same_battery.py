@@ -33,8 +33,8 @@ def test_what_both_may_err_is_no_contradiction(capacity_Ah, resistance_ohm):
 
 def test_the_quantities_that_differ_are_told():
     text = other_battery(FILE, seen(8.0, 0.030))
-    assert text.startswith("this is not the battery of the file: its capacity is 8 +- 0.24 Ah, that of the file 10 +-")
-    assert "its resistance is 30 +- 3 mohm, that of the file 20 +- 1.2 mohm" in text
+    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.24 Ah, that of the file 10 ±")
+    assert "its resistance is 30 ± 3 mohm, that of the file 20 ± 1.2 mohm" in text
     assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(1 sigma)")[0].replace("of the file", "")
 
 
@@ -60,23 +60,23 @@ def test_the_likelihood_that_is_lost_counts_independent_errors():
 def test_a_label_may_be_wrong_by_more():
     label = LogFindings(Normal(10.0, 1.0), Normal(0.020, 0.016), Normal(0.0, 0.25))
     assert other_label(label, seen(7.0, 0.040)) == ""
-    assert "its capacity is 5 +-" in other_label(label, seen(5.0, 0.020))
-    assert "its capacity is 6.8 +-" in other_label(label, seen(6.8, 0.020)._replace(misfit=4.0))
+    assert "its capacity is 5 ±" in other_label(label, seen(5.0, 0.020))
+    assert "its capacity is 6.8 ±" in other_label(label, seen(6.8, 0.020)._replace(misfit=4.0))
     assert other_label(label, seen(6.8, 0.020)) == ""
 
 
 def test_a_sensor_with_another_offset_is_told_from_another_battery():
     other = seen(8.0, 0.030)._replace(offset_A=Normal(0.5, 0.02))
-    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 +- 0.02 A where none flows")
+    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 ± 0.02 A where none flows")
     assert "is not the battery of the file" in other_battery(FILE, other, 0.0)
     label = FILE._replace(capacity_Ah=Normal(10.0, 1.0), resistance_ohm=Normal(0.020, 0.016))
     assert other_label(label, FILE._replace(offset_A=Normal(0.04, 0.001))) == ""
-    assert "current sensor shows 0.05 +-" in other_label(label, FILE._replace(offset_A=Normal(0.05, 0.001)))
+    assert "current sensor shows 0.05 ±" in other_label(label, FILE._replace(offset_A=Normal(0.05, 0.001)))
 
 
 def test_a_log_moves_what_a_file_knows_by_no_more_than_that_may_err():
     assert moved_too_far(FILE, seen(10.7, 0.020)) == ""
-    assert "its capacity is 10.9 +-" in moved_too_far(FILE, seen(10.9, 0.020))
+    assert "its capacity is 10.9 ±" in moved_too_far(FILE, seen(10.9, 0.020))
 
 
 def test_a_log_that_moves_nothing_confirms_its_file():

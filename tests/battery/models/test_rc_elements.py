@@ -14,7 +14,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.simulate.voltage import simulate_voltage
 
 
 @given(st.floats(5e3, 1e5), st.floats(0.005, 0.2), st.floats(1e-4, 0.3), st.floats(0.5, 900.0))

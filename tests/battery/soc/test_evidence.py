@@ -8,9 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from battery.examples import LFP
-from ohmward.assess.battery.cell import soc_cell
-from ohmward.assess.battery.conditions import CONDITIONS
-from ohmward.assess.battery.methods import METHODS
+from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.augmented_thevenin import VoltageError
 from ohmward.battery.soc.evidence import log_likelihood
@@ -18,6 +16,9 @@ from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Innovation, unpack
+from ohmward_lab.assess.battery.cell import soc_cell
+from ohmward_lab.assess.battery.conditions import CONDITIONS
+from ohmward_lab.assess.battery.methods import METHODS
 
 
 def evidence(nu, prior_V2, variance, weight, renewed_V2):
@@ -72,9 +73,9 @@ def test_what_process_noise_brings_into_the_rc_voltages_is_that_of_the_filter_wi
     sum_of_filters = GaussianSumFilter(TheveninFilter(LFP, BatteryNoise()))
     state = sum_of_filters.init(SocSample(0.0, -1.0, math.nan, 25.0), 0.6)
     before = unpack(state.members[0].belief).cov
-    for k in range(1200):
-        current_A = math.nan if k % 3 == 0 else -1.0
-        state, _ = sum_of_filters.step(state, SocSample(3.0, current_A, math.nan, 25.0))
+    current_A = np.where(np.arange(1200) % 3 == 0, math.nan, -1.0)
+    samples = SocSample(3.0, current_A, math.nan, 25.0)
+    state, _ = kernel_of(sum_of_filters, state, SocSample(3.0, -1.0, math.nan, 25.0)).scan(state, samples)
     after = unpack(state.members[0].belief)
     clean = sum_of_filters.member.sanitize(state.members[0], SocSample(0.0, -1.0, math.nan, 25.0))
     for k, (tau_s, ohm) in enumerate(zip(LFP.tau_s, sum_of_filters.system.pair_ohm(after.mean, clean), strict=True), 1):

@@ -98,6 +98,14 @@ def test_the_causes_come_in_order_and_a_larger_doubt_has_a_larger_part():
     assert parts[-1] > 1.1 * parts[0]  # no more: the drive shows the resistance to whoever doubts it
 
 
+@pytest.mark.parametrize(("name", "value"), [("capacity", "soh_capacity"), ("resistance", "resistance_ratio")])
+def test_a_cause_is_known_as_well_as_the_estimate_knows_it_not_as_the_file_did(name, value):
+    found = run(settings_of(LFP, replace(NOISE, capacity_std=0.3)), columns_of(LFP, 0.6), 0.6)
+    std = float(getattr(found, f"{value}_std")[-1])
+    relative = std / float(getattr(found, value)[-1]) if name == "resistance" else std
+    assert cause(found, name).text == f"{name} known within {within(relative)}"
+
+
 @pytest.mark.parametrize("soc", [0.3, 0.6, 0.9])
 def test_the_squares_of_the_parts_add_up_to_that_of_the_band(soc):
     whole = run(settings_of(LFP), columns_of(LFP, soc))

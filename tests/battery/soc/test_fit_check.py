@@ -9,12 +9,18 @@ import pytest
 
 from ohmward import SocEstimator, generic_battery, identify, make_robot_day
 from ohmward.battery.battery import Battery
-from ohmward.battery.soc.fit_check import lasting_error, misfits
+from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.fit_check import LARGEST, lasting_error, misfits
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.filters.run import Run
-from ohmward.logs.log import Log
+from ohmward.logs.log import Log, Note
 
 LABELS = {"lfp": generic_battery("lfp", 12.0, 4), "lead-acid": generic_battery("lead-acid", 12.0, 6)}
+
+
+def judged(battery: Battery, log: Log, filter: str = "default") -> tuple[SocRun, tuple[Note, ...]]:
+    """The run over a log, and the verdict on the file."""
+    run = SocEstimator(battery, filter=filter).run(log)
+    return run, misfits(battery, log, run.settings, run.estimates)
 
 
 @pytest.fixture(scope="module")
@@ -25,29 +31,30 @@ def tested() -> Battery:
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("chemistry", LABELS)
 def test_the_file_of_the_battery_fits(chemistry, seed):
-    run = SocEstimator(LABELS[chemistry]).run(make_robot_day(chemistry, seed).mission)
-    assert misfits(run) == ()
+    run, found = judged(LABELS[chemistry], make_robot_day(chemistry, seed).mission)
+    assert found == ()
     assert "misfit" not in run.counts()
 
 
 def test_the_tested_battery_fits(tested):
-    assert misfits(SocEstimator(tested).run(make_robot_day("lfp").mission)) == ()
+    _, found = judged(tested, make_robot_day("lfp").mission)
+    assert found == ()
 
 
 def test_a_file_of_another_chemistry_does_not_fit(tested):
-    (note,) = misfits(SocEstimator(tested).run(make_robot_day("lead-acid").mission))
+    _, (note,) = judged(tested, make_robot_day("lead-acid").mission)
     assert note.level == "warning"
     assert "does not fit" in note.text
 
 
 def test_a_current_of_the_wrong_sign_does_not_fit(tested):
     day = make_robot_day("lfp").mission
-    assert misfits(SocEstimator(tested).run(replace(day, current_A=-day.current_A)))
+    assert judged(tested, replace(day, current_A=-day.current_A))[1]
 
 
 def test_a_current_in_another_unit_does_not_fit(tested):
     day = make_robot_day("lfp").mission
-    assert misfits(SocEstimator(tested).run(replace(day, current_A=3.0 * day.current_A)))
+    assert judged(tested, replace(day, current_A=3.0 * day.current_A))[1]
 
 
 def test_an_impossible_offset_is_flagged_live(tested):
@@ -64,15 +71,36 @@ def test_an_impossible_offset_is_flagged_live(tested):
 def test_errors_over_those_that_are_expected():
     rng = np.random.default_rng(3)
     white = rng.normal(size=6000)
-    assert lasting_error(_run(white, 1.0)) == pytest.approx(1.0, abs=0.03)
-    assert lasting_error(_run(white, 0.5)) == pytest.approx(2.0, abs=0.06)
-    assert lasting_error(_run(np.full(6000, 0.7), 1.0)) == pytest.approx(0.7)
-    assert np.isnan(lasting_error(_run(white[:99], 1.0)))
+    assert lasting_error(*_run(white, 1.0)) == pytest.approx(1.0, abs=0.03)
+    assert lasting_error(*_run(white, 0.5)) == pytest.approx(2.0, abs=0.06)
+    assert lasting_error(*_run(np.full(6000, 0.7), 1.0)) == pytest.approx(0.7)
+    assert np.isnan(lasting_error(*_run(white[:99], 1.0)))
+
+
+@pytest.mark.parametrize(("share", "misfit"), [(0.003, False), (0.02, False), (0.2, True), (1.0, True)])
+def test_errors_count_by_the_time_they_last_and_not_by_their_size(share, misfit):
+    rng = np.random.default_rng(4)
+    spiked = np.where(rng.random(6000) < share, 1000.0, 0.5 * rng.normal(size=6000))
+    assert (lasting_error(*_run(spiked, 1.0)) > 1.0) == misfit
+    assert lasting_error(*_run(spiked, 1.0)) <= LARGEST
+
+
+def test_the_shape_of_the_voltage_tells_the_number_of_cells():
+    """The day of four cells lies between the voltages of five that are nearly empty too."""
+    day = make_robot_day("lfp").mission
+    _, (note,) = judged(generic_battery("lfp", 12.0, 5), day)
+    assert "4 cells in series explain its voltage better than 5, the n_series of the battery file" in note.text
+
+
+def test_another_number_of_cells_is_named_for_every_filter():
+    day = make_robot_day("lfp").mission
+    _, (note,) = judged(generic_battery("lfp", 12.0, 5), day, "coulomb")
+    assert "4 cells" in note.text
 
 
 def test_filters_without_errors_as_states_are_not_judged(tested):
-    day = make_robot_day("lead-acid").mission
-    assert misfits(SocEstimator(tested, filter="textbook-ukf").run(day)) == ()
+    _, found = judged(tested, make_robot_day("lead-acid").mission, "textbook-ukf")
+    assert found == ()
 
 
 def _rest(battery: Battery, hours: float, current_A: float) -> Log:
@@ -85,8 +113,8 @@ def _rest(battery: Battery, hours: float, current_A: float) -> Log:
     return Log("rest", time_s, np.full(len(time_s), current_A), np.full(len(time_s), voltage_V))
 
 
-def _run(innovation_V: np.ndarray, std_V: float) -> Run[SocEstimate]:
+def _run(innovation_V: np.ndarray, std_V: float) -> tuple[np.ndarray, SocEstimate]:
     n = len(innovation_V)
     columns = {name: np.ones(n) for name in SocEstimate._fields}
     columns |= {"innovation_V": innovation_V, "voltage_std_V": np.full(n, std_V)}
-    return Run(10.0 * np.arange(n), SocEstimate(**columns), 0.0)
+    return 10.0 * np.arange(n), SocEstimate(**columns)

@@ -24,9 +24,9 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
-from ohmward.published.rc_adaptive_soc import adaptive_soc_of
-from ohmward.published.rc_joint import nominal_of
 from ohmward.trace import Kernel
+from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
+from ohmward_lab.published.rc_joint import nominal_of
 
 NAN = math.nan
 MODEL = model_of(EVEN)

@@ -10,10 +10,8 @@ from ohmward.battery.soc.registry import ESTIMATORS, available, make_estimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward.published.registry import FORMER_NAMES, PUBLISHED, title_of
-from ohmward.published.registry import available as all_available
-from ohmward.published.registry import make_estimator as make_any
-from ohmward.simulate.voltage import simulate_voltage
+from ohmward_lab.published.registry import PUBLISHED
+from ohmward_lab.simulate.voltage import simulate_voltage
 from published.test_hybrid import RC
 
 MODEL = start_model("nmc", 2.0)
@@ -30,28 +28,22 @@ def test_each_battery_offers_what_its_models_allow():
     assert available(BOTH) == tuple(ESTIMATORS)
     assert available(THEVENIN_ALONE) == ("ekf", "ukf", "gsf", "textbook-ekf", "textbook-ukf", "coulomb", "ocv")
     assert available(RC_ALONE) == ("rc",)
-    assert all_available(BOTH) == (*ESTIMATORS, *PUBLISHED)
-    assert all_available(THEVENIN_ALONE)[7:] == ("published.aekf", "published.aukf")
-    assert all_available(RC_ALONE) == ("rc", "published.rc-kf", "published.rc-aukf")
+    assert available(BOTH, with_published=True) == (*ESTIMATORS, *PUBLISHED)
+    assert available(THEVENIN_ALONE, with_published=True)[7:] == ("published.aekf", "published.aukf")
+    assert available(RC_ALONE, with_published=True) == ("rc", "published.rc-kf", "published.rc-aukf")
 
 
 def test_the_default_follows_the_models():
     assert make_estimator("Default", BOTH) == make_estimator("gsf", BOTH)
-    assert make_any("default", RC_ALONE) == make_any("rc", RC_ALONE)
+    assert make_estimator("default", RC_ALONE) == make_estimator("rc", RC_ALONE)
     assert "gsf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
     with pytest.raises(InputError, match="filter must be one of default, ekf, ukf, gsf"):
         make_estimator("best", BOTH)
 
 
-@pytest.mark.parametrize("former", FORMER_NAMES)
-def test_a_former_name_makes_the_same_estimator(former):
-    assert make_any(former, BOTH) == make_any(FORMER_NAMES[former], BOTH)
-    assert title_of(former) == title_of(FORMER_NAMES[former])
-
-
 @pytest.mark.parametrize("name", [*ESTIMATORS, *PUBLISHED])
 def test_every_estimator_runs_streams_alike_and_stays_near_the_truth(name):
-    estimator = make_any(name, BOTH)
+    estimator = make_estimator(name, BOTH)
     run = SocEstimator(estimator, 0.9).run(LOG).estimates
     assert np.abs(run.soc - SIMULATED.soc).max() < 0.06
     assert np.isfinite(run.soc_std).all() and (run.soc_std > 0).all()
@@ -73,8 +65,8 @@ def test_refusals():
     with pytest.raises(
         InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* published.rc-aukf, got 'kf'"
     ):
-        make_any("kf", BOTH)
+        make_estimator("kf", BOTH)
     with pytest.raises(InputError, match=r"no \[thevenin\] model.*ohmward identify"):
         make_estimator("ekf", RC_ALONE)
     with pytest.raises(InputError, match=r"no \[rc\] model.*--model rc"):
-        make_any("published.hybrid", THEVENIN_ALONE)
+        make_estimator("published.hybrid", THEVENIN_ALONE)

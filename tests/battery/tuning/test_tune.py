@@ -13,13 +13,13 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
-from ohmward.battery.tuning.drawn import drawn_log
 from ohmward.battery.tuning.likelihood import Likelihood
 from ohmward.battery.tuning.noise_model import NoiseModel, with_factors
 from ohmward.battery.tuning.tune import tune_noise, voltage_step_V
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.trace import linearize
+from ohmward_lab.assess.simulated_logs import drawn_log
 
 HOURS = 3600
 SENSOR = CurrentSensor(noise_std_A=0.0, offset_std_A=0.01, offset_walk_A=0.0, gain_std=0.0)

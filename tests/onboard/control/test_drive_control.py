@@ -10,10 +10,10 @@ from ohmward.onboard.control.drive_control import DriveControl, DrivePhase
 from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
 from ohmward.onboard.control.operator_command import OperatorCommand, command_of
 from ohmward.onboard.robot_state import RobotState
-from ohmward.simulate.closed_loop import Command, Patch, Scenario
-from ohmward.simulate.closed_loop.loop import make_plant
 from ohmward.traction.robot.robot import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator
+from ohmward_lab.simulate.closed_loop import Command, Patch, Scenario
+from ohmward_lab.simulate.closed_loop.loop import make_plant
 
 STEP_S = 0.01
 FIRST = SlipEstimator(RLMA).update(0.0, wheel_speed_rad_s=[0.0] * 4, current_A=[0.0] * RLMA.driven)

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
@@ -25,12 +26,20 @@ from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput
 from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.feed import Feed
+from ohmward.onboard.line_reader import MOST_STRANGERS
 from ohmward.onboard.message import Signals
+from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork
 from ohmward.onboard.sinks.control import ControlSink
+from ohmward.onboard.sinks.influxdb import InfluxSink
+from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sources.mqtt import MqttSource
+from ohmward.onboard.sources.simulation import SimulationSource
+from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.spool import Spool
+from ohmward.onboard.trial import try_setup
 from ohmward.traction.robot.robot import RLMA
 from onboard.control.test_drive_control import state
 from onboard.servers import free_port, mosquitto, wait_for_port
@@ -305,12 +314,123 @@ def test_a_bus_that_takes_no_frame_is_a_stop_and_then_an_error():
     def send(numbers):
         raise OSError("no buffer space")
 
-    loop = ControlLoop(DriveControl(RLMA, DriveLimits()), send, 0.01)
-    loop.start()
+    loop = ControlLoop(DriveControl(RLMA, DriveLimits()), 0.01)
+    loop.drive(send)
     loop.join(5.0)
     with pytest.raises(OhmwardError, match=r"the drives take no command \(no buffer space\)"):
         loop.check()
     assert loop.control.reason.startswith("the drives take no command")
+
+
+def test_the_check_sends_nothing_to_the_drives(rig):
+    sink, drives = rig
+    trial = try_setup(Setup(robot="rlma", source=(SimulationSource(),), sink=(sink,)), 1.5)
+    assert drives.frames == []
+    assert [found.text for found in trial.findings if found.subject == "sink control"] == ["running"]
+
+
+def test_the_check_publishes_nothing(tmp_path):
+    """A status of the check would take the place of that of the process that runs."""
+    with mosquitto(tmp_path) as broker:
+        sinks = (
+            MqttSink(port=broker.port, topic="robot"),
+            ControlSink("rlma", mqtt=MqttOutput(port=broker.port, topic="drives"), operator=f"127.0.0.1:{free_port()}"),
+        )
+
+        async def published():
+            async with MqttSource(host="127.0.0.1", port=broker.port, topics=("#",)).connected() as listener:
+                listener.client.subscribe("#")
+                setup = Setup(robot="rlma", source=(SimulationSource(),), sink=sinks)
+                trial = await asyncio.to_thread(try_setup, setup, 1.5)
+                with pytest.raises(TimeoutError):
+                    await asyncio.wait_for(listener.received.take(), 0.3)
+                return trial
+
+        trial = asyncio.run(published())
+    assert {f.text for f in trial.findings if f.subject in ("sink mqtt", "sink control")} == {"running"}
+
+
+def test_the_check_leaves_rows_that_wait_for_a_server(tmp_path, monkeypatch):
+    sent: list[Any] = []
+    monkeypatch.setattr("ohmward.onboard.sinks.influxdb.post", lambda *request: sent.append(request))
+    spool = Spool(tmp_path / "spool", 10)
+    spool.put([Row("battery", 1, {"soc": 0.5})])
+    spool.close()
+    sink = InfluxSink("http://127.0.0.1:1/write?db=robots", spool=str(tmp_path / "spool"))
+    try_setup(Setup(robot="rlma", source=(SimulationSource(),), sink=(sink,)), 1.5)
+    assert sent == []
+
+
+@pytest.mark.parametrize("same_port", [True, False])
+def test_a_second_process_sends_no_frame(rig, same_port):
+    """Neither one that finds the operator's port taken, nor one that hears the first on the bus."""
+    sink, drives = rig
+    second = sink if same_port else replace(sink, operator=f"127.0.0.1:{free_port()}")
+
+    async def run():
+        bench = Bench(sink)
+        await bench.drive(drives)
+        before = len(drives.frames)
+        with pytest.raises(OhmwardError, match="cannot be listened at" if same_port else "somebody else sends Torque"):
+            await asyncio.wait_for(second.run(Feed()), 10.0)
+        assert bench.beats[-1]["phase"] == "armed"
+        await bench.close()
+        return before
+
+    before = asyncio.run(run())
+    counters = [frame["Counter"] for _, frame in drives.frames]
+    assert len(counters) > before
+    assert all((after - before) % 256 == 1 for before, after in pairwise(counters))
+
+
+async def strangers(port, number):
+    """Connections that say nothing."""
+    return [await asyncio.open_connection("127.0.0.1", port) for _ in range(number)]
+
+
+def handles():
+    """File handles of this process."""
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_strangers_hear_nothing_of_the_robot_and_go_soon(rig, monkeypatch):
+    """No beat before the first signed line, which must come in time."""
+    monkeypatch.setattr("ohmward.onboard.control.operator_server.FIRST_LINE_S", 0.5)
+    sink, drives = rig
+
+    async def run():
+        bench = Bench(sink)
+        await bench.drive(drives)
+        ((reader, writer),) = await strangers(bench.link.port, 1)
+        heard = await asyncio.wait_for(reader.read(), 5.0)
+        writer.close()
+        await bench.close()
+        return heard
+
+    hello, _, more = asyncio.run(run()).partition(b"\n")
+    assert hello.startswith(b"ohmward-drive/1 ") and more == b""
+
+
+def test_any_number_of_strangers_leaves_room_for_the_operator(rig, monkeypatch, caplog):
+    sink, drives = rig
+    monkeypatch.setenv("DRIVE_TOKEN", "right-one")
+    sink = replace(sink, token="DRIVE_TOKEN")
+    open_before = handles()
+
+    async def run():
+        bench = Bench(sink, "right-one")
+        await until(lambda: drives.frames)
+        crowd = await strangers(bench.link.port, 300)
+        await asyncio.sleep(0.3)
+        served = handles() - open_before - len(crowd)
+        await bench.drive(drives)
+        await bench.close()
+        for _, writer in crowd:
+            writer.close()
+        return served
+
+    assert asyncio.run(run()) < MOST_STRANGERS + 20
+    assert len([record for record in caplog.records if "connection" in record.message]) < 20
 
 
 def test_settings_are_checked(rig):

@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import (
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, ROBOTINO
+from ohmward.traction.control import Measurement
+from ohmward_lab.simulate.closed_loop.control import (
     CASCADE_S,
     LAWS,
     MODES,
@@ -11,9 +14,6 @@ from ohmward.simulate.closed_loop.control import (
     make_controller,
     wheel_command,
 )
-from ohmward.trace import Kernel
-from ohmward.traction import RLMA, ROBOTINO
-from ohmward.traction.control import Measurement
 
 DT = 1e-3
 REST = Measurement(np.zeros(2), np.zeros(2), 0.0, np.zeros(2))
@@ -119,7 +119,7 @@ def test_a_turn_asks_each_wheel_for_its_own_speed():
         (Control("speed"), Command(speed_m_s=0.1, mode="slip"), 'slip_ratio is missing; commands.mode = "slip"'),
         (Control("seek"), Command(slip_ratio=-0.1), "must be between 0 and 1 where a slip is sought, got -0.1"),
         (Control("seek", "cascade"), Command(slip_ratio=0.1), 'controller.law = "cascade" cannot seek'),
-        (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within \+-12 .* got 20"),
+        (Control("torque"), Command(torque_Nm=20.0), r"commands.torque_Nm must be within ± 12 .* got 20"),
     ],
 )
 def test_commands_that_do_not_fit_are_refused(control, command, message):

@@ -3,10 +3,10 @@ import math
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward.traction import RLMA
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 
 WHEELS = tuple(p.name for p in RLMA.places)
 

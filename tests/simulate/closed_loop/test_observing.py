@@ -5,19 +5,19 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.ground import Patch
-from ohmward.simulate.closed_loop.observing import (
+from ohmward.traction import RLMA, SkidSteer
+from ohmward.traction.friction.law import contact
+from ohmward.traction.robot.robot import free_sideways
+from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward_lab.simulate.closed_loop.ground import Patch
+from ohmward_lab.simulate.closed_loop.observing import (
     Observation,
     Observing,
     assumed_terrain,
     make_observer,
     noise,
 )
-from ohmward.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
-from ohmward.traction import RLMA, SkidSteer
-from ohmward.traction.friction.law import contact
-from ohmward.traction.robot.robot import free_sideways
-from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward_lab.simulate.closed_loop.sensing import Arrival, ExternalSpeed, Sensing
 
 BASE = Patch(friction=0.5)
 

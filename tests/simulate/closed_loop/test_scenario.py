@@ -3,11 +3,12 @@ from dataclasses import replace
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.control import Command, Control
-from ohmward.simulate.closed_loop.ground import Grade, Patch
-from ohmward.simulate.closed_loop.observing import Observing
-from ohmward.simulate.closed_loop.scenario import Scenario
-from ohmward.simulate.closed_loop.scenario_file import (
+from ohmward.traction import ROBOTINO, save_robot
+from ohmward_lab.simulate.closed_loop.control import Command, Control
+from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
+from ohmward_lab.simulate.closed_loop.observing import Observing
+from ohmward_lab.simulate.closed_loop.scenario import Scenario
+from ohmward_lab.simulate.closed_loop.scenario_file import (
     find_scenario,
     load_scenario,
     packaged,
@@ -15,9 +16,8 @@ from ohmward.simulate.closed_loop.scenario_file import (
     parse_scenario,
     save_scenario,
 )
-from ohmward.simulate.closed_loop.sensing import ExternalSpeed, Sensing
-from ohmward.simulate.closed_loop.supply import Pack
-from ohmward.traction import ROBOTINO, save_robot
+from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed, Sensing
+from ohmward_lab.simulate.closed_loop.supply import Pack
 
 FIVE_LINES = """\
 format = "ohmward-scenario/1"

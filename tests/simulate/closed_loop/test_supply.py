@@ -5,7 +5,8 @@ import pytest
 
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.supply import (
+from ohmward.traction import RLMA
+from ohmward_lab.simulate.closed_loop.supply import (
     ElectricalLoad,
     Pack,
     Supply,
@@ -14,8 +15,7 @@ from ohmward.simulate.closed_loop.supply import (
     current_for_power,
     step,
 )
-from ohmward.simulate.plant import heat, resting_state
-from ohmward.traction import RLMA
+from ohmward_lab.simulate.plant import heat, resting_state
 from simulate.examples import simple_battery
 
 

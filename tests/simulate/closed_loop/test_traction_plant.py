@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.closed_loop.ground import Grade, Patch
-from ohmward.simulate.closed_loop.traction_plant import TractionPlant, tilt
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
+from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant, tilt
 
 FLAT = replace(RLMA, height_m=0.0)
 RLMA_HIGH = replace(RLMA, height_m=0.17)

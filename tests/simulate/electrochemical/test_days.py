@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.simulate.electrochemical.days import DayPlan, days, first_discharged, working_day
-from ohmward.simulate.profile import Profile
+from ohmward_lab.simulate.electrochemical.days import DayPlan, days, first_discharged, working_day
+from ohmward_lab.simulate.profile import Profile
 
 
 def charge_Ah(profile: Profile) -> float:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.simulate.electrochemical import CellTruth, ElectrochemicalCell, record_cell, records
-from ohmward.simulate.electrochemical.cell import usual_model
+from ohmward_lab.simulate.electrochemical import CellTruth, ElectrochemicalCell, record_cell, records
+from ohmward_lab.simulate.electrochemical.cell import usual_model
 
 RAMP_S = np.arange(0.0, 3600.0)
 

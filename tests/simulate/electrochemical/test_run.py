@@ -6,9 +6,9 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.optional import MissingPackageError
-from ohmward.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, simulate_cell
-from ohmward.simulate.electrochemical.run import _run
-from ohmward.simulate.profile import steps
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, simulate_cell
+from ohmward_lab.simulate.electrochemical.run import _run
+from ohmward_lab.simulate.profile import steps
 
 LFP = ElectrochemicalCell("Prada2013")
 LEAD = ElectrochemicalCell("Sulzer2019", "lead-acid", n_series=6)

@@ -5,7 +5,7 @@ import pytest
 
 ca = pytest.importorskip("casadi")
 
-from ohmward.simulate.electrochemical.stepper import (  # noqa: E402
+from ohmward_lab.simulate.electrochemical.stepper import (  # noqa: E402
     CellEquations,
     VoltageLimits,
     _solver,

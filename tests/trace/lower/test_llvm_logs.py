@@ -73,12 +73,35 @@ def test_progress_ends_at_the_total():
     assert told[-1] == (270, 270)
 
 
-def test_auto_takes_machine_code_for_long_logs_only(monkeypatch):
-    monkeypatch.setattr(kernel, "WORTH_STEPS", 100)
+@pytest.mark.parametrize("lengths", [(100,), (60, 40)])
+def test_auto_takes_machine_code_once_the_logs_of_a_kernel_pay_for_it(monkeypatch, lengths):
+    monkeypatch.setattr(kernel, "WORTH_STEPS", sum(lengths))
     automatic = Kernel(step, START, SAMPLE, lowering="auto")
-    assert automatic._worth(samples(100), kernel.WORTH_STEPS)
-    assert not automatic._worth(samples(99), kernel.WORTH_STEPS)
-    assert_alike(automatic.scan(START, log := samples(100)), IN_PYTHON.scan(START, log))
+    for length in (*lengths[:-1], lengths[-1] - 1):
+        assert_alike(automatic.scan(START, log := samples(length)), IN_PYTHON.scan(START, log))
+    assert "machine" not in vars(automatic)
+    assert_alike(automatic.scan(START, log := samples(1)), IN_PYTHON.scan(START, log))
+    assert "machine" in vars(automatic)
+
+
+def test_a_large_program_needs_more_steps(monkeypatch):
+    automatic = Kernel(step, START, SAMPLE, lowering="auto")
+    monkeypatch.setattr(kernel, "WORTH_STEPS", 20)
+    monkeypatch.setattr(kernel, "USUAL_OPERATIONS", len(automatic.program.nodes) / 2)
+    for _ in range(7):
+        automatic.scan(START, samples(11))
+    assert "machine" not in vars(automatic)
+    automatic.scan(START, samples(3))
+    assert "machine" in vars(automatic)
+
+
+def test_auto_takes_machine_code_for_many_lanes(monkeypatch):
+    monkeypatch.setattr(kernel, "WORTH_LANE_STEPS", 90)
+    automatic = Kernel(step, START, SAMPLE, lowering="auto")
+    automatic.scan_lanes(START, samples(10, 8))
+    assert "machine" not in vars(automatic)
+    assert_alike(automatic.scan_lanes(START, log := samples(10, 9)), IN_PYTHON.scan_lanes(START, log))
+    assert "machine" in vars(automatic)
 
 
 def test_the_environment_chooses_and_a_wrong_word_is_refused(monkeypatch):

@@ -1,11 +1,16 @@
 """Calibration in one call is that of its parts, one after the other."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
+from ohmward.logs.drive_log import DriveLog
+from ohmward.traction import RLMA
 from ohmward.traction.calibration import calibrate, calibrate_motor, calibrate_radius, with_parameters, with_wheel_loads
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.terrain.floor import Floor
 from traction.terrain.drives import OMNI, SMOOTH, omni_drive
 
 
@@ -28,6 +33,48 @@ def test_a_floor_can_be_learnt_alone(drives):
     found = calibrate(drives, OMNI, parts=(), floor="smooth")
     assert found.parameters == () and found.robot == OMNI
     assert found.floor is not None and found.floor.name == "smooth"
+
+
+def stuck_drive(radius_m, moving_s, stuck_s, from_s=10.0):
+    """[T]'s robot ahead at this true radius, its speed from outside once a second; in between, it is stuck."""
+    rng = np.random.default_rng(1)
+    time_s = np.arange(0.0, moving_s + stuck_s, 0.05)
+    is_stuck = (time_s >= from_s) & (time_s < from_s + stuck_s)
+    rim_m_s = 0.5 + 0.1 * np.sin(0.3 * time_s)
+    wheels = np.repeat(rim_m_s[:, None] / radius_m, 4, axis=1) + 0.01 * rng.standard_normal((time_s.size, 4))
+    body_m_s = np.where(is_stuck, 0.0, rim_m_s) + 0.02 * rng.standard_normal(time_s.size)
+    body_m_s[np.arange(time_s.size) % 20 != 0] = np.nan
+    return DriveLog("mud", time_s, wheels, np.full((time_s.size, 2), np.nan), speed_m_s=body_m_s)
+
+
+@pytest.mark.parametrize("stuck_s", [15.0, 40.0])
+def test_a_robot_that_was_stuck_tells_its_radius_from_the_rest(stuck_s):
+    found = calibrate([stuck_drive(0.12, 60.0, stuck_s)], RLMA, parts=("radius",))
+    (radius,) = found.parameters
+    assert radius.identified and radius.value == pytest.approx(0.12, abs=3 * radius.std) and radius.std < 0.01
+    (note,) = found.notes
+    assert note.level == "warning"
+    assert "stretches of 1 s in which the wheels turn and the robot hardly moves" in note.text
+
+
+def test_a_drive_without_a_stuck_robot_has_no_note():
+    assert calibrate([stuck_drive(0.12, 60.0, 0.0)], RLMA, parts=("radius",)).notes == ()
+
+
+def test_a_radius_that_no_drive_can_mean_is_not_written():
+    found = calibrate([stuck_drive(0.4, 60.0, 0.0)], RLMA, parts=("radius",))
+    assert found.robot == RLMA and "for 0.12 m: the wheels slip all the time" in found.parameters[0].reason
+
+
+@pytest.mark.parametrize(
+    "friction, std, told", [(0.7, 0.5, True), (1.7, 0.16, True), (7.3, 0.4, False), (1.5, 0.8, False)]
+)
+def test_a_floor_that_the_drives_do_not_tell_is_not_learnt(drives, monkeypatch, friction, std, told):
+    floor = Floor("green", friction=friction, stiffness=2.0, rolling=0.1, friction_std=std)
+    monkeypatch.setattr(sys.modules[calibrate.__module__], "learn_floor", lambda *_: floor)
+    found = calibrate(drives, OMNI, parts=(), floor="green")
+    assert (found.floor is not None) == told
+    assert told == (not any("floor 'green' was not identified" in note.text for note in found.notes))
 
 
 def test_wheel_loads_are_the_mass():

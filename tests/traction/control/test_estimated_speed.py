@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from markdown_pages import ROOT
-from ohmward.simulate.mujoco_plant import RlmaParameters, uniform
-from ohmward.traction.control import SlipCommand, SlipController, SlipPid
+from ohmward.traction.control import SlipCommand, SlipController
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
+from ohmward_lab.traction.slip_pid import SlipPid
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 sys.path.insert(0, str(ROOT / "benchmarks"))

@@ -7,21 +7,21 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 
-from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
-from ohmward.simulate.robot_truth import stack
 from ohmward.traction.control import (
     ControlFlag,
     Measurement,
     SlidingMode,
     SlipCommand,
     SlipController,
-    SlipPid,
     SpeedCommand,
     SpeedController,
 )
 from ohmward.traction.control.slip_law import SlipLaw
+from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
+from ohmward_lab.simulate.robot_truth import stack
+from ohmward_lab.traction.slip_pid import SlipPid
 from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL
 
 DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.control import SetPointSeeker
-from ohmward.traction.dynamics.set_points import best_slip, driving_force, peak
 from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.law import TractionLaw
 from ohmward.traction.friction.terrain import ROADS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward_lab.traction.set_point_seeker import SetPointSeeker
+from ohmward_lab.traction.set_points import best_slip, driving_force, peak
 
 LOAD_N, SPEED, DT = 100.0, 0.5, 0.01
 LAWS: dict[str, TractionLaw] = {

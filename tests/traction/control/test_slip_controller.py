@@ -9,8 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward.trace import Kernel
 from ohmward.traction.control import (
     ControlFlag,
@@ -19,9 +17,11 @@ from ohmward.traction.control import (
     SlidingMode,
     SlipCommand,
     SlipController,
-    SlipPid,
 )
 from ohmward.traction.control.slip_law import SlipLaw
+from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward_lab.traction.slip_pid import SlipPid
 from traction.control.examples import DRY, LIMITS, SLIDING, SLIPPERY, UNSURE, WHEEL, Truth, drive, measured
 
 LAWS: dict[str, SlipLaw] = {

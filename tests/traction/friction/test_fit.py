@@ -18,7 +18,9 @@ from ohmward.traction.friction.families import (
     ward_iagnemma,
     ward_iagnemma_with_slope,
 )
-from ohmward.traction.friction.fit import (
+from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.terrain import SOILS
+from ohmward_lab.traction.friction_fit import (
     ForceSlip,
     LawFit,
     drawbar_N,
@@ -27,8 +29,6 @@ from ohmward.traction.friction.fit import (
     left_out_errors_N,
     select_law,
 )
-from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.terrain import SOILS
 
 FLOOR = 1e-3
 RIM_M_S = np.array([0.0, 0.03, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.4, 1.0])

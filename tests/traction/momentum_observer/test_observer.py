@@ -8,13 +8,13 @@ import pytest
 
 from kernels import kernel_of
 from ohmward.errors import InputError
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop.figures import score
 from ohmward.traction import RLMA, SkidSteer, scene
-from ohmward.traction.momentum_observer.estimate import MomentumFlag
-from ohmward.traction.momentum_observer.noise import MomentumNoise, count_std_rad
-from ohmward.traction.momentum_observer.observer import MomentumObserver
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.traction.momentum_observer.estimate import MomentumFlag
+from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
 from traction.speed_observer.examples import FLOOR
 
 DT = 1e-3

@@ -60,6 +60,63 @@ def test_an_observer_takes_the_slip_out():
     assert now.x_m == pytest.approx(with_observer.x_m[-1], abs=1e-3)
 
 
+def drive_without_currents(step_s, encoder_std_rad_s, speed_every_s=None):
+    """Stop and go for two minutes by wheels and a gyro with an offset of 0.01 rad/s, and the turn that it makes."""
+    rng = np.random.default_rng(4)
+    time_s = np.arange(0.0, 120.0, step_s)
+    drives = (time_s > 5.0) & (time_s % 30.0 < 24.0)
+    speed_m_s, yaw_rad_s = 0.5 * drives, 0.4 * np.sin(0.2 * time_s) * drives
+    wheels = np.full((time_s.size, len(RLMA.places)), np.nan)
+    motion = np.column_stack([speed_m_s, yaw_rad_s])
+    wheels[:, : RLMA.driven] = motion @ RLMA.rolling[: RLMA.driven].T / RLMA.wheel.radius_m
+    wheels += encoder_std_rad_s * rng.standard_normal(wheels.shape)
+    gyro = yaw_rad_s + 0.01 + 0.003 * rng.standard_normal(time_s.size)
+    outside = np.full(time_s.size, np.nan)
+    if speed_every_s:
+        every = round(speed_every_s / step_s)
+        outside[::every] = speed_m_s[::every]
+    nothing = np.full((time_s.size, RLMA.driven), np.nan)
+    drive = DriveLog("no currents", time_s, wheels, nothing, yaw_rate_rad_s=gyro, speed_m_s=outside)
+    return drive, float(np.sum(yaw_rad_s) * step_s)
+
+
+@pytest.mark.parametrize("step_s, encoder_std_rad_s", [(0.02, 0.0), (0.02, 0.05), (0.2, 0.0)])
+@pytest.mark.parametrize("speed_every_s", [None, 1.0])
+def test_an_observer_without_motor_currents_adds_nothing(step_s, encoder_std_rad_s, speed_every_s):
+    """Its wide bands would keep wheels and gyro from being compared, and the gyro's offset from being learnt."""
+    drive, turned_rad = drive_without_currents(step_s, encoder_std_rad_s, speed_every_s)
+    observed = SlipEstimator(RLMA, filter="ekf").run(drive).estimates
+    run, alone = Odometry(RLMA).run(drive, observed), Odometry(RLMA).run(drive)
+    assert_allclose(run.x_m, alone.x_m)
+    assert_allclose(run.pose_cov, alone.pose_cov)
+    assert run.gyro_offset_rad_s[-1] == pytest.approx(0.01, abs=0.003)
+    assert run.yaw_rad[-1] == pytest.approx(turned_rad, abs=0.2)
+    assert np.sqrt(run.pose_cov[-1, 2, 2]) < 0.2
+
+
+def test_live_an_observer_without_motor_currents_adds_nothing_either():
+    drive, _ = drive_without_currents(0.05, 0.0, speed_every_s=1.0)
+    slip, live, alone = SlipEstimator(RLMA, filter="ekf"), Odometry(RLMA), Odometry(RLMA)
+    for k in range(400):
+        speeds, gyro, outside = drive.wheel_speed_rad_s[k], drive.yaw_rate_rad_s[k], drive.speed_m_s[k]
+        observed = slip.update(drive.time_s[k], speeds, None, gyro, speed_m_s=outside)
+        now = live.update(drive.time_s[k], speeds, gyro, speed_m_s=outside, observed=observed)
+        expected = alone.update(drive.time_s[k], speeds, gyro, speed_m_s=outside)
+    for value, other in zip(now, expected, strict=True):
+        assert_allclose(value, other, atol=1e-12)
+
+
+def test_wheels_and_gyro_go_on_where_the_motor_currents_stop():
+    """The observer knows the motion for half of the drive; without currents its slip is anything again."""
+    drive = log()
+    currents = np.array(drive.motor_current_A)
+    currents[150:] = np.nan
+    halved = DriveLog("halved", drive.time_s, drive.wheel_speed_rad_s, currents, yaw_rate_rad_s=drive.yaw_rate_rad_s)
+    run = Odometry(RLMA).run(halved, SlipEstimator(RLMA, filter="ekf").run(halved).estimates)
+    alone = Odometry(RLMA).run(halved)
+    assert run.x_m[-1] - run.x_m[200] == pytest.approx(alone.x_m[-1] - alone.x_m[200], abs=0.02)
+
+
 def test_bad_samples_are_flagged_and_bad_calls_refused():
     odometry = Odometry("rlma")
     assert odometry.update(0.0, [1.0, 1.0], 0.0).flags == 0

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kernels import kernel_of
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
-from ohmward.simulate.robot_sensors import RobotSensors, record
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.encoder import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
+from ohmward_lab.simulate.robot_sensors import RobotSensors, record
 
 DT_S = 0.01
 RUNS = 10

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
 from ohmward.trace import Kernel, clip
 from ohmward.traction import ALEXANDER, RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
@@ -14,6 +13,7 @@ from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
 
 from .examples import DT_S, RLMA_ON_FLOOR
 from .mujoco_runs import believed, observed, rmse, samples_of

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop.figures import score
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop.figures import score
 
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "passive wheels under a robot that accelerates": ("slip-steps", {}),

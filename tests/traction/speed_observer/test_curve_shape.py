@@ -7,8 +7,8 @@ import pytest
 
 from kernels import kernel_of
 from ohmward.filters.consistency import BAND_95
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop.observing import make_observer
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop.observing import make_observer
 
 
 @pytest.fixture(scope="module")

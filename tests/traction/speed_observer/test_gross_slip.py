@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from ohmward.filters.belief import Belief
-from ohmward.simulate import closed_loop
-from ohmward.simulate.closed_loop.figures import score
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.gross_slip import (
     change_by_momentum,
@@ -19,6 +17,8 @@ from ohmward.traction.speed_observer.gross_slip import (
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
+from ohmward_lab.simulate import closed_loop
+from ohmward_lab.simulate.closed_loop.figures import score
 
 from .examples import RLMA_ON_FLOOR
 

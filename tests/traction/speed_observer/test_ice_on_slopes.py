@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
 
 from .mujoco_runs import DT_S, believed, observed, rmse, samples_of
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
 from ohmward.traction.speed_observer import apparent_inertia
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
 
 from .mujoco_runs import DT_S, believed, observed, samples_of
 

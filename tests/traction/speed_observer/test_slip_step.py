@@ -5,10 +5,10 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction import EULER, RobotInput, Terrain, scene
-from ohmward.traction.dynamics.quasi_static import wheel_slip
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step, traction, traction_and_slope
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
+from ohmward_lab.traction.quasi_static import wheel_slip
 
 from .examples import FLOOR, LOW, SCENES, plant
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ohmward.simulate import closed_loop
+from ohmward_lab.simulate import closed_loop
 
 from .test_curve_shape import coverage_95
 

@@ -218,7 +218,7 @@ class PackEstimator:
             )
         filter_name = options.get("filter", DEFAULT)
         estimator.typical = SocEstimator.restore(
-            battery, snapshot["typical"], lowering=estimator.lowering, filter=filter_name
+            battery, snapshot.get("typical", {}), lowering=estimator.lowering, filter=filter_name
         )
         example = estimator.settings.init(_nothing())
         estimator._states = [resume(estimator.settings, example, cell)[0] for cell in cells]

@@ -13,9 +13,12 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.logs.log import Note
 
 #: Points of the OCV grid over which the gap is averaged: 5 % of SoC.
 _SHAPE_SMOOTHING = 11
+#: Largest share of a curve that may run backwards by more than noise, and that noise over the voltage of full.
+_MOST_BACKWARDS, _SMALL_BEND = 0.03, 3e-4
 #: No resistance is a smaller share of its mean along SoC, however narrow the gap.
 _SMALLEST_SHAPE = 0.3
 
@@ -48,9 +51,8 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
 def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurve:
     """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
     first, layout = problem.ocv, solution.layout
-    correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[layout.correction])
+    mean_V = _fitted_curve_V(solution, problem)
     scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
-    mean_V = np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
     gap_V = scale * np.asarray(first.hysteresis_at(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
     slope = np.interp(OCV_GRID, np.linspace(0, 1, len(first.temperature_V_per_K)), first.temperature_V_per_K)
     if layout.entropy:
@@ -61,6 +63,33 @@ def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurv
         tuple(slope.tolist()),
         first.reference_degC,
     )
+
+
+def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:
+    """A warning where much of the fitted OCV curve runs backwards, so that `corrected_ocv` levels it."""
+    fitted_V = _fitted_curve_V(solution, problem)
+    share = backward_share(fitted_V)
+    if share <= _MOST_BACKWARDS:
+        return ()
+    text = (
+        f"{share:.0%} of the open-circuit voltage curve that fits the logs falls with SoC and was levelled, so "
+        f"estimators will err there: the logs contradict the capacity or each other. "
+        f"Is {problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same battery?"
+    )
+    return (Note(text, "warning"),)
+
+
+def backward_share(curve_V: np.ndarray) -> float:
+    """Share of a curve (N,) along SoC that `monotone` levels because it falls there by more than noise."""
+    falls_V = np.maximum.accumulate(curve_V) - np.minimum.accumulate(curve_V[::-1])[::-1]
+    return float(np.mean(falls_V > _SMALL_BEND * curve_V[-1]))
+
+
+def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
+    """The first OCV curve with the correction of the fit [V], on OCV_GRID."""
+    first = problem.ocv
+    correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[solution.layout.correction])
+    return np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
 
 
 def start_of(solution: CircuitSolution, part: int) -> tuple[tuple[float, ...], float]:

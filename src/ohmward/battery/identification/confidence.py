@@ -106,7 +106,7 @@ def _uncovered(s: CircuitSolution, samples: Sequence[FitSamples], capacity_Ah: f
         return []
     source = "the shape of the low-rate branches" if shaped else "the nearest data, held"
     ranges = ", ".join(_range(a, b) for a, b in runs(missing))
-    return [f"resistances at SoC {ranges}: no current flowed there; taken from {source}, +-{_share(s, missing):.0%}"]
+    return [f"resistances at SoC {ranges}: no current flowed there; taken from {source}, ± {_share(s, missing):.0%}"]
 
 
 def _range(first: int, stop: int) -> str:

@@ -75,7 +75,7 @@ def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
     """Notes on R_0 of each direction from its edges, to compare with the fit."""
     found = {word: ohmic_resistance(edges, sign) for word, sign in (("discharge", -1), ("charge", 1))}
     return tuple(
-        Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} +- {1e3 * BAND_95 * r.std_ohm:.2g} mohm in {word}")
+        Note(f"{r.edges} edges show R_0 = {1e3 * r.ohm:.3g} ± {1e3 * BAND_95 * r.std_ohm:.2g} mohm in {word}")
         for word, r in found.items()
         if r
     )

@@ -25,7 +25,7 @@ from ohmward.battery.chemistries import (
 )
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.charge_transfer import try_bent
-from ohmward.battery.identification.circuit import circuit_of, slow_shape, start_of
+from ohmward.battery.identification.circuit import circuit_of, curve_notes, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
@@ -233,11 +233,12 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     )
     hysteresis, edges = any(prepared.ocv.hysteresis_V), [edge for d in details for edge in d.edges]
     fits = *(d.quality for d in details), *branch_fits(prepared.branches)
+    checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution, problem)
     provenance = replace(
         _provenance(prepared, settings),
         logs=fits,
         confidence=confidence_intervals(fit, hysteresis, problem.fit_activation),
-        notes=tuple(map(str, (*prepared.notes, *choice, *edge_notes(edges), *fit_notes(details, fits, model.ocv)))),
+        notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)

@@ -35,7 +35,7 @@ def with_usual_activation(found: RcIdentification, chemistry: str, record_degC: 
     activation_K = 0.5 * (prior.activation_K.mean + prior.pair_activation_K.mean)
     noise = BatteryNoise(activation_std_K=prior.activation_std_K, ocv_std_V_per_K=volts * prior.ocv_std_V_per_K)
     sentence = (
-        f"activation of the resistances: {activation_K:.0f} +- {prior.activation_std_K:.0f} K was taken, as usual for "
+        f"activation of the resistances: {activation_K:.0f} ± {prior.activation_std_K:.0f} K was taken, as usual for "
         f"{chemistry or 'batteries'}"
     )
     usual = with_activation(found, activation_K, noise, record_degC)

@@ -305,7 +305,7 @@ def _require_inside(record: Record, axis: SocAxis, capacity_Ah: float) -> None:
 
 def _notes(record: Record, axis: SocAxis, capacity_Ah: float, ocv: OcvCurve | None) -> tuple[Note, ...]:
     name, first = record.log.name, axis.anchors[0]
-    tied = f"{first.reason}, +-{2 * first.std:.1%}" if len(axis.anchors) == 1 else f"{len(axis.anchors)} full charges"
+    tied = f"{first.reason}, ± {2 * first.std:.1%}" if len(axis.anchors) == 1 else f"{len(axis.anchors)} full charges"
     notes = [
         Note(
             f"{name!r}: SoC starts at {axis.soc[0]:.3f} and runs from {axis.soc.min():.3f} to "

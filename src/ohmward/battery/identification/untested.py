@@ -80,11 +80,12 @@ def _activation(problem: CircuitProblem, kind: str) -> list[str]:
         return []
     prior = problem.prior.untested
     ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
-    empty = f"{prior.empty_activation_K.mean:.0f} +- {prior.empty_activation_K.std:.0f} K"
+    empty_K, empty_std_K = prior.empty_activation_K
+    more = f"{empty_K:.0f} ± {empty_std_K:.0f} K more" if empty_K else f"a further ± {empty_std_K:.0f} K"
     return [
-        f"activation: currents flowed at {load_temperature(problem.samples)} only; {ohmic} (R0), {pairs} (RC pairs) "
-        f"and {tau} (time constants), all +-{prior.activation_std_K:.0f} K, and for the pairs at SoC 0 "
-        f"{empty} more were taken, as usual for {kind}"
+        f"activation: currents flowed at {load_temperature(problem.samples)} only, so how the resistances change with "
+        f"temperature was assumed as usual for {kind}: {ohmic} (R0), {pairs} (RC pairs) and {tau} (time constants), "
+        f"each ± {prior.activation_std_K:.0f} K; the RC pairs of an empty battery have {more} (all 1 sigma)"
     ]
 
 
@@ -93,6 +94,6 @@ def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> lis
         return []
     std_mV = 1e3 * ocv_std_V_per_K(fit, problem)
     return [
-        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 +- {std_mV:.2g} mV/K was taken, "
-        f"as usual for {kind}"
+        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {std_mV:.2g} mV/K was "
+        f"assumed, as usual for {kind}"
     ]

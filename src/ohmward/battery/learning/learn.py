@@ -57,6 +57,8 @@ from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
+from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.fit_check import misfits
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -114,8 +116,13 @@ def learn(
     return Learnt(battery, tuple(lessons))
 
 
-def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> tuple[Battery, Lesson]:
-    """The battery after one log, and what it taught; the battery as it was where the log is set aside."""
+def learn_log(
+    battery: Battery, log: Log, initial_soc: float | None = None, check_fit: bool = True
+) -> tuple[Battery, Lesson]:
+    """The battery after one log, and what it taught; the battery as it was where the log is set aside.
+
+    check_fit: set a log aside that the file does not fit by the check of `ohmward soc`.
+    """
     try:
         new = new_parts(battery, log)
     except InputError as refusal:
@@ -136,7 +143,10 @@ def learn_log(battery: Battery, log: Log, initial_soc: float | None = None) -> t
     after = parts[-1].battery
     lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
-    if contradiction := _contradiction(aged, log, lesson):
+    contradiction = _contradiction(aged, log, lesson)
+    if not contradiction and check_fit:
+        contradiction = _misfit_of_file(battery, new.parts, initial_soc)
+    if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
     return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
@@ -184,12 +194,21 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
         return unexplained(after) or other_label(known, after)
     if confirms(known, after):
         return ""
-    _, alone = learn_log(forgotten(battery), log)
+    _, alone = learn_log(forgotten(battery), log, check_fit=False)
     if alone.verdict != "learnt":
         return alone.reason
     seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s
     worse = explained_worse(seconds, correlation_s, lesson.residual_rms_V, alone.residual_rms_V)
     return other_battery(known, _log_findings(alone), worse) or moved_too_far(known, after) or unexplained(after)
+
+
+def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float | None) -> str:
+    """Misfit of the file to a log by the check of `ohmward soc`; "" for none."""
+    for part in parts:
+        run = SocEstimator(battery, initial_soc if part is parts[0] else None).run(part)
+        if wrong := misfits(battery, part, run.settings, run.estimates):
+            return wrong[0].text
+    return ""
 
 
 def _log_findings(lesson: Lesson) -> LogFindings:

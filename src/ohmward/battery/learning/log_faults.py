@@ -8,7 +8,15 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.pulse_resistance import pulse_ohm
-from ohmward.battery.log_check import check_log, other_cells
+from ohmward.battery.log_check import (
+    MEDIAN_OF,
+    REST_C,
+    check_log,
+    hidden_charges,
+    medians,
+    moving_rests,
+    other_cells,
+)
 from ohmward.battery.soc.clean_sample import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
@@ -23,17 +31,9 @@ _STUCK_S, _STUCK_SAMPLES = 120.0, 10
 #: if meanwhile the voltage must have moved by so many of its smallest steps, or has moved by so many standard
 #: deviations of its noise from sample to sample.
 _MISSED_STEPS, _MOVED_STD = 5.0, 4.0
-#: A rest is below this current, in multiples of the capacity per hour; one sample of noise does not end it. After the
-#: first time [s] its voltage has relaxed but for a few millivolts, and moves no further than self-discharge, idle
-#: current and a late relaxation do: by this voltage a cell, and by this much of the state of charge by the curve, and
-#: more with every hour.
-_REST_C, _RELAXED_S = 0.01, 1200.0
-_HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
 #: A steady current moves the voltage its own way. Against it go noise and the warmth of the battery, which lowers its
 #: overpotential by this share.
 _WARMED = 0.3
-#: Samples of a median.
-_MEDIAN_OF = 5
 #: A log whose sensor was stuck for this share of the time is set aside.
 _MOSTLY = 0.5
 #: Resistances may be lower than those of the file by so many standard deviations.
@@ -111,48 +111,18 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
     """Voltage [V] by which a battery moves against its constant current, beyond what warmth does; 0 at rest."""
     known = voltage_V[np.isfinite(voltage_V)]
     model = battery.thevenin
-    if abs(current_A) <= _REST_C * battery.capacity_Ah or known.size < 2 * _MEDIAN_OF or model is None:
+    if abs(current_A) <= REST_C * battery.capacity_Ah or known.size < 2 * MEDIAN_OF or model is None:
         return 0.0
-    smooth = np.sign(current_A) * _medians(known)
+    smooth = np.sign(current_A) * medians(known)
     against_V = float(np.max(np.maximum.accumulate(smooth) - smooth))
     return against_V - _WARMED * abs(current_A) * pulse_ohm(model)
 
 
 def _without_hidden_current(log: Log, battery: Battery) -> Log:
-    """The log without the currents of rests in which the voltage moves as by a charge or a load."""
-    hidden = [run for run in _rests(log, battery) if _is_used(log, run, battery)]
-    return _without(log, "current", hidden, "did not show what charged or discharged the battery")
-
-
-def _rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
-    """First and end index of the rests that are long enough to tell."""
-    resting = np.abs(log.current_A - battery.sensor.offset_A) < _REST_C * battery.capacity_Ah
-    for first, stop in runs(~resting):
-        if stop - first == 1:  # a sample of noise
-            resting[first] = True
-    return [(first, stop) for first, stop in runs(resting) if log.time_s[stop - 1] - log.time_s[first] > 2 * _RELAXED_S]
-
-
-def _is_used(log: Log, rest: tuple[int, int], battery: Battery) -> bool:
-    """True where the voltage of a rest moves further than that of a battery at rest does."""
-    model = battery.thevenin
-    first, stop = rest
-    late = np.arange(first, stop)[log.time_s[first:stop] > log.time_s[first] + _RELAXED_S]
-    known = late[np.isfinite(log.voltage_V[late])]
-    if model is None or known.size < 2 * _MEDIAN_OF:
-        return False
-    smooth_V = _medians(log.voltage_V[known])
-    grid = np.linspace(0.0, 1.0, len(model.ocv.voltage_V))
-    soc = np.interp(smooth_V, model.ocv.voltage_V, grid)
-    hours = (log.time_s[stop - 1] - log.time_s[first]) / SECONDS_PER_HOUR
-    moved_soc = float(np.ptp(soc)) - _HIDDEN_SOC_PER_HOUR * hours
-    return float(np.ptp(smooth_V)) > _HIDDEN_V * battery.n_series and moved_soc > _HIDDEN_SOC
-
-
-def _medians(values: np.ndarray) -> np.ndarray:
-    """Medians of `_MEDIAN_OF` neighbours, which a spike does not move."""
-    count = values.size // _MEDIAN_OF
-    return np.median(values[: count * _MEDIAN_OF].reshape(count, _MEDIAN_OF), axis=1)
+    """The log without currents that do not show by what the voltage moves: a charge, or a load."""
+    log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
+    fault = "shows a discharge or none where the voltage rises as by a charge (a charger past the sensor?)"
+    return _without(log, "current", hidden_charges(log, battery), fault)
 
 
 def _without_impossible_temperatures(log: Log) -> Log:

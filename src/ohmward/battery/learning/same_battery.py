@@ -126,7 +126,7 @@ def too_small(capacity_Ah: Normal, depth: float) -> str:
     if depth <= _DEEPEST:
         return ""
     larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
-    return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} +- {capacity_Ah.std:.2g} Ah")
+    return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} ± {capacity_Ah.std:.2g} Ah")
 
 
 def other_battery(known: LogFindings, alone: LogFindings, explained_worse: float = 0.0) -> str:
@@ -163,8 +163,8 @@ def _other_sensor(known: LogFindings, found: LogFindings, std_A: float) -> str:
     if abs(off_A) <= _OTHER_SENSOR * std_A:
         return ""
     return (
-        f"its current sensor shows {found.offset_A.mean:.3g} +- {found.offset_A.std:.2g} A where none flows, that of "
-        f"the file {known.offset_A.mean:.3g} +- {known.offset_A.std:.2g} A (1 sigma); check the sensor; "
+        f"its current sensor shows {found.offset_A.mean:.3g} ± {found.offset_A.std:.2g} A where none flows, that of "
+        f"the file {known.offset_A.mean:.3g} ± {known.offset_A.std:.2g} A (1 sigma); check the sensor; "
         "with another one begin anew with `ohmward generic` and the present capacity"
     )
 
@@ -175,8 +175,8 @@ def _contradiction(known: LogFindings, found: LogFindings, z: list[float], limit
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))
     differ = [
-        f"its {name} is {scale * new.mean:.3g} +- {scale * new.std:.2g} {unit}, that of the file "
-        f"{scale * old.mean:.3g} +- {scale * old.std:.2g} {unit}"
+        f"its {name} is {scale * new.mean:.3g} ± {scale * new.std:.2g} {unit}, that of the file "
+        f"{scale * old.mean:.3g} ± {scale * old.std:.2g} {unit}"
         for (name, unit, scale), old, new, off in zip(units, known.of_battery, found.of_battery, z, strict=True)
         if abs(off) > _WORTH_TELLING
     ]

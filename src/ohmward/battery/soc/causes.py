@@ -55,7 +55,7 @@ class Cause(NamedTuple):
 class Conditions(NamedTuple):
     """Present state of the battery in the quantities that the sentences need.
 
-    std: largest standard deviation of the states of each cause.
+    std: largest standard deviation of the states of each cause; of capacity and resistance as the estimate has them.
     temperature_degC: of the battery.
     slope_V: change of the open-circuit voltage per unit of SoC.
     error_V: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under
@@ -172,6 +172,11 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     belief = unpack(state.belief)
     state_std = np.sqrt(np.maximum(np.diag(belief.cov), 0.0))
     std = {cause: float(state_std[of].max()) for cause, of in cause_states(settings.state_names).items()}
+    known = settings.system.known(belief)
+    std |= {
+        "capacity": float(known["soh_capacity_std"]),
+        "resistance": float(known["resistance_ratio_std"] / known["resistance_ratio"]),
+    }
     x = settings.system.split(belief.mean)
     u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC))
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
@@ -320,11 +325,11 @@ WORDINGS: dict[str, Wording] = {
     ),
     "hysteresis": Wording(lambda now: "place between the charge and the discharge curve", lambda now: "a full charge"),
     "hysteresis_size": Wording(
-        lambda now: f"hysteresis known within {within(now.settings.noise.hysteresis_std)}", lambda now: _BOTH_BRANCHES
+        lambda now: f"hysteresis known within {within(now.std['hysteresis_size'])}", lambda now: _BOTH_BRANCHES
     ),
     "offset": Wording(_offset, _offset_remedy),
     "capacity": Wording(
-        lambda now: f"capacity known within {within(now.settings.noise.capacity_std)}",
+        lambda now: f"capacity known within {within(now.std['capacity'])}",
         lambda now: "a discharge from full to empty",
     ),
     "gain": Wording(

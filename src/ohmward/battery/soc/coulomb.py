@@ -13,8 +13,9 @@ from ohmward.battery.models.noise import PATH_SHARE, SOC_UNKNOWN_STD, USUAL_C, B
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, charge
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
-from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, minimum, where
@@ -70,8 +71,16 @@ class CoulombCounting:
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""
-        u = first_input(first, self.limits.current_A)
-        start = initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
+
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return VoltageStart(self.model, self.noise, self.sensor, self.limits.current_A)
+
+    def start_from(self, first: SocSample, part: Hypothesis) -> CoulombState:
+        """State before the first sample with this density of SoC; traceable."""
+        u, start = first_input(first, self.limits.current_A), part.start
         return CoulombState(start.soc, start.std**2, 0.0, 0.0, u.current_A, u.temperature_degC, 0.0)
 
     def step(self, state: CoulombState, sample: SocSample) -> tuple[CoulombState, SocEstimate]:

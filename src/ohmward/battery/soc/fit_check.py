@@ -1,22 +1,29 @@
 """Checks that the battery file fits the log: errors that no sensor and no battery of this kind has are no estimates.
 
 A file of another battery, chemistry or capacity, a current of the wrong sign or unit: the filter then explains the
-voltage by whatever state may err, and is sure of it. Three things show it: an offset that the current sensor cannot
-have, a capacity that no such battery has, and innovations that stay larger than the filter expects.
+voltage by whatever state may err, and is sure of it. Three things in its estimates show it: an offset that the current
+sensor cannot have, a capacity that no such battery has, and innovations that stay larger than the filter expects. Two
+show in the log itself: another number of cells explains the voltage, or the current misses a charge.
+
+A spike of the voltage says nothing about the file. What is outside the gate counts as its limit, so that only errors
+over a large share of the time make a misfit.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TypeGuard
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
+from ohmward.battery.log_check import contradictions
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.misfit import implausible_capacity
+from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.filters.run import Run
-from ohmward.logs.log import Note
+from ohmward.logs.log import Log, Note
 
 #: Root mean square of innovations over their standard deviations. It is 1 for single samples where the model holds, and
 #: at most 1 for their means over some minutes, however long an error of the model lasts.
@@ -24,45 +31,56 @@ MOST_EXCESS = 1.0
 LASTING_S = 600.0
 #: Fewer innovations are too few for a mean.
 LEAST_INNOVATIONS = 100
+#: Larger innovations, in their standard deviations, count as this: the limit of the filters' gate.
+LARGEST = math.sqrt(TheveninFilter.gate)
 
 _ADVICE = (
     "is the battery file of this battery, with its chemistry and capacity, and are sign and unit of the current right?"
 )
 
 
-def misfits(run: Run[SocEstimate]) -> tuple[Note, ...]:
-    """A warning that the battery file does not fit the log and the estimates are not to be trusted; () where it does.
+def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstimate) -> tuple[Note, ...]:
+    """Warnings that the battery file does not fit the log and the estimates are not to be trusted; () where it does.
 
-    Only of filters whose states are the errors of sensor and model too; the innovations of others always are larger
-    than they expect.
+    settings, estimates: of the estimator that ran over the log. Only those of filters whose states are the errors of
+        sensor and model too are judged; the innovations of others always are larger than they expect.
     """
-    if not isinstance(run.settings, TheveninFilter | GaussianSumFilter):
-        return ()
-    sensor = run.settings.sensor
-    offset_A, capacity = float(run.estimates.current_offset_A[-1]), float(run.estimates.soh_capacity[-1])
+    found = list(contradictions(log, battery))
+    if is_judged(settings) and (needed := _needed(log.time_s, settings, estimates)):
+        found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {_ADVICE}'}")
+    return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
+
+
+def is_judged(settings: Estimator) -> TypeGuard[TheveninFilter | GaussianSumFilter]:
+    """True for an estimator whose estimates show whether the file fits."""
+    return isinstance(settings, TheveninFilter | GaussianSumFilter)
+
+
+def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, estimates: SocEstimate) -> list[str]:
+    """Errors that the file would need to explain the log, and that sensor and battery cannot have."""
+    sensor = settings.sensor
+    offset_A, capacity = float(estimates.current_offset_A[-1]), float(estimates.soh_capacity[-1])
     needed = []
     if sensor.contradicts(offset_A):
         times = abs(offset_A - sensor.offset_A) / sensor.offset_std_A
         needed.append(f"an offset of the current sensor of {offset_A:.3g} A, {times:.1f} times its standard deviation")
     if implausible_capacity(capacity):
         needed.append(f"a capacity of {capacity:.2g} times the file's")
-    if (excess := lasting_error(run)) > MOST_EXCESS:
+    if (excess := lasting_error(time_s, estimates)) > MOST_EXCESS:
         needed.append(f"errors of the voltage {excess:.1f} times as large as the file expects")
-    if not needed:
-        return ()
-    return (Note(f"the battery file does not fit the log: it would need {' and '.join(needed)}; {_ADVICE}", "warning"),)
+    return needed
 
 
-def lasting_error(run: Run[SocEstimate]) -> float:
+def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
     """Errors of the voltage over those that the filter expects: of single samples or of minutes, whichever is more.
 
     nan where there are too few.
     """
-    e = run.estimates
+    e = estimates
     used = np.isfinite(e.innovation_V) & (e.voltage_std_V > 0.0)
     if np.count_nonzero(used) < LEAST_INNOVATIONS:
         return math.nan
-    normalised = e.innovation_V[used] / e.voltage_std_V[used]
-    begins = np.flatnonzero(np.diff(run.time_s[used] // LASTING_S, prepend=-np.inf))
+    normalised = np.clip(e.innovation_V[used] / e.voltage_std_V[used], -LARGEST, LARGEST)
+    begins = np.flatnonzero(np.diff(time_s[used] // LASTING_S, prepend=-np.inf))
     means = np.add.reduceat(normalised, begins) / np.diff(begins, append=normalised.size)
     return float(np.sqrt(max(normalised @ normalised / normalised.size, np.mean(means**2))))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import and_, or_
 from typing import Any, NamedTuple
@@ -24,16 +24,17 @@ import numpy as np
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import pair_decays
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
-from ohmward.battery.soc.clean_sample import CleanSocSample, first_input
+from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.evidence import log_likelihood
-from ohmward.battery.soc.initial_soc import WRONG_SHARE, hypotheses
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import STD_OF, SocEstimate, SocSample
+from ohmward.battery.soc.start_density import WRONG_SHARE, Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import choose
-from ohmward.trace import exp, maximum, sqrt, where
+from ohmward.trace import exp, log, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
 #: Hypotheses of the default: told right, and two cells of "told wrong", or three cells of an unknown start. With two
@@ -90,11 +91,17 @@ class GaussianSumFilter:
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> GaussianSumState:
         """State before the first sample, which it looks at; arguments as those of `TheveninFilter.init`."""
-        filter_ = self.member
-        u = first_input(first, filter_.limits.current_A)
-        parts = hypotheses(first.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, soc, soc_std, self.count)
-        members = tuple(filter_.start_from(first, part.start) for part in parts)
-        return self.begun(members, [np.log(max(part.weight, _TINY)) for part in parts])
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
+
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return replace(self.member.voltage_start, count=self.count)
+
+    def start_from(self, first: SocSample, *parts: Hypothesis) -> GaussianSumState:
+        """State before the first sample, with one member for each hypothesis; traceable."""
+        members = tuple(self.member.start_from(first, part) for part in parts)
+        return self.begun(members, [log(maximum(part.weight, _TINY)) for part in parts])
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> GaussianSumState:
         """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers.

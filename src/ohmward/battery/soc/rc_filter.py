@@ -26,7 +26,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.coulomb import charge_variance
-from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.rc_soc_link import (
     BULK,
     MODEL_ERROR,
@@ -38,6 +38,7 @@ from ohmward.battery.soc.rc_soc_link import (
     line_slope_V,
 )
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_each_positive, require_one_of
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
@@ -145,25 +146,33 @@ class RcFilter:
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcFilterState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
+
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return VoltageStart(self.thevenin, self.noise, self.sensor, self.limits.current_A)
+
+    def start_from(self, first: SocSample, part: Hypothesis) -> RcFilterState:
+        """State before the first sample with this density of SoC; traceable."""
         u = first_input(first, self.limits.current_A)
-        start = initial_soc(first.voltage_V, u, self.thevenin, self.noise, self.sensor, soc, soc_std)
-        belief = self.start_belief(start, float(self.coldness(u.temperature_degC)))
+        belief = self.start_belief(part.start, self.coldness(u.temperature_degC))
         return RcFilterState(pack(belief), u.current_A, 0.0, 0.0)
 
     def coldness(self, temperature_degC: Scalar) -> Scalar:
         """1/T - 1/T_reference [1/K]."""
         return coldness_per_K(temperature_degC, self.model.ocv.reference_degC)
 
-    def start_belief(self, start: InitialSoc, coldness: float = 0.0) -> Belief:
+    def start_belief(self, start: InitialSoc, coldness: Scalar = 0.0) -> Belief:
         """Belief before the first sample: both capacitors at the open-circuit voltage of this SoC.
 
         coldness: 1/T - 1/T_reference [1/K].
         """
         noise, ocv_V = self.noise, self.link.ocv_V(start.soc)
-        resistance_std = math.sqrt(noise.resistance_variance(coldness))
+        resistance_std = sqrt(noise.resistance_variance(coldness))
         past_V = (self.model.r_bulk_ohm + self.model.r_surface_ohm) * self.sensor.offset_std_A
         mean = self.vector(bulk_V=ocv_V, surface_V=ocv_V, soc=start.soc)
-        common = self.charge_direction(float(self.link.slope_V(start.soc))) * start.std
+        common = self.charge_direction(self.link.slope_V(start.soc)) * start.std
         own = self.vector(
             surface_V=past_V, model_error=1.0, offset_A=self.sensor.offset_std_A, resistance=resistance_std
         )

@@ -31,9 +31,9 @@ class SocByCurve:
     noise: BatteryNoise
     soc_is_state = False
 
-    def ocv_V(self, soc: float) -> float:
+    def ocv_V(self, soc: Scalar) -> Scalar:
         """Open-circuit voltage [V] at the curve's reference temperature."""
-        return float(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC))
+        return self.model.ocv.mean_V(soc, self.model.ocv.reference_degC)
 
     def slope_V(self, soc: Scalar) -> Scalar:
         """Slope of the open-circuit voltage [V per unit of SoC]."""
@@ -100,7 +100,7 @@ class SocAsState:
     noise: BatteryNoise
     soc_is_state = True
 
-    def ocv_V(self, soc: float) -> float:
+    def ocv_V(self, soc: Scalar) -> Scalar:
         """Open-circuit voltage [V] on the line, which passes through the middle of the curve."""
         return self._empty_V + self._slope_V * soc
 

@@ -14,6 +14,10 @@ from ohmward.battery.soc.rest_ocv import RestOcv
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
+from ohmward.lab import lab
+
+#: So begin the names of the estimators that reproduce a publication.
+_PUBLISHED = "published."
 
 #: The estimator of a user who does not choose: that of the battery, see `chosen_name`.
 DEFAULT = "default"
@@ -48,21 +52,9 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
     Raises:
         InputError: there is none of that name, or the battery file lacks the model it needs.
     """
-    return make_from(ESTIMATORS, name, battery, settings)
-
-
-def available(battery: Battery) -> tuple[str, ...]:
-    """Names of the estimators that the models in the battery file allow."""
-    return available_from(ESTIMATORS, battery)
-
-
-def make_from(
-    choices: Mapping[str, Choice], name: str, battery: Battery, settings: EstimatorSettings | None = None
-) -> Estimator:
-    """`make_estimator` among these choices."""
-    choice = choices.get(chosen_name(name.lower(), battery)) if isinstance(name, str) else None
+    choice = _find(chosen_name(name.lower(), battery)) if isinstance(name, str) else None
     if choice is None:
-        raise InputError(f"filter must be one of {', '.join((DEFAULT, *choices))}, got {name!r}")
+        raise InputError(f"filter must be one of {', '.join((DEFAULT, *ESTIMATORS, *published()))}, got {name!r}")
     return choice.make(battery, settings or EstimatorSettings(battery.idle_current_A))
 
 
@@ -73,17 +65,39 @@ def chosen_name(name: str, battery: Battery) -> str:
     return "rc" if battery.thevenin is None else "gsf"
 
 
-def available_from(choices: Mapping[str, Choice], battery: Battery) -> tuple[str, ...]:
-    """`available` among these choices."""
+def is_estimator(name: str) -> bool:
+    """True for the name of an estimator."""
+    return _find(name) is not None
+
+
+def title_of(name: str) -> str:
+    """Title of the estimator called `name`; KeyError where there is none."""
+    return (published() if name.startswith(_PUBLISHED) else ESTIMATORS)[name].title
+
+
+def available(battery: Battery, with_published: bool = False) -> tuple[str, ...]:
+    """Names of the estimators that the models in the battery file allow.
+
+    with_published: among these, after those for use, the ones that reproduce a publication.
+    """
 
     def possible(name: str) -> bool:
         try:
-            make_from(choices, name, battery)
+            make_estimator(name, battery)
         except InputError:
             return False
         return True
 
-    return tuple(filter(possible, choices))
+    return tuple(filter(possible, (*ESTIMATORS, *(published() if with_published else ()))))
+
+
+def published() -> Mapping[str, Choice]:
+    """Estimators that reproduce a publication, by name, of the laboratory."""
+    return lab("published.registry").PUBLISHED
+
+
+def _find(name: str) -> Choice | None:
+    return published().get(name) if name.startswith(_PUBLISHED) else ESTIMATORS.get(name)
 
 
 def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
@@ -124,7 +138,7 @@ def _counting(cls: type[CoulombCounting] | type[RestOcv]) -> Callable[[Battery, 
     return lambda battery, settings: cls(require_thevenin(battery), battery.noise, battery.sensor, gap_s=settings.gap_s)
 
 
-#: The estimators for use; `ohmward.published.registry` adds those that reproduce a publication.
+#: The estimators for use.
 ESTIMATORS: dict[str, Choice] = {
     "ekf": Choice("Thevenin model, extended Kalman filter", thevenin_filter("ekf")),
     "ukf": Choice("Thevenin model, unscented Kalman filter", thevenin_filter("ukf")),

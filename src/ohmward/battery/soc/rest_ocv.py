@@ -13,7 +13,9 @@ from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resistances
 from ohmward.battery.soc.clean_sample import Rest, continue_rest, is_current, is_voltage
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
@@ -72,7 +74,16 @@ class RestOcv:
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""
-        return RestOcvState(self.counting.init(first, soc, soc_std), Rest())
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
+
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return self.counting.voltage_start
+
+    def start_from(self, first: SocSample, part: Hypothesis) -> RestOcvState:
+        """State before the first sample with this density of SoC; traceable."""
+        return RestOcvState(self.counting.start_from(first, part), Rest())
 
     def step(self, state: RestOcvState, sample: SocSample) -> tuple[RestOcvState, SocEstimate]:
         """State and estimate after a sample."""

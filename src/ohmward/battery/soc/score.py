@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
@@ -120,8 +120,14 @@ def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> di
 
 
 def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
-    """Score of the expected voltage [V]; None where the estimator expects none."""
-    return score(estimates.voltage_V, log.voltage_V)
+    """Score of the expected voltage [V] without those that it rejected; None where the estimator expects none."""
+    return score(estimates.voltage_V, np.where(rejected_voltages(log, estimates), np.nan, log.voltage_V))
+
+
+def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
+    """(T,) True for voltages that the estimator did not believe: outside its gate, or those of no such battery."""
+    left_out = int(SocFlag.VOLTAGE_REJECTED | SocFlag.NO_VOLTAGE)
+    return np.isfinite(log.voltage_V) & (np.nan_to_num(estimates.flags).astype(int) & left_out != 0)
 
 
 def soc_rms_differences(estimates: Mapping[str, SocEstimate]) -> dict[str, dict[str, float]]:

@@ -26,8 +26,9 @@ from ohmward.battery.models.thevenin import (
     pair_resistances,
 )
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
-from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_one_of
 from ohmward.filters import conditionally_linear, extended, kalman
 from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpack
@@ -86,9 +87,16 @@ class TextbookFilter:
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
         """State before the first sample; a SoC that is None comes from its voltage."""
-        u = first_input(first)
-        start = initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
-        return self.start(first, start.soc, start.std)
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
+
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return VoltageStart(self.model, self.noise, self.sensor)
+
+    def start_from(self, first: SocSample, part: Hypothesis) -> TextbookState:
+        """State before the first sample with this density of SoC; traceable."""
+        return self.start(first, part.start.soc, part.start.std)
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> TextbookState:
         """State before the first sample, with a SoC that is taken as it is; traceable."""

@@ -24,9 +24,10 @@ from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
-from ohmward.battery.soc.initial_soc import InitialSoc, initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
@@ -177,13 +178,16 @@ class TheveninFilter:
 
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
-        u = first_input(first, self.limits.current_A)
-        return self.start_from(
-            first, initial_soc(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std)
-        )
+        return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 
-    def start_from(self, first: SocSample, start: InitialSoc) -> FilterState:
-        """State before the first sample, with the error of the model that goes with SoC in its voltage."""
+    @property
+    def voltage_start(self) -> VoltageStart:
+        """Start from the first voltage."""
+        return VoltageStart(self.model, self.noise, self.sensor, self.limits.current_A)
+
+    def start_from(self, first: SocSample, part: Hypothesis) -> FilterState:
+        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable."""
+        start = part.start
         state = self.start(first, start.soc, start.std)
         belief = unpack(state.belief)
         mean, cov, k = belief.mean.copy(), belief.cov.copy(), self.state_names.index("model_error")

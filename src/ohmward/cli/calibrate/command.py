@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from ohmward.traction.calibration import (
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts
 from ohmward.traction.calibration.motor import ROLLING
 from ohmward.traction.calibration.truth import without_lateral
+from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.terrain.file import Floors, load_floors, save_floors
 
 
@@ -118,7 +120,11 @@ def read_one(text: str, robot: Robot, args: argparse.Namespace) -> CalibrationDr
     log = read_drive_log(text, robot, args, leave=names)
     if args.pose:
         return CalibrationDrive(log, pose_motion(log, names, args, robot))
-    return CalibrationDrive(log, motion_from_truth(robot, log.time_s, read_drive_truth(log, robot, args.truth).truth))
+    truth = read_drive_truth(log, robot, args.truth).truth
+    signed = with_signed_speed(robot, replace(log, speed_m_s=truth.speed_m_s, speed_age_s=None))
+    assert signed.speed_m_s is not None
+    truth = truth._replace(speed_m_s=signed.speed_m_s)
+    return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, truth))
 
 
 def pose_motion(log: DriveLog, names: list[str], args: argparse.Namespace, robot: Robot) -> np.ndarray:

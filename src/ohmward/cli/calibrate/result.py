@@ -17,6 +17,7 @@ PARAMETERS = ["parameter", "value", "95 % interval", ""]
 def summary(found: Calibration) -> dict[str, Any]:
     """The object of --json, but for the files."""
     notes = [str(note) for drive in found.drives for note in drive.log.notes if note.level != "info"]
+    notes += [str(note) for note in found.notes]
     return {
         "command": "calibrate",
         "robot": found.robot.name,
@@ -34,7 +35,7 @@ def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
         f"robot {found.robot.name!r}: {figures['drives']} drive{'s' if figures['drives'] > 1 else ''}, "
         f"{wording.duration(figures['duration_s'])}"
     )
-    files = {"robot file": figures["output"], "floors": figures["floors"]}
+    files = {"robot file": figures["output"], "floors": figures["floors"] if found.floor else None}
     written = [f"{name}: {path}" for name, path in files.items() if path]
     return wording.paragraphs(
         title,

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.registry import title_of
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.compare.result import tables_of
 from ohmward.cli.report_parts import FOOTER, with_assumptions
 from ohmward.cli.wording import duration
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
-from ohmward.published.registry import title_of
 from ohmward.report import Page
 
 

@@ -9,11 +9,11 @@ from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
   ohmward export battery.toml -o firmware/soc
-  ohmward export battery.toml --filter textbook-ekf --name cell --sample-time 1 --flash-kb 8 -o firmware/cell
-  ohmward export battery.toml --filter textbook-joint --style loops --name joint -o firmware/joint
-  ohmward export battery.toml --language python --name model -o submission
-  ohmward export robot.toml --filter ekf --name speed -o firmware/speed
-  ohmward export rlma --filter slip-controller --name wheel -o firmware/wheel
+  ohmward export battery.toml --filter textbook-ekf --sample-time 1 --flash-kb 8 -o firmware/cell
+  ohmward export battery.toml --filter textbook-joint --style loops -o firmware/joint
+  ohmward export battery.toml --language python -o submission
+  ohmward export robot.toml --filter ekf -o firmware/speed
+  ohmward export rlma --filter slip-controller -o firmware/wheel
 """
 
 
@@ -38,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
     parser.add_argument(
-        "--name", default="filter", metavar="WORD", help="prefix of files and symbols (default %(default)s)"
+        "--name",
+        metavar="WORD",
+        help="prefix of files and symbols in C (default: the folder's name); in Python the module (default Model, as "
+        "blind benchmarks import it)",
     )
     parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
     _add_target_options(parser)
@@ -50,12 +53,15 @@ def _add_target_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--initial-soc",
         type=share,
-        default=0.5,
         metavar="S",
-        help="state of charge of the example; filters that must start there say so (default %(default)s)",
+        help="state of charge at the start: in C of the example (default 0.5; filters that must start there say so), "
+        "in Python weighed with the first voltage (default: from that voltage alone)",
     )
     group.add_argument(
-        "--initial-soc-std", type=positive, default=0.3, metavar="S", help="how sure that is (default %(default)s)"
+        "--initial-soc-std",
+        type=positive,
+        metavar="S",
+        help="standard deviation of that (default 0.3 in C, 0.03 in Python)",
     )
     group.add_argument(
         "--sample-time",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
 from ohmward.battery.soc.registry import DEFAULT
@@ -21,6 +22,9 @@ from ohmward.toml_file import noun_of
 #: Filter for a microcontroller unless another is named.
 _SMALL = "ekf"
 
+#: Module of a Python file unless another is named: blind benchmarks import `Model` from `Model.py`.
+_MODULE = "Model"
+
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, or the file."""
@@ -28,6 +32,7 @@ def run(args: argparse.Namespace) -> Outcome:
         args.filter = DEFAULT if args.language == "python" else _SMALL
     if args.language == "python":
         return _write_python(args)
+    args.name = args.name or _symbol(args.output)
     export, contradictions = (_robot_export(args), []) if _is_robot(args.file) else _battery_export(args)
     notes = [f"warning: {text}" for text in contradictions]
     check_fits(export, *(1024 * k if k else None for k in (args.flash_kb, args.ram_kb)))
@@ -65,14 +70,21 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, text, notes)
 
 
+def _symbol(folder: str) -> str:
+    """The folder's name as a prefix of C: small letters, digits and underscores."""
+    word = re.sub(r"[^a-z0-9]+", "_", Path(folder).resolve().name.lower()).strip("_")
+    return word if word[:1].isalpha() else f"filter_{word}".rstrip("_")
+
+
 def _write_python(args: argparse.Namespace) -> Outcome:
     if args.style != "lines" or args.flash_kb or args.ram_kb:
         raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
     if _is_robot(args.file):
         raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
+    args.name = args.name or _MODULE
     export, contradictions = _battery_export(args)
     notes = [f"warning: {text}" for text in contradictions]
-    files = {f"{export.name}.py": python_file(export, args.sample_time)}
+    files = {f"{export.name}.py": python_file(export, args.sample_time, **_given_start(args))}
     (path,) = write_library(files, Path(args.output))
     figures = {
         "command": "export",
@@ -103,10 +115,23 @@ def _is_robot(file: str) -> bool:
 def _battery_export(args: argparse.Namespace) -> tuple[Export, list[str]]:
     """The filter, and a sentence for each option that contradicts the battery file."""
     battery, contradictions = load_battery_with_sensor(args.file, args)
-    start = args.initial_soc, args.initial_soc_std
     curve_V = curve_error_of_pack_V(battery, args.curve_error)
-    export = battery_export(battery, args.filter, args.name, *start, args.sample_time, args.style, curve_V)
+    export = battery_export(
+        battery,
+        args.filter,
+        args.name,
+        **_given_start(args),
+        sample_time_s=args.sample_time,
+        style=args.style,
+        curve_error_V=curve_V,
+    )
     return export, contradictions
+
+
+def _given_start(args: argparse.Namespace) -> dict[str, float]:
+    """The start that the command line gives; the rest is as of the language."""
+    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
+    return {word: value for word, value in given.items() if value is not None}
 
 
 def _robot_export(args: argparse.Namespace) -> Export:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ohmward.battery.file import BATTERY_FILE
-from ohmward.battery.soc.registry import chosen_name
+from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
 from ohmward.cli.log_files import log_files
 from ohmward.cli.options import file_hints
@@ -20,7 +20,9 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Executor
-from ohmward.published.registry import make_estimator
+
+#: Logs of one kind that are listed for people.
+_MOST_LISTED = 10
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -47,7 +49,7 @@ def run(args: argparse.Namespace) -> Outcome:
         finished = run_fleet(paths, job, folder, work(args), _progress_of(report))
     notes = [f"warning: {text}" for text in contradictions]
     figures = summary(args, finished) | {"filter": name, "notes": notes}
-    return Outcome(figures, describe(figures, finished), notes)
+    return Outcome(figures, describe(figures, finished), notes, status=status(figures))
 
 
 def _progress_of(report: Report | None) -> Callable[[int, int], None] | None:
@@ -62,6 +64,13 @@ def work(args: argparse.Namespace) -> Executor:
     if args.dask:
         return partial(on_dask, address=args.dask)
     return partial(in_processes, processes=args.processes or os.cpu_count() or 1)
+
+
+def status(figures: dict[str, Any]) -> int:
+    """Exit status: 2 where every log was refused, 1 where the battery file does not fit one, as of `ohmward soc`."""
+    if figures["failed"] == figures["logs"]:
+        return 2
+    return int(bool(figures["misfits"]))
 
 
 def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
@@ -80,6 +89,7 @@ def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
         "resistance_ratio_max": _most(max, good, "resistance_ratio"),
         "summary": str(finished.summary),
         "errors": [{"path": row["path"], "error": row["error"]} for row in finished.failed],
+        "misfits": [{"path": row["path"], "misfit": row["misfit"]} for row in good if row.get("misfit")],
     }
 
 
@@ -97,10 +107,19 @@ def describe(figures: dict[str, Any], finished: Finished) -> str:
         "least capacity": f"{wording.percent(figures['soh_capacity_min'], 1)} of the battery file's",
         "largest resistance": f"{wording.percent(figures['resistance_ratio_max'], 1)} of the battery file's",
         "could not be used": f"{figures['failed']:,}",
+        "battery file does not fit": f"{len(figures['misfits']):,}",
         "written": figures["summary"],
     }
-    failures = [f"{row['path']}: {row['error']}" for row in finished.failed[:10]]
-    more = len(finished.failed) - len(failures)
-    failures += [f"and {more} more, see the column `error`"] if more > 0 else []
-    bullets = wording.bullets("Not used", failures)
-    return wording.paragraphs(wording.fields(rows), bullets, wording.assumptions(figures["notes"]))
+    return wording.paragraphs(
+        wording.fields(rows),
+        wording.bullets("Not used", _first(figures["errors"], "error")),
+        wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
+        wording.assumptions(figures["notes"]),
+    )
+
+
+def _first(rows: list[dict[str, Any]], column: str) -> list[str]:
+    """The logs with something in a column, at most `_MOST_LISTED` of them."""
+    listed = [f"{row['path']}: {row[column]}" for row in rows[:_MOST_LISTED]]
+    more = len(rows) - len(listed)
+    return listed + ([f"and {more} more, see the column `{column}`"] if more > 0 else [])

@@ -10,9 +10,9 @@ from importlib.resources import files
 from ohmward.checks import require_positive
 from ohmward.cli.log_format import TEXT, begin_log
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.run.demonstration import demo_process
 from ohmward.cli.run.result import describe, summary
 from ohmward.errors import InputError, OhmwardError
+from ohmward.lab import lab
 from ohmward.onboard.assembly import assemble
 from ohmward.onboard.notify import notifying, service_manager
 from ohmward.onboard.part import LOG
@@ -36,7 +36,10 @@ def run(args: argparse.Namespace) -> Outcome:
         return _check(args.setup, args.seconds or CHECK_S)
     begin_log(args.log_format)
     try:
-        process = demo_process(args.drive) if args.demo else assemble(SETUP_FILE.load(args.setup))
+        if args.demo:
+            process = lab("onboard.demonstration").demo_process(args.drive)
+        else:
+            process = assemble(SETUP_FILE.load(args.setup))
         process.estimation.compile(from_disk=True)
         asyncio.run(_run(process, args.seconds))
     except OhmwardError as error:

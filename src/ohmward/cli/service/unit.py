@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 import sys
+import unicodedata
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -23,10 +24,17 @@ _HIDDEN = (Path("/home"), Path("/root"), Path("/run/user"), Path("/tmp"), Path("
 
 
 def unit(setup: Path) -> str:
-    """The unit that runs a setup with the Python that runs now."""
+    """The unit that runs a setup with the Python that runs now.
+
+    Raises:
+        InputError: a path holds a control character, such as a line break, which would write lines of its own.
+    """
     script = Path(sys.executable).with_name("ohmward")
     program = [str(script)] if script.exists() else [sys.executable, "-m", "ohmward.cli"]
     words = [*program, "run", str(setup)]
+    for word in words:
+        if any(unicodedata.category(character) == "Cc" for character in word):
+            raise InputError(f"{word!r} holds a control character, which no unit of systemd can; rename it")
     text = files("ohmward.cli.service").joinpath("ohmward.service").read_text(encoding="utf-8")
     return Template(text).substitute(command=" ".join(map(_quoted, words)), setup=str(setup).replace("%", "%%"))
 

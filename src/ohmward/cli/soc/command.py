@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> Outcome:
             write_table(estimate_table(task, answer, cells), args.output, writing)
     if cells:
         task = task._replace(log=cells.log)
-    wrong = misfits(answer)
+    wrong = misfits(task.battery, task.log, answer.settings, answer.estimates)
     task = task._replace(log=task.log.with_notes(*wrong))
     figures = summary(task, name, answer, cells) | {"fits": not wrong}
     page = partial(make_page, task, name, (answer, cells), figures)

@@ -9,8 +9,9 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.registry import title_of
 from ohmward.battery.soc.sample import STD_OF
-from ohmward.battery.soc.score import soc_scores, voltage_score
+from ohmward.battery.soc.score import rejected_voltages, soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask
 from ohmward.cli.soc.anchors import anchor_list, anchor_text
@@ -23,7 +24,7 @@ from ohmward.cli.soc.cells import (
     unseen_summary,
 )
 from ohmward.filters.consistency import BAND_95
-from ohmward.published.registry import title_of
+from ohmward.logs.note import counted
 
 #: Columns of the causes of the band's width, and how to read them.
 CAUSE_HEADER = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
@@ -53,6 +54,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None = No
         "soc_min": float(estimates.soc.min()),
         "soc_max": float(estimates.soc.max()),
         "voltage_rmse_V": voltage.rmse if voltage else None,
+        "rejected_voltages": int(np.count_nonzero(rejected_voltages(log, estimates))),
         **{name: float(getattr(estimates, name)[-1]) for name in LEARNT},
         "anchors": anchor_list(task, answer),
         "cells": cells_summary(cells) if cells else None,
@@ -96,7 +98,7 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "SoC before": f"started at {wording.percent(figures['soc_initial'], 1)}, "
         f"ran from {wording.percent(figures['soc_min'], 1)} to {wording.percent(figures['soc_max'], 1)}",
         **unseen_result(figures),
-        "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3),
+        "voltage error": wording.quantity(figures["voltage_rmse_V"], "mV RMS", 1e3) + without_rejected(figures),
         "current offset": f"{offset} (95 %)",
         "capacity": f"{capacity} of the battery file's (95 %)",
         "resistance": f"{resistance} of the battery file's (95 %)",
@@ -104,6 +106,13 @@ def result(figures: dict[str, Any]) -> dict[str, str]:
         "steps": f"{figures['steps']:,} in {figures['seconds']:.2g} s",
     }
     return {name: value for name, value in rows.items() if value.split()[0] != "-"}
+
+
+def without_rejected(figures: dict[str, Any]) -> str:
+    """Number of the voltages that the filter did not believe and the voltage error leaves out; "" for none."""
+    return (
+        f", without {counted(figures['rejected_voltages'], 'rejected voltage')}" if figures["rejected_voltages"] else ""
+    )
 
 
 def learnt(figures: dict[str, Any], name: str) -> dict[str, float]:

@@ -26,23 +26,30 @@ class ControlLoop(threading.Thread):
 
     Args:
         control: the controller.
-        send: to the drives.
         step_s: time between two steps, > 0.
 
     Attributes:
+        send: to the drives, set by `drive`.
         state, operator: the newest ones, to be set from outside.
         output: of the last step.
         error: that has ended the loop, None while it runs.
     """
 
-    def __init__(self, control: DriveControl, send: Send, step_s: float):
+    send: Send
+
+    def __init__(self, control: DriveControl, step_s: float):
         super().__init__(name="slip control", daemon=True)
-        self.control, self.send, self.step_s = control, send, step_s
+        self.control, self.step_s = control, step_s
         self.state: RobotState | None = None
         self.operator: OperatorCommand | None = None
         self.output: DriveOutput | None = None
         self.error: Exception | None = None
         self._end = threading.Event()
+
+    def drive(self, send: Send) -> None:
+        """Begin to step, and to send to the drives."""
+        self.send = send
+        self.start()
 
     def run(self) -> None:
         """Step until the end; the last commands are those of a stop."""

@@ -1,4 +1,4 @@
-"""The operator's side of the link to the robot: answers each beat with the set-points."""
+"""The operator's side of the link to the robot: a signed line, then an answer with the set-points to each beat."""
 
 from __future__ import annotations
 
@@ -53,12 +53,16 @@ class OperatorLink:
             raise OhmwardError(f"{place} is no robot to drive; give the address of the control sink's `operator`")
         ours, theirs = (Signing(self.token, hello[1], sender) for sender in ("operator", "robot"))
         try:
-            while line := await reader.readline():
+            writer.write(ours.line(self._answer({})))
+            if not (line := await reader.readline()):
+                raise OhmwardError(f"{place} has another token, or too many operators; give its token with --token")
+            while line:
                 if (beat := theirs.read(line)) is None:
                     raise OhmwardError(f"{place} has another token; give its token with --token")
                 before_answer(beat)
                 writer.write(ours.line(self._answer(beat)))
                 yield beat
+                line = await reader.readline()
             raise OhmwardError(f"{place} has closed the connection; the robot has stopped")
         except OSError as error:
             raise OhmwardError(f"the connection to {place} is lost ({error}); the robot has stopped") from error

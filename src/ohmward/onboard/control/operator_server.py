@@ -1,8 +1,9 @@
 """The robot's side of the link to the operator.
 
-Fifty times a second the robot sends a beat with its state and its time; the operator answers each with set-points and
-that time. Set-points are as old as the beat that they answer, whatever the network did to either: lines that were held
-up and come in a burst are no heartbeat.
+The operator begins with a signed line; before it the robot says nothing of itself, and waits for `FIRST_LINE_S` only.
+Then, fifty times a second, the robot sends a beat with its state and its time; the operator answers each with
+set-points and that time. Set-points are as old as the beat that they answer, whatever the network did to either: lines
+that were held up and come in a burst are no heartbeat.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from ohmward.errors import OhmwardError
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import OperatorCommand, command_of
 from ohmward.onboard.control.signing import LONGEST, Signing
+from ohmward.onboard.faulty import FaultyInput
+from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number
 from ohmward.onboard.part import LOG
 from ohmward.onboard.plain import plain
@@ -26,6 +29,9 @@ from ohmward.onboard.robot_state import RobotState
 
 #: Time between two beats [s].
 BEAT_S = 0.02
+
+#: The first signed line of an operator comes within this time [s].
+FIRST_LINE_S = 2.0
 
 #: An operator who reads so little that so much waits is gone [bytes].
 _MOST_WAITING = 1 << 16
@@ -43,12 +49,15 @@ class OperatorServer:
     def __init__(self, loop: ControlLoop, name: str, token: str):
         self.loop, self.name, self.token = loop, name, token
         self._driver: asyncio.StreamWriter | None = None
+        self._refused = FaultyInput("control", "operators were refused: wrong token", "sink")
+        left_out = FaultyInput("control", "connections were closed that brought no signed line, or too many", "sink")
+        self._visitors = Visitors(left_out.count, FIRST_LINE_S)
 
     @asynccontextmanager
     async def listening(self, host: str, port: int) -> AsyncIterator[None]:
         """Serve until the end."""
         try:
-            server = await asyncio.start_server(self._serve, host, port, limit=LONGEST)
+            server = await asyncio.start_server(self._serve, host, port, limit=LONGEST, backlog=BACKLOG)
         except OSError as error:
             raise OhmwardError(
                 f"operator: {host}:{port} cannot be listened at ({error.strerror or error}); choose another port"
@@ -57,24 +66,29 @@ class OperatorServer:
             yield
         finally:
             server.close()
-            if self._driver:
-                self._driver.close()
+            self._visitors.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Beat and listen until the connection ends."""
+        """Listen until the connection ends, and beat once a signed line has come."""
         nonce = random_secrets.token_hex(16)
         ours, theirs = (Signing(self.token, nonce, sender) for sender in ("robot", "operator"))
-        beats = asyncio.create_task(self._beat(writer, nonce, ours))
+        beats: asyncio.Task[None] | None = None
+        self._visitors.arrive(writer.transport)
         try:
+            writer.write(f"ohmward-drive/1 {nonce}\n".encode())
             while line := await reader.readline():
                 if (found := theirs.read(line)) is None:
-                    LOG.warning("slip control: an operator was refused: wrong token")
+                    self._refused.count()
                     return
+                self._visitors.know(writer.transport)
+                beats = beats or asyncio.create_task(self._beat(writer, ours))
                 self._take(found, writer)
         except (OSError, ValueError) as error:
             LOG.info("slip control: the operator's connection was lost (%s)", error)
         finally:
-            beats.cancel()
+            self._visitors.leave(writer.transport)
+            if beats:
+                beats.cancel()
             if self._driver is writer:
                 self._driver, self.loop.operator = None, None
             writer.close()
@@ -85,16 +99,17 @@ class OperatorServer:
             self.loop.control.request_stop("stopped by an operator")
             return
         said_s = as_number(found.get("t"))
-        command = command_of(found, min(said_s, time.monotonic()) if math.isfinite(said_s) else -math.inf)
+        if not math.isfinite(said_s):  # it answers no beat yet
+            return
+        command = command_of(found, min(said_s, time.monotonic()))
         if self._driver is None:
             self._driver = writer
         if self._driver is writer and command is not None:
             self.loop.operator = command
 
-    async def _beat(self, writer: asyncio.StreamWriter, nonce: str, ours: Signing) -> None:
+    async def _beat(self, writer: asyncio.StreamWriter, ours: Signing) -> None:
         """Send the state again and again."""
         limits = plain(vars(self.loop.control.limits))
-        writer.write(f"ohmward-drive/1 {nonce}\n".encode())
         while writer.transport.get_write_buffer_size() < _MOST_WAITING:
             driving = self._driver in (None, writer)
             beat = {"t": time.monotonic(), "robot": self.name, "driver": driving, "limits": limits}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.can_bus import NO_FRAMES, CanPort
+from ohmward.onboard.can_bus import NO_FRAMES, CanPort, frames_of
 from ohmward.onboard.can_database import CanDatabase, CanEncoder
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.message import ScaledSignal
@@ -18,6 +18,9 @@ from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork
+
+#: Before commands go to a bus it is listened to for so long: other controllers send ten times a second and more [s].
+LISTEN_S = 0.25
 
 #: Quantity of each kind of command.
 _OF_COMMAND = {"torque": "torque_Nm", "wheel-speed": "wheel_speed_rad_s"}
@@ -43,11 +46,26 @@ class CanOutput(CanPort):
             if name not in names:
                 raise InputError(f"can.signals: {name!r} is no number for the drives; there are: {', '.join(names)}")
         encoder = CanEncoder(CanDatabase(self.dbc), self.signals)
+        await self._require_alone(encoder)
         bus = self.open(NO_FRAMES)
         try:
             yield lambda numbers: self.send(bus, encoder.frames(numbers))
         finally:
             bus.shutdown()
+
+    async def _require_alone(self, encoder: CanEncoder) -> None:
+        """Raise OhmwardError where somebody else on the bus sends the same frames."""
+        ours = encoder.identifiers
+        async with frames_of(self, encoder.filters) as frames:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LISTEN_S):
+                    while True:
+                        for frame, _ in await frames.take():
+                            if name := ours.get((frame.arbitration_id, frame.is_extended_id)):
+                                raise OhmwardError(
+                                    f"{self.channel}: somebody else sends {name} already; drives take commands from "
+                                    "one process, end the other one"
+                                )
 
     def __post_init__(self) -> None:
         if not self.dbc:

@@ -24,6 +24,12 @@ _GAUGES = (
     ("ohmward_distance_metres", "Length of the path since the start.", ("pose", "distance_m")),
 )
 
+#: The same of the age of the samples behind the estimates, with the key of their time.
+_AGES = (
+    ("ohmward_battery_sample_age_seconds", "Age of the last sample of the battery.", "battery_time_s"),
+    ("ohmward_drive_sample_age_seconds", "Age of the last sample of the drive.", "drive_time_s"),
+)
+
 
 def metrics(view: dict[str, Any]) -> str:
     """The view of a state as metrics; what is not known is left out."""
@@ -37,6 +43,10 @@ def _lines(view: dict[str, Any]) -> Iterator[str]:
         if isinstance(value, float | int) and math.isfinite(value):
             yield from _head(name, text)
             yield f'{name}{{robot="{robot}"}} {value:.9g}'
+    for name, text, key in _AGES:
+        if (measured_s := view.get(key)) is not None:
+            yield from _head(name, text)
+            yield f'{name}{{robot="{robot}"}} {max(view["time_s"] - measured_s, 0.0):.9g}'
     wheels = (view.get("drive") or {}).get("wheels", [])
     if slips := [(wheel["name"], wheel["slip_ratio"]) for wheel in wheels if wheel["slip_ratio"] is not None]:
         yield from _head("ohmward_slip_ratio", "Slip of a driven wheel, -1 to 1.")

@@ -73,7 +73,9 @@ def _columns(*names: str) -> dict[str, Any]:
 
 
 def _now() -> dict[str, Any]:
-    return {"type": "object", "properties": {"name": {"type": "string"}}, "required": ["name"]}
+    times = {f"{part}_time_s": {"type": ["number", "null"]} for part in ("battery", "drive")}
+    stale = {"type": "string", "description": "Sentence about estimates whose sensors are silent; they are null."}
+    return {"type": "object", "properties": {"name": {"type": "string"}, "stale": stale, **times}, "required": ["name"]}
 
 
 def _state() -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.plain import plain
-from ohmward.onboard.robot_state import Level, RobotState, wheel_names
+from ohmward.onboard.robot_state import Level, RobotState, stale
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
@@ -27,6 +27,9 @@ def view(state: RobotState) -> dict[str, Any]:
         {
             "time_s": state.time_s,
             "unix_s": state.unix_s,
+            "battery_time_s": state.battery_time_s,
+            "drive_time_s": state.drive_time_s,
+            "stale": stale(state),
             "charge": _charge(state),
             "range": _range(state),
             "drive": _drive(state),
@@ -122,7 +125,7 @@ def _drive(state: RobotState) -> dict[str, Any] | None:
         "yaw_rate_rad_s": slip.yaw_rate_rad_s,
         "grade_rad": slip.grade_rad,
         "immobilised": bool(slip.immobilised),
-        "wheels": [_wheel(k, name, slip) for k, name in enumerate(wheel_names(state))],
+        "wheels": [_wheel(k, name, slip) for k, name in enumerate(state.wheels)],
         "flags": slip.flags,
     }
 

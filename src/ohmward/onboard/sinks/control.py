@@ -63,21 +63,45 @@ class ControlSink:
 
     async def run(self, feed: Feed) -> None:
         """Control until the feed ends; the last commands stop the robot."""
-        control = await asyncio.to_thread(DriveControl, load_robot(self.robot), self.limits)  # which compiles
-        token = secret("token", self.token) if self.token else ""
-        names = list(control.numbers(control.step(0.0, None, None)))
-        output = self.can or self.ros or self.mqtt or self.simulation
-        assert output is not None
-        async with output.opened(names) as send:
-            loop = ControlLoop(control, send, self.step_s)
-            loop.start()
+        control, token = await asyncio.to_thread(self._control), self._token()
+        loop = ControlLoop(control, self.step_s)
+        server = OperatorServer(loop, self.robot, token)
+        # the port first: a second process finds it taken before it has sent anything to the drives
+        async with (
+            server.listening(*host_and_port("operator", self.operator)),
+            self._output.opened(_names(control)) as send,
+        ):
+            loop.drive(send)
             try:
-                async with OperatorServer(loop, self.robot, token).listening(*host_and_port("operator", self.operator)):
-                    while states := await feed.batch():
-                        loop.state = states[-1]
-                        loop.check()
+                while states := await feed.batch():
+                    loop.state = states[-1]
+                    loop.check()
             finally:
                 loop.end()
+
+    async def try_out(self) -> None:
+        """Open the way to the drives, and send nothing."""
+        control, _ = await asyncio.to_thread(self._control), self._token()
+        async with self._output.opened(_names(control)):
+            await asyncio.Event().wait()
+
+    @property
+    def _output(self) -> CanOutput | RosOutput | MqttOutput | SimulatedOutput:
+        output = self.can or self.ros or self.mqtt or self.simulation
+        assert output is not None
+        return output
+
+    def _control(self) -> DriveControl:
+        """The controller, which compiles."""
+        return DriveControl(load_robot(self.robot), self.limits)
+
+    def _token(self) -> str:
+        return secret("token", self.token) if self.token else ""
+
+
+def _names(control: DriveControl) -> list[str]:
+    """Names of the numbers for the drives."""
+    return list(control.numbers(control.step(0.0, None, None)))
 
 
 def host_and_port(key: str, address: str) -> tuple[str, int]:

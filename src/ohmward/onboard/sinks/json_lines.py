@@ -34,15 +34,16 @@ class JsonLinesSink:
 
     async def run(self, feed: Feed) -> None:
         """Write lines until the feed ends."""
-        with nullcontext(sys.stdout) if self.path == "-" else self._opened() as file:
-            while states := await feed.batch():
-                file.writelines(json.dumps(plain_state(state), allow_nan=False) + "\n" for state in states)
-                file.flush()
+        try:
+            with nullcontext(sys.stdout) if self.path == "-" else self._opened() as file:
+                while states := await feed.batch():
+                    file.writelines(json.dumps(plain_state(state), allow_nan=False) + "\n" for state in states)
+                    file.flush()
+        except OSError as error:  # of a write, or of the close that writes what is left
+            fix = "check the path, and that the disk is not full"
+            raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); {fix}") from error
 
     def _opened(self) -> TextIO:
         """The file, in a folder that is made where there is none."""
-        try:
-            Path(self.path).parent.mkdir(parents=True, exist_ok=True)
-            return Path(self.path).open("a", encoding="utf-8")
-        except OSError as error:
-            raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); check the path") from error
+        Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+        return Path(self.path).open("a", encoding="utf-8")

@@ -64,6 +64,11 @@ class MqttSink(MqttBroker):
                     raise OhmwardError(f"{self.host}:{self.port} does not acknowledge; is the broker running?")
             _acknowledged([client.publish(status, "offline", qos=1, retain=True)])
 
+    async def try_out(self) -> None:
+        """Connect, and publish nothing."""
+        async with self.connected() as (_, received):
+            await received.take()
+
     def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
         """Topics and payloads of a state; a number that is not known is empty, which takes the retained one away."""
         yield f"{self.topic}/state", json.dumps(plain_state(state), allow_nan=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,10 +61,18 @@ class ServerSink:
         name: str | None = getattr(self, self.secret_key)
         return name
 
+    async def try_out(self) -> None:
+        """Look for the secret; rows that wait in the spool stay there."""
+        self._password()
+        await asyncio.Event().wait()
+
+    def _password(self) -> str:
+        name = self._secret_name()
+        return secret(self.secret_key, name) if name else ""
+
     async def run(self, feed: Feed) -> None:
         """Deliver rows until the feed ends."""
-        name = self._secret_name()
-        password = secret(self.secret_key, name) if name else ""
+        password = self._password()
 
         def send(rows: Sequence[Row]) -> None:
             self._write(rows, password)

@@ -11,7 +11,7 @@ from typing import TextIO
 from ohmward.checks import require_between
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.robot_state import Level, RobotState, stale
 
 _SECONDS_PER_HOUR = 3600.0
 
@@ -56,10 +56,12 @@ def within_terminal(line: str) -> str:
 
 def line_of(state: RobotState) -> str:
     """The state in one line; bands hold 95 %."""
-    return "  ".join(_parts(state)) or "waiting for the first samples"
+    return "  ".join(_parts(state))
 
 
 def _parts(state: RobotState) -> Iterator[str]:
+    if said := stale(state):
+        yield said
     if state.battery:
         yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
     if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:

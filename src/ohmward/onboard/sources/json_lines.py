@@ -18,7 +18,7 @@ from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.faulty import FaultyInput
-from ohmward.onboard.line_reader import LONGEST_LINE, LineReader
+from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.quantities import QUANTITIES, quantity_of
@@ -58,11 +58,12 @@ class JsonLinesSource:
         faulty = FaultyInput(self.name, "lines are no JSON object with a quantity")
         wiring = Wiring(self.signals)
 
-        def take(line: bytes) -> None:
+        def take(line: bytes) -> bool:
             if message := self.message(line, wiring, time.monotonic()):
                 put(message)
             else:
                 faulty.count(example=line.strip())
+            return message is not None
 
         if self.listen:
             await self._serve(take, faulty)
@@ -74,7 +75,7 @@ class JsonLinesSource:
             raise EndedError("standard input has ended")
         raise OhmwardError(f"{self.address} has closed the connection; is its process running?")
 
-    async def _read(self, take: Callable[[bytes], None], faulty: FaultyInput) -> None:
+    async def _read(self, take: Callable[[bytes], object], faulty: FaultyInput) -> None:
         """Take the lines of the address until it ends."""
         ended: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
 
@@ -89,18 +90,23 @@ class JsonLinesSource:
         finally:
             transport.close()
 
-    async def _serve(self, take: Callable[[bytes], None], faulty: FaultyInput) -> None:
-        """Listen, and read from whoever connects, any number at once."""
-        open_ones: set[LineReader] = set()
+    async def _serve(self, take: Callable[[bytes], bool], faulty: FaultyInput) -> None:
+        """Listen, and read from whoever connects."""
+        left_out = FaultyInput(self.name, "connections were closed: too many at once, those without a message first")
+        visitors = Visitors(left_out.count)
 
         def reader() -> LineReader:
             def end(error: Exception | None) -> None:
-                open_ones.discard(found)
+                if found.transport:
+                    visitors.leave(found.transport)
                 if error:
                     LOG.info("source %s: a connection was lost (%s)", self.name, error)
 
-            found = LineReader(take, faulty.count, end)
-            open_ones.add(found)
+            def take_known(line: bytes) -> None:
+                if take(line) and found.transport:
+                    visitors.know(found.transport)
+
+            found = LineReader(take_known, faulty.count, end, visitors.arrive)
             return found
 
         server = await self._server(reader)
@@ -108,18 +114,16 @@ class JsonLinesSource:
             async with server:
                 await server.serve_forever()
         finally:
-            for one in open_ones:
-                if one.transport:
-                    one.transport.close()
+            visitors.close()
 
     async def _server(self, reader: Callable[[], LineReader]) -> asyncio.Server:
         """The server at the address."""
         loop, (host, port) = asyncio.get_running_loop(), self._host_and_port()
         try:
             if port:
-                return await loop.create_server(reader, host, port)
+                return await loop.create_server(reader, host, port, backlog=BACKLOG)
             await asyncio.to_thread(_remove_socket, self.address)
-            return await loop.create_unix_server(reader, self.address)
+            return await loop.create_unix_server(reader, self.address, backlog=BACKLOG)
         except OSError as error:
             raise OhmwardError(
                 f"{self.address} cannot be listened at ({error.strerror}); choose another port"
@@ -196,7 +200,7 @@ def _signal(key: str, number: int | None = None) -> str:
     return signal
 
 
-async def _read_file(take: Callable[[bytes], None]) -> None:
+async def _read_file(take: Callable[[bytes], object]) -> None:
     """Take the lines of standard input where it is a file, which no event loop waits for."""
     while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
         take(line)

@@ -2,57 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
-import math
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from ohmward.checks import require_positive
-from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import LOG, EndedError
-from ohmward.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
-from ohmward.simulate.closed_loop.loop import ClosedLoopDrive
-from ohmward.simulate.closed_loop.records import Records
-from ohmward.simulate.closed_loop.run import RunRow
-
-#: Simulated at once before anything else is done [s]; messages come in time all the same.
-_CHUNK_S = 0.1
-
-#: A robot that is driven goes on from now where the machine has fallen behind by more than this [s]: a controller takes
-#: no estimates that are .08 s old.
-_BEHIND_S = 0.03
-
-#: One that drives by itself catches up what it has missed, but no more than this [s]: after that it goes on from now.
-_MOST_LATE_S = 0.5
-
-#: Times that differ by less are equal: sums of steps are rounded.
-_TIME_EPS_S = 1e-9
-
-#: A round of the demonstration: from when on, speed [m/s] and yaw rate [rad/s]. Along, about, back, about, and a rest.
-_ROUND = ((0.0, 0.8, 0.0), (8.0, 0.5, 0.5), (14.3, 0.8, 0.0), (22.3, 0.5, 0.5), (28.6, 0.0, 0.0))
-_ROUND_S, _ROUNDS = 34.0, 400
-_BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
-
-
-def demonstration(seed: int = 1) -> Scenario:
-    """RLMA going round and round for some hours: a floor with a wet place and a gentle slope, a full battery."""
-    starts = [(k * _ROUND_S + from_s, speed, turn) for k in range(_ROUNDS) for from_s, speed, turn in _ROUND]
-    return Scenario(
-        name="demonstration",
-        duration_s=_ROUNDS * _ROUND_S,
-        commands=tuple(Command(from_s, speed_m_s=speed, yaw_rate_rad_s=turn) for from_s, speed, turn in starts),
-        robot="rlma",
-        battery=Pack("lfp", 1.0),
-        ground=(Patch(friction=0.8, rolling=0.02), Patch(friction=0.08, rolling=0.02, from_m=2.5, to_m=4.0)),
-        grade=Grade((4.0, 4.5, 6.0, 6.5), (0.0, 0.04, 0.04, 0.0)),
-        sensors=Sensing(interval_s=0.02, encoders="all", pitch=True),
-        controller=Control(slip_bound=0.3, acceleration_m_s2=0.8, interval_s=0.002),
-        seed=seed,
-    )
+from ohmward.lab import lab
+from ohmward.onboard.message import Put
 
 
 @dataclass(frozen=True)
@@ -76,93 +34,13 @@ class SimulationSource:
     def __post_init__(self) -> None:
         require_positive("rate", self.rate)
 
-    @property
-    def _scenario(self) -> Scenario:
-        scenario = find_scenario(self.scenario) if self.scenario else demonstration(self.seed)
-        return replace(scenario, seed=self.seed)
-
     async def run(self, put: Put) -> None:
-        """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
-
-        A battery that starts full comes from a charger, which says so. On a machine that is too slow the drive takes
-        longer than it should, and its clock is slow by as much.
-        """
-        drive = await asyncio.to_thread(ClosedLoopDrive, self._scenario)
-        rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)  # compiles the rest, before the clock begins
-        began_s = self._begin(drive, put, 0.0)
-        lost_s = 0.0
-        while True:
-            for at_s, values in rows:
-                late_s = time.monotonic() - began_s - lost_s - at_s / self.rate
-                if late_s > _MOST_LATE_S:
-                    self._say_slow(lost_s)
-                    lost_s, late_s = lost_s + late_s, 0.0
-                await asyncio.sleep(max(-late_s, 0.0))
-                put(Message(at_s, began_s + at_s, self.name, values))
-            if drive.truth.time_s >= drive.scenario.duration_s or drive.empty:
-                break
-            rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)
-        raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
+        """Drive to the end of the scenario, or until the battery is empty."""
+        await lab("onboard.simulated_robot").run(self, put)
 
     async def drive(self, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:
         """Stand on the scenario's ground, and drive by these torques until the battery is empty, in real time.
 
         torque_Nm: of the driven wheels now, by their names.  A torque acts from the next sample on, as on a bus.
         """
-        still = (Command(torque_Nm=0.0, mode="torque"),)
-        scenario = replace(self._scenario, commands=still, duration_s=_ROUNDS * _ROUND_S, start_speed_m_s=0.0)
-        drive = await asyncio.to_thread(ClosedLoopDrive, scenario)
-        wheels = [place.name for place in drive.robot.places[: drive.robot.driven]]
-        interval_s = scenario.sensors.interval_s
-        await asyncio.to_thread(_advance, drive, interval_s)  # compiles the rest, before the clock begins
-        began_s = self._begin(drive, put, time.monotonic()) - drive.truth.time_s
-        while not drive.empty:
-            drive.hold(torque_Nm(wheels))
-            rows = await asyncio.to_thread(_advance, drive, interval_s)
-            behind_s = time.monotonic() - began_s - drive.truth.time_s
-            began_s += behind_s if behind_s > _BEHIND_S else 0.0
-            await asyncio.sleep(max(-behind_s, 0.0))
-            for at_s, values in rows:
-                put(Message(began_s + at_s, began_s + at_s, self.name, values))
-        raise EndedError("the battery is empty")
-
-    def _say_slow(self, lost_s: float) -> None:
-        """Log, the first time, that the machine does not keep up."""
-        if not lost_s:
-            LOG.warning(
-                "source %s: the simulation is slower than rate = %g; this machine is busy", self.name, self.rate
-            )
-
-    def _begin(self, drive: ClosedLoopDrive, put: Put, stamp_s: float) -> float:
-        """The monotonic time now, at which the drive begins; a charger says whether the battery is full."""
-        began_s = time.monotonic()
-        if drive.scenario.battery.start_soc == 1.0:
-            put(Message(stamp_s, began_s, self.name, {"battery_full": 1.0}))
-        return began_s
-
-
-def _advance(drive: ClosedLoopDrive, ahead_s: float) -> list[tuple[float, dict[str, float]]]:
-    """Simulate further by a time; time and values of the samples that have arrived since."""
-    until_s = drive.truth.time_s + ahead_s - _TIME_EPS_S
-    while drive.truth.time_s < until_s and not drive.empty:
-        drive.step()
-    if not len(drive.rows):
-        return []
-    columns = signals_of(drive.rows.stacked(), [place.name for place in drive.robot.places])
-    times_s = columns.pop("time_s").tolist()
-    drive.rows = Records()
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    values = [{s: v for s, v in zip(columns, row, strict=True) if math.isfinite(v)} for row in rows]
-    return list(zip(times_s, values, strict=True))
-
-
-def signals_of(rows: RunRow, places: list[str]) -> dict[str, np.ndarray]:
-    """Time and measurements (T,) of a drive by signal, nan where nothing was measured."""
-    sample = rows.sample
-    found = {"time_s": rows.time_s, "battery_current_A": rows.current_A, "battery_voltage_V": rows.voltage_V}
-    found |= {f"wheel_speed_rad_s.{name}": sample.wheel_speed_rad_s[:, k] for k, name in enumerate(places)}
-    driven = places[: sample.current_A.shape[1]]
-    found |= {f"motor_current_A.{name}": sample.current_A[:, k] for k, name in enumerate(driven)}
-    found |= {name: getattr(sample, name) for name in _BODY}
-    found["speed_age_s"] = np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan)
-    return found
+        await lab("onboard.simulated_robot").drive(self, put, torque_Nm)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from ohmward.onboard.quantities import BATTERY, DRIVE
-from ohmward.onboard.robot_state import RobotState, wheel_names
+from ohmward.onboard.robot_state import RobotState
 
 _BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
 
@@ -99,7 +99,7 @@ def _drive(state: RobotState) -> dict[str, float]:
             "grade_rad": slip.grade_rad,
             "slip_flags": slip.flags,
         }
-        for k, wheel in enumerate(wheel_names(state)):
+        for k, wheel in enumerate(state.wheels):
             values |= {f"slip_ratio.{wheel}": slip.slip_ratio[k], f"traction_N.{wheel}": slip.traction_N[k]}
     if pose := state.pose:
         names = ("x_m", "y_m", "yaw_rad", "position_std_m", "distance_m")

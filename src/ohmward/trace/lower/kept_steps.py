@@ -119,8 +119,10 @@ def _outline(step: MachineStep) -> _Stored:
 
 @cache
 def package_digest() -> bytes:
-    """SHA-256 of every file of this package that is Python."""
-    root, found = Path(str(files("ohmward"))), hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        found.update(f"{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
+    """SHA-256 of every file of this distribution that is Python."""
+    found = hashlib.sha256()
+    for package in ("ohmward", "ohmward_lab"):
+        root = Path(str(files(package)))
+        for path in sorted(root.rglob("*.py")):
+            found.update(f"{package}/{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
     return found.digest()

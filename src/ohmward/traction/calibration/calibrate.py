@@ -8,12 +8,15 @@ from typing import NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
-from ohmward.traction.calibration.parameter import Parameter, with_parameters
+from ohmward.traction.calibration.parameter import Parameter, untold_floor, with_parameters
 from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
 from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
+from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
@@ -24,12 +27,13 @@ _OTHER_UNIT = 3.0
 
 
 class Calibration(NamedTuple):
-    """The calibrated robot, its parameters, the floor if one was learnt, and the drives behind them."""
+    """The calibrated robot, its parameters, the floor if one was learnt, the drives behind them, and warnings."""
 
     robot: Robot
     parameters: tuple[Parameter, ...]
     floor: Floor | None
     drives: tuple[CalibrationDrive, ...]
+    notes: tuple[Note, ...] = ()
 
 
 def calibrate(
@@ -63,7 +67,19 @@ def calibrate(
         found += calibrate_motor(known, robot, rolling)
         robot = with_parameters(robot, found)
     learnt = learn_floor(floor, known, robot) if floor else None
-    return Calibration(robot, tuple(found), learnt, tuple(known))
+    notes = stuck_notes(known, robot)
+    if learnt and (reason := untold_floor(learnt)):
+        notes, learnt = (*notes, Note(f"floor {floor!r} was not identified: {reason}", "warning")), None
+    return Calibration(robot, tuple(found), learnt, tuple(known), notes)
+
+
+def stuck_notes(drives: Sequence[CalibrationDrive], robot: Robot) -> tuple[Note, ...]:
+    """A warning where the wheels turned and the robot stood."""
+    count = int(stuck(cut(drives, robot, steady=False, turning=True, keep_stuck=True)).sum())
+    if not count:
+        return ()
+    text = f"{count} stretches of {LENGTH_S:g} s in which the wheels turn and the robot hardly moves: stuck, left out"
+    return (Note(text, "warning"),)
 
 
 def usual_parts(robot: Robot) -> tuple[str, ...]:
@@ -81,6 +97,8 @@ def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
         raise InputError(
             f"log {log.name!r} has no speed from outside; give CalibrationDrive(log, motion) with the true motion"
         )
+    log = with_signed_speed(robot, log)
+    assert log.speed_m_s is not None
     return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, log.yaw_rate_rad_s))
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.parameter import Parameter
+from ohmward.traction.calibration.parameter import Parameter, is_told
 from ohmward.traction.calibration.regression import Regression, regress
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
@@ -28,8 +28,7 @@ from ohmward.traction.terrain.demand import drag_columns, inertial_forces, trave
 #: Prior of the rolling resistance of the floor, share of the load: mean and standard deviation.
 ROLLING = (0.02, 0.02)
 _KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
-#: The torque constant counts as identified where its sigma is at most this share of it, a loss from so many sigmas on.
-CONSTANT_SHARE, LOSS_SIGMAS = 0.1, 2.0
+CONSTANT = "motor.torque_constant_Nm_per_A"
 _LENGTH_S = 0.5
 #: Columns of the fit.
 KAPPA, ROLLING_SHARE, ROLLER_SHARE, FRICTION, DAMPING = range(5)
@@ -69,7 +68,7 @@ def calibrate_motor(
         prior_std[DAMPING] = _HELD
     fit = _fit(row, prior, prior_std)
     kappa = fit.beta[KAPPA]
-    identified = kappa > 0 and np.sqrt(fit.cov[KAPPA, KAPPA]) <= CONSTANT_SHARE * kappa
+    identified = is_told(CONSTANT, float(kappa), float(np.sqrt(fit.cov[KAPPA, KAPPA])))
     if not identified:
         prior_std[KAPPA] = _HELD
         fit = _fit(row, prior, prior_std)
@@ -114,10 +113,9 @@ def _fit(row: RegressionRow, prior: np.ndarray, prior_std: np.ndarray) -> Regres
 def _constant(fit: Regression, robot: Robot, identified: bool) -> Parameter:
     """K_m = K_file / kappa."""
     file, kappa = robot.motor.torque_constant_Nm_per_A, float(fit.beta[KAPPA])
-    name = "motor.torque_constant_Nm_per_A"
     if not identified:
-        return Parameter(name, file, _KAPPA_STD * file, "the robot hardly accelerates, and only its mass shows it")
-    return Parameter(name, file / kappa, float(np.sqrt(fit.cov[KAPPA, KAPPA])) * file / kappa**2)
+        return Parameter(CONSTANT, file, _KAPPA_STD * file, "the robot hardly accelerates, and only its mass shows it")
+    return Parameter(CONSTANT, file / kappa, float(np.sqrt(fit.cov[KAPPA, KAPPA])) * file / kappa**2)
 
 
 def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Parameter, Parameter]:
@@ -140,4 +138,4 @@ def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parame
     """The loss in column i where it is clearly more than nothing, else the robot's own."""
     value = float(fit.beta[i] / fit.beta[KAPPA])
     std = float(np.sqrt(fit.cov[i, i]) / fit.beta[KAPPA])
-    return Parameter(name, value, std) if value > LOSS_SIGMAS * std else Parameter(name, own, std, reason)
+    return Parameter(name, value, std) if is_told(name, value, std) else Parameter(name, own, std, reason)

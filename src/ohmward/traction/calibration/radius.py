@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.traction.calibration.parameter import Parameter
+from ohmward.traction.calibration.parameter import MOST_RADIUS_RATIO, Parameter, is_told
 from ohmward.traction.calibration.regression import regress
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
@@ -34,8 +34,18 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
         turns[known, None], travel_speed(rows.motion)[known], rows.drive[known], np.zeros(1), np.array([np.inf])
     )
     creep = _creep(robot, rows) if passive is None else 0.0
-    radius_m = float(fit.beta[0])
-    return Parameter("wheel.radius_m", radius_m, float(np.hypot(np.sqrt(fit.cov[0, 0]), creep * radius_m)))
+    name, own_m, radius_m = "wheel.radius_m", robot.wheel.radius_m, float(fit.beta[0])
+    std_m = float(np.hypot(np.sqrt(fit.cov[0, 0]), creep * radius_m))
+    if not 1 / MOST_RADIUS_RATIO < radius_m / own_m < MOST_RADIUS_RATIO:
+        reason = (
+            f"the drives give {radius_m:.3g} m for {own_m:.3g} m: the wheels slip all the time, or a unit or the "
+            "radius of the robot file is wrong"
+        )
+        return Parameter(name, own_m, std_m, reason)
+    if not is_told(name, radius_m, std_m):
+        reason = f"the drives give {radius_m:.3g} ± {std_m:.2g} m: the wheels slip much, or there are too few stretches"
+        return Parameter(name, own_m, std_m, reason)
+    return Parameter(name, radius_m, std_m)
 
 
 def _passive_turns(robot: Robot, rows: Stretches) -> np.ndarray | None:

@@ -17,6 +17,9 @@ LENGTH_S = 1.0
 STRAIGHT_SHARE = 0.1
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
 SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
+#: A robot is stuck where the body's speed over that of the rims is below this share of what the faster half of the
+#: stretches has in its upper quartile: such a stretch tells of no radius, motor or law of a floor.
+STUCK_SHARE = 0.2
 
 
 class Stretches(NamedTuple):
@@ -45,6 +48,7 @@ def cut(
     steady: bool = True,
     turning: bool = False,
     length_s: float = LENGTH_S,
+    keep_stuck: bool = False,
 ) -> Stretches:
     """All stretches of the drives in which the body's motion is known.
 
@@ -52,6 +56,7 @@ def cut(
 
     steady: leave out those in which the wheels change their speed much, among them starts and stops.
     turning: keep the turns of a robot whose wheels scrub, which no other fit than that of the track can use.
+    keep_stuck: keep those in which the wheels turned and the robot stood, see `stuck`.
 
     Raises:
         InputError: none is left.
@@ -64,7 +69,20 @@ def cut(
             "motion of the body is known; give longer drives, or check the columns of the truth"
         )
     found = Stretches(*(np.array(column) for column in zip(*rows, strict=True)))
+    if not keep_stuck:
+        found = Stretches(*(values[~stuck(found)] for values in found))
     return found if turning or not robot.chassis.scrubs else _straight(found, robot)
+
+
+def stuck(s: Stretches) -> np.ndarray:
+    """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged."""
+    rim_m_s, body_m_s = travel_speed(s.rim), travel_speed(s.motion)
+    rolls = rim_m_s >= SLOWEST_M_S
+    if not rolls.any():
+        return rolls
+    ratio = body_m_s / np.maximum(rim_m_s, SLOWEST_M_S)
+    usual = np.quantile(ratio[rim_m_s >= np.median(rim_m_s[rolls])], 0.75)
+    return rolls & (ratio < STUCK_SHARE * usual)
 
 
 def _straight(found: Stretches, robot: Robot) -> Stretches:

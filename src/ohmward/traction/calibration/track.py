@@ -14,15 +14,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.parameter import Parameter
+from ohmward.traction.calibration.parameter import Parameter, is_told
 from ohmward.traction.calibration.regression import regress
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 
-#: The share counts as identified from so many turning stretches on, where its sigma is at most this part of it.
-FEWEST, IDENTIFIED = 3, 0.2
+#: The share counts as identified from so many turning stretches on.
+FEWEST = 3
 #: Standard deviation of the effective track of which nothing is known, relative to the track: skid-steered robots on
 #: hard ground have 1.2 to 2 times their track; the driver of Clearpath's Husky takes 1.875.
 TRACK_STD = 0.5
@@ -49,6 +49,6 @@ def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Paramet
     by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
     fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
-    if not std <= IDENTIFIED * share:
+    if not is_told(name, share, std):
         return unknown
     return Parameter(name, track_m / share, track_m * std / share**2)

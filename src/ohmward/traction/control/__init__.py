@@ -3,11 +3,9 @@
 from ohmward.traction.control.driven_wheel import driven_wheel
 from ohmward.traction.control.force_filter import ForceFilter
 from ohmward.traction.control.limits import Limits
-from ohmward.traction.control.set_point_seeker import SetPointSeeker
 from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand, SpeedCommand
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
-from ohmward.traction.control.slip_pid import SlipPid
 from ohmward.traction.control.speed_controller import SpeedController
 from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade
 from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
@@ -18,11 +16,9 @@ __all__ = [
     "Limits",
     "Measurement",
     "Report",
-    "SetPointSeeker",
     "SlidingMode",
     "SlipCommand",
     "SlipController",
-    "SlipPid",
     "SpeedCommand",
     "SpeedController",
     "Uncertainty",

@@ -18,7 +18,7 @@ from ohmward.traction.odometry.shown_motion import passive_wheels
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: A pose increment: forward, left [m] and turn [rad].
 Increment = Sequence[float] | np.ndarray
@@ -89,8 +89,9 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             where it is earlier by more than a minute, the clock was set, and time goes on from there.
         wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Wheels that are not driven
             tell the motion, as they neither creep nor spin.
-        observed: estimate of a speed observer after the same sample. A speed that it was given is in it, and must not
-            be given here again.
+        observed: estimate of a speed observer after the same sample. Where it knows the motor currents, it is the
+            motion, and a speed from outside is in it; where it does not, it adds nothing to the wheels, the gyro and
+            the speed given here, and is not used.
         All others: see `OdometrySample`.
 
         Raises:
@@ -98,12 +99,14 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         """
         time_s = number("time_s", time_s)
         speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
+        if observed is not None and not force_known(observed):
+            observed = None
         sample = OdometrySample(
             self._since_last(time_s),
             speeds[: self._driven],
             speeds[self._passive],
             number("yaw_rate_rad_s", yaw_rate_rad_s),
-            number("speed_m_s", speed_m_s),
+            number("speed_m_s", speed_m_s if observed is None else None),
             number("speed_std_m_s", speed_std_m_s),
             number("speed_left_m_s", speed_left_m_s),
             number("speed_left_std_m_s", speed_left_std_m_s),
@@ -134,8 +137,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
     def run(self, log: DriveLog, observed: SlipEstimate | None = None, progress: Progress | None = None) -> OdometryRun:
         """Pose and twist at every sample of a log, from this odometry's state on; a new one starts at the log's start.
 
-        observed: estimates (T, ...) of a speed observer along the same log; the external speed of the log, if there is
-            one, is then in them.
+        observed: estimates (T, ...) of a speed observer along the same log, see `update`; the external speed of the
+            log, if there is one, is in them.
         progress: called now and then with (steps done, T).
 
         Raises:
@@ -175,15 +178,24 @@ def samples_of(
     given["dt_s"] = np.diff(log.time_s, prepend=start_s)
     given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
     given["passive_rad_s"] = log.wheel_speed_rad_s[:, passive_wheels(robot)]
-    names = ("yaw_rate_rad_s", *(SPEED if observed is None else ()))
+    names = ("yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s")
     given |= {name: values for name in names if (values := getattr(log, name)) is not None}
     if observed is not None:
+        known = force_known(observed)
         given |= dict(zip(OBSERVED, motion_of_observer(settings, observed), strict=True))
+        given["observed_speed_m_s"] = np.where(known, given["observed_speed_m_s"], np.nan)
+        given["speed_m_s"] = np.where(known, np.nan, given["speed_m_s"])
     return OdometrySample(**given)
 
 
-#: Channels of an external speed in a log.
-SPEED = ("speed_m_s", "speed_std_m_s", "speed_age_s")
+def force_known(observed: SlipEstimate) -> np.ndarray:
+    """Conditions (...) that the observer knew the force of every motor.
+
+    Without it any torque counts as possible: then the wheels may slip at any time, which opens the band, and are never
+    compared with the gyro, whose offset stays unknown.
+    """
+    return np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
+
 
 #: Fields of a sample that a speed observer fills.
 OBSERVED = tuple(name for name in OdometrySample._fields if name.startswith("observed_"))

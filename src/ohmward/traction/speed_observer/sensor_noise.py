@@ -80,14 +80,15 @@ def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
 
 
 def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
-    """External speeds and, at the same times, the speeds by the driven wheels, each (N,); may be empty."""
+    """External speeds and those by the driven wheels at the times that they tell of, each (N,); may be empty."""
     n = robot.driven
     rolled = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[0] * robot.wheel.radius_m
     speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
     seen, given = np.isfinite(rolled), np.isfinite(speed)
     if not seen.any():
         return np.empty(0), np.empty(0)
-    return speed[given], np.interp(log.time_s[given], log.time_s[seen], rolled[seen])
+    age_s = 0.0 if log.speed_age_s is None else np.nan_to_num(log.speed_age_s[given])
+    return speed[given], np.interp(log.time_s[given] - age_s, log.time_s[seen], rolled[seen])
 
 
 def correlation(error: np.ndarray, limit: float) -> float:

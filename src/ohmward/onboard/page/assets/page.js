@@ -9,7 +9,7 @@ const STALE_MS = 5000, PATH_EVERY = 5, MOST_ALARMS = 3;
 // Length of each time that can be shown and the distance of its newest points, in seconds.
 const SPANS = { hour: { length: 3600, step: 1 }, day: { length: 86400, step: 20 }, week: { length: 604800, step: 150 } };
 
-let span = "hour", history = null, plots = [], path = { x_m: [], y_m: [] }, known = [], heard = 0, events = 0;
+let span = "hour", history = null, plots = [], path = { x_m: [], y_m: [] }, known = [], heard = 0, events = 0, stale = "";
 
 function say(id, text) {
   if (at(id).textContent !== text) at(id).textContent = text;
@@ -27,7 +27,14 @@ function distance(metres) {
 }
 
 function showCharge(charge) {
-  if (!charge) return;
+  at("soc-bar").classList.toggle("unknown", !charge);
+  if (!charge) {
+    for (const id of ["soc", "voltage", "current", "temperature", "capacity", "resistance"]) say(id, "–");
+    say("soc-sentence", "Unknown: its sensors are silent.");
+    at("soc-bar").setAttribute("aria-label", "charge unknown");
+    at("soc").closest(".card").classList.remove("low");
+    return;
+  }
   const percent = 100 * charge.soc, low = 100 * charge.low, high = 100 * charge.high;
   say("soc", percent.toFixed(0));
   say("soc-sentence", charge.sentence);
@@ -45,7 +52,11 @@ function showCharge(charge) {
 }
 
 function showRange(range) {
-  if (!range) return;
+  if (!range) {
+    for (const id of ["range", "time-left", "consumption", "home"]) say(id, "–");
+    say("range-sentence", "Known once the robot has driven for a while.");
+    return;
+  }
   const [value, unit] = distance(range.distance_m.p50);
   say("range", value);
   say("range-unit", unit);
@@ -72,7 +83,12 @@ function wheelRow(wheel) {
 }
 
 function showDrive(drive) {
-  if (!drive) return;
+  if (!drive) {
+    say("speed", "–");
+    say("speed-sentence", "Unknown: its sensors are silent.");
+    at("wheels").replaceChildren();
+    return;
+  }
   say("speed", drive.speed_m_s.toFixed(2).replace("-0.00", "0.00"));
   const grade = isKnown(drive.grade_rad) ? `, grade ${(100 * Math.tan(drive.grade_rad)).toFixed(0)} %` : "";
   say("speed-sentence", drive.immobilised ? "The wheels turn and the robot does not move." : `± ${drive.band_m_s.toFixed(2)} m/s${grade}.`);
@@ -90,7 +106,11 @@ function showPower(power) {
 }
 
 function showPose(pose) {
-  if (!pose) return;
+  if (!pose) {
+    at("map").replaceChildren();
+    say("pose-sentence", "Unknown: the sensors of the wheels are silent.");
+    return;
+  }
   const scale = drawMap(at("map"), path, pose);
   say("pose-sentence", `${pose.distance_m.toFixed(1)} m driven; at ${pose.x_m.toFixed(2)} m, ${pose.y_m.toFixed(2)} m, ± ${pose.ellipse.major_m.toFixed(2)} m. The bar is ${scale} m.`);
 }
@@ -134,13 +154,16 @@ function show(state) {
   if (document.title !== state.name) document.title = state.name;
   at("spans").hidden = !state.stored;
   if (!isKnown(state.unix_s)) return;
-  showCharge(state.charge);
-  showRange(state.range);
-  showDrive(state.drive);
+  stale = state.stale;
+  if (state.charge || isKnown(state.battery_time_s)) showCharge(state.charge);
+  if (state.range || isKnown(state.battery_time_s)) showRange(state.range);
+  if (state.drive || isKnown(state.drive_time_s)) showDrive(state.drive);
   showPower(state.power);
   showSensors(state.sensors);
-  if (events++ % PATH_EVERY === 0) fetchPath().then(() => showPose(state.pose));
-  else showPose(state.pose);
+  const way = () => { if (state.pose || isKnown(state.drive_time_s)) showPose(state.pose); };
+  if (events++ % PATH_EVERY === 0) fetchPath().then(way);
+  else way();
+  showLink();
   extendHistory(state);
 }
 
@@ -183,11 +206,13 @@ function listen() {
   source.onopen = () => fetchHistory().catch(() => {});
 }
 
-setInterval(() => {
-  const silent = Date.now() - heard;
-  at("link-dot").className = `dot ${heard === 0 ? "" : silent < STALE_MS ? "live" : "lost"}`;
-  say("link", heard === 0 ? "connecting" : silent < STALE_MS ? "live" : `no news for ${duration(silent / 1000)}; what you see is old`);
-}, 1000);
+function showLink() {
+  const silent = Date.now() - heard, lost = heard !== 0 && silent >= STALE_MS;
+  at("link-dot").className = `dot ${heard === 0 ? "" : lost || stale ? "lost" : "live"}`;
+  say("link", heard === 0 ? "connecting" : lost ? `no news for ${duration(silent / 1000)}; what you see is old` : stale || "live");
+}
+
+setInterval(showLink, 1000);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach((plot) => plot.plot.redraw(false)));
 at("sensors-details").addEventListener("toggle", listSensors);
 at("spans").addEventListener("click", choose);

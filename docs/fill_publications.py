@@ -1,0 +1,353 @@
+"""Fill the pages of the two publications: `python docs/fill_publications.py`.
+
+The claims of each and their verdicts come from the rows of `benchmarks/publications.md`, which `ohmward reproduce`
+computes; the tables of errata from the list that `ohmward reproduce errata` checks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from marked_block import replaced
+
+from ohmward_lab.reproduce.errata import ERRATA
+
+ROOT = Path(__file__).parents[1]
+NUMBERS = ROOT / "benchmarks" / "publications.md"
+PAGES = {"[T]": ROOT / "docs" / "reproduce-thesis.md", "[P]": ROOT / "docs" / "reproduce-paper.md"}
+ERRATA_PAGE = ROOT / "docs" / "theory" / "where-the-texts-are-wrong.md"
+SLA, LFP = "sealed lead-acid 12 V 5 Ah", "LFP 12 V 6 Ah"
+
+
+class Claim(NamedTuple):
+    """A claim of a publication.
+
+    place: where it stands.
+    claim: in our words.
+    equation: that it rests on.
+    numbers: quantity and column of our numbers, by a name of each.
+    holds: the verdict on these numbers, in this order.
+    """
+
+    place: str
+    claim: str
+    equation: str
+    numbers: dict[str, tuple[str, str]]
+    holds: Callable[..., bool]
+
+
+def before(method: str, column: str = "corrected") -> tuple[str, str]:
+    """Mean voltage error of a method of [T] before the sample."""
+    return f"Voltage before the sample, {method}: mean", column
+
+
+def after(method: str, column: str = "corrected") -> tuple[str, str]:
+    """Mean voltage error of a method of [T] after the sample."""
+    return f"Voltage after the sample, {method}: mean", column
+
+
+def soc(method: str) -> tuple[str, str]:
+    """Mean error of the state of charge by a method of [T]."""
+    return f"SoC, 98 to 90 %, {method}: mean", "corrected"
+
+
+def order(better: str, worse: str, what: str) -> dict[str, tuple[str, str]]:
+    """Share of the drives in which one method of [T] is better."""
+    return {"share of drives": (f"{better} < {worse} in {what}, mean after 100 s, share of drives", "corrected")}
+
+
+def every(share: float) -> bool:
+    """True where an order holds in every drive."""
+    return share == 100.0
+
+
+RC = r"$\hat x^+ = \hat x + K (y - \hat y)$, (19)-(25)"
+UKF = r"$\hat x^+ = \hat x + L (y - \hat y)$, (26)-(44)"
+CLAIMS = {
+    "[T]": (
+        Claim(
+            "3.3.1",
+            "with $dI/dt = 0$ the parameters can be found along a drive",
+            "$f_3$ in (3.6)",
+            {"EKF, before": before("EKF", "as printed"), "EKF corrected": before("EKF")},
+            lambda printed, corrected: printed < 2 * corrected,
+        ),
+        Claim(
+            "3.3.5",
+            "with (3.51) the UKF is stable",
+            "(3.31)-(3.48), (3.51)",
+            {"as printed": before("UKF", "as printed"), "parameters bounded": before("UKF")},
+            lambda printed, bounded: printed < 1.0,
+        ),
+        Claim(
+            "table 3.1",
+            "the model found offline errs by 0.018 V in the mean",
+            "$V_t = (R_t + R_e / 2) I + (V_{cb} + V_{cs}) / 2$, (3.1)",
+            {"rule": ("Voltage, offline model: mean", "as printed")},
+            lambda error: error <= 0.018,
+        ),
+        Claim(
+            "table 3.2",
+            "the AUKF errs by 0.002 V in the mean (after the sample)",
+            "$Q = K C K^T$, (3.49)",
+            {"AUKF": after("AUKF")},
+            lambda error: error <= 0.002,
+        ),
+        Claim(
+            "table 3.2",
+            "the same, before the sample",
+            "$e_k = z_k - H \\hat x_k^-$, (3.13)",
+            {"AUKF": before("AUKF"), "8 bit": before("AUKF, 8 bit oscilloscope")},
+            lambda error, scope: error <= 0.002,
+        ),
+        Claim(
+            "table 3.2",
+            "the UKF errs by 0.012 V in the mean (after the sample)",
+            "(3.46), (3.47)",
+            {"UKF": after("UKF")},
+            lambda error: error <= 0.012,
+        ),
+        *(
+            Claim(
+                "table 3.2",
+                f"{better} is nearer to the voltage than {worse}",
+                equation,
+                order(better, worse, "voltage after the sample"),
+                every,
+            )
+            for better, worse, equation in (
+                ("AUKF", "UKF", "(3.49), (3.50)"),
+                ("AUKF", "AEKF", "(3.31)-(3.48)"),
+                ("AEKF", "EKF", "(3.49), (3.50)"),
+                ("UKF", "EKF", "(3.31)-(3.48)"),
+            )
+        ),
+        Claim(
+            "table 3.3",
+            "the AUKF's state of charge errs by 0.028 % in the mean",
+            r"$SoC_k = SoC_{k-1} + \eta \Delta t \, i / C_N$, 3.4.2",
+            {"AUKF": soc("AUKF"), "EKF": soc("EKF"), "default": ("SoC, 98 to 90 %, AUKF: mean", "default")},
+            lambda aukf, ekf, default: aukf <= 0.028,
+        ),
+        *(
+            Claim(
+                "table 3.3",
+                f"{better} is nearer to the count than {worse}",
+                "3.4.2",
+                order(better, worse, "SoC"),
+                every,
+            )
+            for better, worse in (("AUKF", "UKF"), ("AUKF", "AEKF"), ("AEKF", "EKF"), ("UKF", "EKF"))
+        ),
+        Claim(
+            "figures 4.7-4.16",
+            "with wrong noise the AUKF is nearer to the speed than the UKF",
+            "(4.13)-(4.20), (3.50)",
+            {
+                "UKF [mm/s]": ("Forward, noise at first: R / 100: speed, UKF", "corrected"),
+                "AUKF": ("Forward, noise at first: R / 100: speed, AUKF", "corrected"),
+            },
+            lambda ukf, aukf: aukf < ukf,
+        ),
+        Claim(
+            "figure 5.6",
+            "case I: braking at a slip of -0.18 the robot drives 1.5 m",
+            "(5.22)-(5.47)",
+            {"way [m]": ("Case I as printed: way until it stands", "corrected")},
+            lambda way: way > 1.0,
+        ),
+    ),
+    "[P]": (
+        Claim(
+            "2.2",
+            "$R_b = R_s$ = 75 % of the total resistance, $R_t$ the rest",
+            "$R_t = R_{total} - R_b / 2$",
+            {"R_t / R_total": (f"{SLA}: R_t / R_total", "as printed")},
+            lambda share: abs(share - 0.625) < 1e-3,
+        ),
+        Claim(
+            "2.3, figure 5",
+            "two time constants fit a relaxation better than one",
+            r"$V_o = V_{start} + \sum V_j (e^{-t/\tau_j} - 1)$, (18)",
+            {
+                "one [mV]": (f"{SLA}: one time constant, RMS of ", "corrected"),
+                "two": (f"{SLA}: two time constants, RMS", "corrected"),
+            },
+            lambda one, two: two < one,
+        ),
+        Claim(
+            "2.3, figure 7",
+            "the nonlinear fit refines the first parameters",
+            "(11)-(14)",
+            {
+                "before [mV]": (f"{SLA}: before the nonlinear fit, RMS", "corrected"),
+                "after": (f"{SLA}: after it, RMS", "corrected"),
+            },
+            lambda first, last: last < first,
+        ),
+        Claim(
+            "4.2",
+            "the LFP curve rises by 0.024 V from 75 to 98 %",
+            "figure 8",
+            {
+                "identified [V]": (f"{LFP}: rise of the curve, 75% to 98%", "as printed"),
+                "simulated": (f"{LFP}: rise of the curve, 75% to 98%", "default"),
+            },
+            lambda found, true: abs(found - true) < 0.1 * true,
+        ),
+        Claim(
+            "4.2",
+            "and by less than 0.2 V from 25 to 65 %",
+            "figure 8",
+            {"identified [V]": (f"{LFP}: rise of the curve, 25% to 65%", "as printed")},
+            lambda found: found < 0.2,
+        ),
+        Claim(
+            "4",
+            "the reference is within 83 mAh",
+            "0.8 % of 25 A, 25 minutes",
+            {"mAh": (f"{SLA}, error of the count at the end, largest of three sensors (mAh)", "corrected")},
+            lambda mAh: mAh <= 83.0,
+        ),
+        Claim(
+            "4.1",
+            "RC + KF finds back from 20 points off within 500 s",
+            RC,
+            {
+                "left of 20, P0 = I": (
+                    f"{SLA} at 1 A, RC + KF from 80%, P0 = I, against the truth: after 500 s",
+                    "as printed",
+                ),
+                "P0 = 100 I": (
+                    f"{SLA} at 1 A, RC + KF from 80%, P0 = 100 I, against the truth: after 500 s",
+                    "as printed",
+                ),
+            },
+            lambda one, hundred: max(one, hundred) < 6.0,
+        ),
+        Claim(
+            "5",
+            "then its MAE on lead-acid is 2.2 %, its largest error 5 %",
+            RC,
+            {
+                "MAE": (f"{SLA}, RC + KF after 500 s, against the count: MAE", "as printed"),
+                "largest": (f"{SLA}, RC + KF after 500 s, against the count: largest", "as printed"),
+            },
+            lambda mean, largest: mean <= 2.2 and largest <= 5.0,
+        ),
+        Claim(
+            "4.1",
+            "T2RC + UKF on lead-acid: MAE of 0.27 %",
+            UKF,
+            {"MAE": (f"{SLA}, T2RC + UKF from a right start, against the count: MAE", "as printed")},
+            lambda mean: mean <= 1.2 * 0.27,
+        ),
+        Claim(
+            "4.2",
+            "T2RC + UKF on LFP: MAE of 0.5 %",
+            UKF,
+            {"MAE": (f"{LFP}, T2RC + UKF from a right start, against the count: MAE", "as printed")},
+            lambda mean: mean <= 1.2 * 0.5,
+        ),
+        Claim(
+            "figure 11b",
+            "on lead-acid the Thevenin model's voltage error is the larger",
+            "(14)",
+            {
+                "T2RC [mV]": (f"{SLA}, voltage before the sample, T2RC + UKF: MAE", "as printed"),
+                "RC before": (f"{SLA}, voltage before the sample, RC + KF: MAE", "as printed"),
+                "RC after": (f"{SLA}, voltage after the sample, RC + KF: MAE", "as printed"),
+            },
+            lambda t2rc, rc, rc_after: t2rc > rc,
+        ),
+        Claim(
+            "figure 12",
+            "T2RC + UKF on lead-acid does not find back from 10 points off",
+            UKF,
+            {"left": (f"{SLA}, T2RC + UKF started at 90% when full: size of the error at the end", "as printed")},
+            lambda left: left > 5.0,
+        ),
+        Claim(
+            "4.2, figure 13",
+            "RC + KF on LFP is poor",
+            RC,
+            {"MAE": (f"{LFP}, RC + KF after 500 s, against the count: MAE", "as printed")},
+            lambda mean: mean > 2.2,
+        ),
+        Claim(
+            "5",
+            "the Thevenin model for use and the RC model to start and correct it are better than the former alone",
+            "`published.hybrid`",
+            {
+                "hybrid, lead-acid": (f"{SLA}, hybrid, right start, against the truth: MAE", "as printed"),
+                "T2RC": (f"{SLA}, T2RC + UKF, right start, against the truth: MAE", "as printed"),
+                "hybrid, LFP": (f"{LFP}, hybrid, right start, against the truth: MAE", "as printed"),
+                "T2RC on LFP": (f"{LFP}, T2RC + UKF, right start, against the truth: MAE", "as printed"),
+            },
+            lambda a, b, c, d: a < b and c < d,
+        ),
+    ),
+}
+
+
+def main() -> None:
+    """Rewrite the blocks between the markers."""
+    numbers = NUMBERS.read_text(encoding="utf-8")
+    for short, page in PAGES.items():
+        page.write_text(filled(page.read_text(encoding="utf-8"), short, numbers), encoding="utf-8")
+    ERRATA_PAGE.write_text(with_errata(ERRATA_PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def filled(text: str, short: str, numbers: str) -> str:
+    """The text of a publication's page with its claims made anew."""
+    return replaced(text, "claims", claim_lines(CLAIMS[short], rows_of(numbers)))
+
+
+def rows_of(numbers: str) -> dict[str, dict[str, str]]:
+    """Cells of every row by its quantity; the number of rests is left out, a second unit of a quantity is named."""
+    found: dict[str, dict[str, str]] = {}
+    for line in numbers.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == 6 and line.startswith("| "):
+            quantity, unit, _, as_printed, corrected, default = cells
+            name = f"{quantity} ({unit})" if quantity in found else quantity
+            found[name] = {"as printed": as_printed, "corrected": corrected, "default": default}
+    return found
+
+
+def cell(rows: dict[str, dict[str, str]], quantity: str, column: str) -> str:
+    """One number as the page has it; a quantity may be the beginning of its name."""
+    name = quantity if quantity in rows else next(name for name in rows if name.startswith(quantity))
+    return rows[name][column]
+
+
+def claim_lines(claims: tuple[Claim, ...], rows: dict[str, dict[str, str]]) -> Iterator[str]:
+    """A row for each claim."""
+    yield from ("| place | claim | equation | here | verdict |", "|---|---|---|---|---|")
+    for claim in claims:
+        cells = [cell(rows, *where) for where in claim.numbers.values()]
+        here = "; ".join(f"{name} {value}" for name, value in zip(claim.numbers, cells, strict=True))
+        verdict = "holds" if claim.holds(*map(float, cells)) else "**does not hold here**"
+        yield f"| {claim.place} | {claim.claim} | {claim.equation} | {here} | {verdict} |"
+
+
+def with_errata(text: str) -> str:
+    """The page of errata with its tables made anew."""
+    for short, name in (("[T]", "thesis"), ("[P]", "paper")):
+        text = replaced(text, name, errata_lines(short))
+    return text
+
+
+def errata_lines(short: str) -> Iterator[str]:
+    """A row for each error that is checked."""
+    yield from ("| place | in the text | must be |", "|---|---|---|")
+    for erratum in ERRATA:
+        if erratum.text == short:
+            cells = (c.replace("|", "\\|") for c in (erratum.place, erratum.printed, erratum.correct))
+            yield f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Conditions of the study: a base case, and each of its assumptions broken by itself, by a little and by much."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ohmward_lab.assess.recommendation import Situation
+
+
+class Truth(NamedTuple):
+    """State of the battery and of its surroundings, beside those of its test.
+
+    temperature_degC: of the air.
+    capacity_ratio, resistance_ratio: of the battery over those when it was tested.
+    step_s: between the instants of the simulation.
+    """
+
+    temperature_degC: float = 25.0
+    capacity_ratio: float = 1.0
+    resistance_ratio: float = 1.0
+    step_s: float = 1.0
+
+
+class Condition(NamedTuple):
+    """One condition. Shares are of the capacity in an hour (0.01 is 0.01 C), voltages of one cell.
+
+    factor, level: in words.
+    truth: of the battery.
+    start_error: of the initial value; None where it is unknown.
+    offset_C, gain: of the current sensor. The signs of these three alternate from run to run.
+    current_noise_C, voltage_noise_V: standard deviations.
+    voltage_step_V: of the converter.
+    interval_s: between samples.
+    missing: share of the currents and of the voltages that are lost.
+    delay_s: by which the voltage comes later than the current of the same row.
+    """
+
+    factor: str
+    level: str
+    truth: Truth = Truth()
+    start_error: float | None = 0.05
+    offset_C: float = 0.005
+    gain: float = 0.002
+    current_noise_C: float = 0.002
+    voltage_noise_V: float = 0.001
+    voltage_step_V: float = 0.0005
+    interval_s: float = 1.0
+    missing: float = 0.0
+    delay_s: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """In tables and files."""
+        return f"{self.factor}: {self.level}"
+
+
+#: The base case: the battery as tested, a start a few points off, and an everyday sensor at 1 Hz.
+BASE = Condition("base", "everyday sensors")
+
+CONDITIONS: tuple[Condition, ...] = (
+    BASE,
+    Condition("laboratory", "right start, no offset", start_error=0.0, offset_C=0.0, gain=0.0),
+    *(Condition("start", f"{100 * error:g} points off", start_error=error) for error in (0.1, 0.3)),
+    Condition("start", "unknown", start_error=None),
+    *(Condition("current offset", f"{100 * share:g} % of C", offset_C=share) for share in (0.02, 0.05)),
+    *(Condition("current gain", f"{100 * share:g} %", gain=share) for share in (0.01, 0.03)),
+    *(Condition("current noise", f"{100 * share:g} % of C", current_noise_C=share) for share in (0.02, 0.1)),
+    *(Condition("voltage noise", f"{1e3 * volt:g} mV a cell", voltage_noise_V=volt) for volt in (0.005, 0.02)),
+    *(Condition("voltage converter", f"{1e3 * volt:g} mV a cell", voltage_step_V=volt) for volt in (0.005, 0.02)),
+    Condition("interval", "0.1 s", Truth(step_s=0.1), interval_s=0.1),
+    *(Condition("interval", f"{seconds:g} s", interval_s=seconds) for seconds in (10.0, 60.0)),
+    *(Condition("temperature", f"{degC:g} degC", Truth(degC)) for degC in (40.0, 5.0, -10.0)),
+    *(Condition("capacity less", f"{100 * (1 - r):g} %", Truth(capacity_ratio=r)) for r in (0.95, 0.9)),
+    Condition("age", "80 %, resistance x 1.5", Truth(capacity_ratio=0.8, resistance_ratio=1.5)),
+    *(Condition("lost samples", f"{100 * share:g} %", missing=share) for share in (0.05, 0.3)),
+    *(Condition("voltage late", f"{seconds:g} s", delay_s=seconds) for seconds in (1.0, 5.0)),
+)
+
+_SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost samples")
+SITUATIONS = (
+    Situation("laboratory", ("laboratory",)),
+    Situation("everyday sensors, noisy or coarse", _SENSOR),
+    Situation("the start is wrong or not known", ("start",)),
+    Situation("current sensor with offset and gain", ("current offset", "current gain")),
+    Situation("samples seldom or out of step", ("interval", "voltage late")),
+    Situation("cold or hot", ("temperature",)),
+    Situation("less capacity than told, aged", ("capacity less", "age")),
+)

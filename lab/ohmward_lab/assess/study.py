@@ -1,0 +1,155 @@
+"""A whole study: every subject under every condition by every method, side by side, resumable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ohmward.errors import InputError
+from ohmward.fleet.run import in_processes, run_fleet
+from ohmward_lab.assess.battery.cell import SocFigures, soc_cell
+from ohmward_lab.assess.battery.conditions import CONDITIONS, SITUATIONS
+from ohmward_lab.assess.battery.methods import METHODS, PROCESSORS
+from ohmward_lab.assess.battery.shifts import CHEMISTRIES
+from ohmward_lab.assess.recommendation import Processor, Recommendation, Situation, recommend
+from ohmward_lab.assess.traction.cell import SlipFigures, slip_cell
+from ohmward_lab.assess.traction.conditions import DRIVE_CONDITIONS, DRIVE_SITUATIONS
+from ohmward_lab.assess.traction.drives import ROBOTS
+from ohmward_lab.assess.traction.methods import OBSERVER_PROCESSORS, SLIP_METHODS
+
+_BETWEEN = " | "
+
+
+class Study(NamedTuple):
+    """A study.
+
+    name, subject, run: in words: what is estimated, what a subject is, and what one run is.
+    subjects, conditions, methods: that are crossed; each condition and method has a `name`.
+    figures: fields of a row; `cell(subject, condition, method, runs, seed)` gives it.
+    situations, processors: for which a method is recommended.
+    """
+
+    name: str
+    subject: str
+    run: str
+    subjects: tuple[str, ...]
+    conditions: Sequence[Any]
+    methods: Sequence[Any]
+    figures: type[SocFigures] | type[SlipFigures]
+    cell: Callable[[str, Any, Any, int, int], Any]
+    situations: tuple[Situation, ...]
+    processors: tuple[Processor, ...]
+
+    def items(self, only: Sequence[str] = ()) -> list[str]:
+        """Names of the items: all, or those in whose name each of these words stands; of one kind are alternatives.
+
+        only: subjects, factors of conditions, methods.
+
+        Raises:
+            InputError: a word names nothing.
+        """
+        kinds = (self.subjects, [c.factor for c in self.conditions], [m.name for m in self.methods])
+        for word in only:
+            if not any(word in kind for kind in kinds):
+                known = ", ".join(dict.fromkeys(name for kind in kinds for name in kind))
+                raise InputError(f"there is no {word!r} to assess; there are {known}")
+        subjects, factors, methods = ([name for name in kind if name in only] or kind for kind in kinds)
+        return [
+            _BETWEEN.join((subject, condition.name, method.name))
+            for subject in subjects
+            for condition in self.conditions
+            if condition.factor in factors
+            for method in self.methods
+            if method.name in methods
+        ]
+
+    def recommended(self, found: Sequence[Any]) -> list[Recommendation]:
+        """The method for each subject, situation and processor."""
+        return recommend(found, self.situations, self.processors)
+
+
+STUDIES: Mapping[str, Study] = {
+    "battery": Study(
+        "battery",
+        "chemistry",
+        "shifts of eight hours",
+        CHEMISTRIES,
+        CONDITIONS,
+        METHODS,
+        SocFigures,
+        soc_cell,
+        SITUATIONS,
+        PROCESSORS,
+    ),
+    "traction": Study(
+        "traction",
+        "robot",
+        "drives of two minutes",
+        tuple(ROBOTS),
+        DRIVE_CONDITIONS,
+        SLIP_METHODS,
+        SlipFigures,
+        slip_cell,
+        DRIVE_SITUATIONS,
+        OBSERVER_PROCESSORS,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """The job of a study: its items are named by subject, condition and method.
+
+    Attributes:
+        study: its name.
+        runs: of each subject under each condition.
+        seed: of all random numbers.
+        estimates: none are kept.
+    """
+
+    study: str
+    runs: int
+    seed: int
+    estimates: None = None
+
+    @property
+    def digest(self) -> str:
+        """Another one for every study with other results."""
+        return f"assess {self.study}, {self.runs} runs, seed {self.seed}"
+
+    def run(self, items: Sequence[str]) -> list[dict[str, Any]]:
+        """A row for each item."""
+        study, rows = STUDIES[self.study], []
+        conditions, methods = ({each.name: each for each in kind} for kind in (study.conditions, study.methods))
+        for item in items:
+            subject, condition, method = item.split(_BETWEEN)
+            found = study.cell(subject, conditions[condition], methods[method], self.runs, self.seed)
+            rows.append({"path": item, "error": None, **found._asdict()})
+        return rows
+
+
+def assess(
+    study: Study,
+    folder: Path,
+    runs: int,
+    seed: int,
+    only: Sequence[str] = (),
+    processes: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Any]:
+    """Figures of all items, or of those that an earlier, interrupted study in this folder has left; in their order.
+
+    progress: called with (items done, all).
+
+    Raises:
+        InputError: a word of `only` names nothing, or the folder holds another study.
+        OhmwardError: the folder cannot be written.
+    """
+    wanted = study.items(only)
+    work = partial(in_processes, processes=processes)
+    finished = run_fleet(wanted, Assessment(study.name, runs, seed), folder, work, progress, batch=len(study.methods))
+    rows = {row["path"]: row for row in finished.rows}
+    return [study.figures(**{name: rows[item][name] for name in study.figures._fields}) for item in wanted]

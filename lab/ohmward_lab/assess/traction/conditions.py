@@ -1,0 +1,119 @@
+"""Conditions of the study of traction: a base case, and each of its assumptions broken by itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ohmward.traction.speed_observer.default_observer import DEFAULT_TERRAIN
+from ohmward_lab.assess.recommendation import Situation
+
+
+class World(NamedTuple):
+    """Ground and robot, beside what the robot's file says.
+
+    ground: name of the terrain.
+    patch: of the one that takes its place for a while, again and again; None where there is none.
+    one_side: the patch lies under the wheels of the left side alone.
+    grade_rad: of the slopes, up and down.
+    radius_ratio, mass_ratio: of wheels and robot over those of the file.
+    """
+
+    ground: str = DEFAULT_TERRAIN
+    patch: str | None = None
+    one_side: bool = False
+    grade_rad: float = 0.0
+    radius_ratio: float = 1.0
+    mass_ratio: float = 1.0
+
+
+class DriveCondition(NamedTuple):
+    """One condition.
+
+    factor, level: in words.
+    world: ground and robot.
+    told: name of the ground that the observer is told.
+    interval_s: between samples.
+    all_encoders: of free wheels too.
+    counts_per_turn: of each encoder.
+    glitches: share of an encoder's speeds that are wrong by 20 rad/s.
+    has_currents: the motor currents are measured.
+    current_gain, gyro_offset_rad_s: of these sensors; their signs alternate from run to run.
+    current_noise_A: standard deviation.
+    has_gyro, has_pitch: there is one, of a MEMS sensor and of an attitude filter.
+    speed_interval_s: between speeds from outside, as of GNSS; 0 where there are none.
+    speed_delay_s: by which they come late, with their age.
+    missing: share of the encoders' and of the motors' samples that are lost.
+    """
+
+    factor: str
+    level: str
+    world: World = World()
+    told: str = DEFAULT_TERRAIN
+    interval_s: float = 0.02
+    all_encoders: bool = False
+    counts_per_turn: int = 4096
+    glitches: float = 0.0
+    has_currents: bool = True
+    current_gain: float = 0.03
+    gyro_offset_rad_s: float = 0.002
+    current_noise_A: float = 0.1
+    has_gyro: bool = True
+    has_pitch: bool = False
+    speed_interval_s: float = 0.0
+    speed_delay_s: float = 0.0
+    missing: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """In tables and files."""
+        return f"{self.factor}: {self.level}"
+
+
+#: The base case: the ground and the robot of the files, everyday sensors at 50 Hz, encoders on the driven wheels.
+BASE_DRIVE = DriveCondition("base", "everyday sensors")
+
+_ICE = World(patch="ice")
+
+DRIVE_CONDITIONS: tuple[DriveCondition, ...] = (
+    BASE_DRIVE,
+    *(DriveCondition("ground", f"{name}, told asphalt", World(name)) for name in ("gravel", "wet asphalt", "ice")),
+    DriveCondition("ground", "sand, told asphalt", World("LETE sand")),
+    DriveCondition("ground", "ice, told", World("ice"), told="ice"),
+    DriveCondition("patches of ice", "under all wheels", _ICE),
+    DriveCondition("patches of ice", "under the left wheels", _ICE._replace(one_side=True)),
+    DriveCondition("ice and more sensors", "encoders on free wheels", _ICE, all_encoders=True),
+    *(
+        DriveCondition("ice and more sensors", text, _ICE, speed_interval_s=every_s, speed_delay_s=late_s)
+        for text, every_s, late_s in (
+            ("speed from outside at 10 Hz", 0.1, 0.0),
+            ("the same 0.2 s late", 0.1, 0.2),
+            ("speed from outside at 1 Hz", 1.0, 0.0),
+        )
+    ),
+    *(DriveCondition("slope", f"{percent} %", World(grade_rad=percent / 100)) for percent in (5, 15)),
+    *(DriveCondition("wheel radius", f"{100 * (1 - r):.0f} % less", World(radius_ratio=r)) for r in (0.98, 0.95)),
+    *(DriveCondition("mass", f"{100 * (r - 1):.0f} % more", World(mass_ratio=r)) for r in (1.2, 1.5)),
+    *(DriveCondition("motor current", f"gain {gain:.0%} off", current_gain=gain) for gain in (0.1, 0.3)),
+    DriveCondition("motor current", "noise of 1 A", current_noise_A=1.0),
+    DriveCondition("motor current", "not measured", has_currents=False),
+    DriveCondition("IMU", "gyro 0.05 rad/s off", gyro_offset_rad_s=0.05),
+    DriveCondition("IMU", "none", has_gyro=False),
+    DriveCondition("IMU", "with pitch, slope 15 %", World(grade_rad=0.15), has_pitch=True),
+    DriveCondition("encoders", "64 counts a turn", counts_per_turn=64),
+    DriveCondition("encoders", "1 % glitches", glitches=0.01),
+    DriveCondition("interval", "0.1 s", interval_s=0.1),
+    *(DriveCondition("lost samples", f"{share:.0%}", missing=share) for share in (0.05, 0.3)),
+)
+
+DRIVE_SITUATIONS = (
+    Situation("ground and robot as in their files", ("base",)),
+    Situation("another ground than told", ("ground",)),
+    Situation("patches of ice", ("patches of ice",)),
+    Situation("patches of ice, more sensors", ("ice and more sensors",)),
+    Situation("slopes", ("slope",)),
+    Situation("worn wheels, a load", ("wheel radius", "mass")),
+    Situation("motor currents wrong, noisy or none", ("motor current",)),
+    Situation("gyro off or none, or an attitude filter", ("IMU",)),
+    Situation("coarse encoders, glitches", ("encoders",)),
+    Situation("samples seldom or lost", ("interval", "lost samples")),
+)

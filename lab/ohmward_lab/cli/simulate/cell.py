@@ -1,0 +1,118 @@
+"""`ohmward simulate --cell`: the log of a test or a day of a cell of porous electrodes."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from typing import Any, NamedTuple
+
+from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.cli import wording
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.report_parts import FOOTER
+from ohmward.errors import InputError
+from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
+from ohmward.logs import Log, write_log
+from ohmward.logs.write import TABLES
+from ohmward.report import TIME, Figure, Page, Series
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, record_cell
+from ohmward_lab.simulate.electrochemical.cell import usual_model
+
+
+class CellRecord(NamedTuple):
+    """A recorded cell: its log, with the column `soc_true`, and its capacities [Ah], new and at its age."""
+
+    cell: ElectrochemicalCell
+    log: Log
+    new_Ah: float
+    capacity_Ah: float
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Simulate, write the log and report."""
+    check_output("--output", args.output, TABLES)
+    if args.scenario is not None:
+        raise InputError(f"name a scenario ({args.scenario}) or --cell {args.cell}, not both")
+    found = _recorded(args)
+    if args.output:
+        write_log(found.log, args.output)
+    figures = summary(found, args.record or "day")
+    written = {"output": args.output, "report": args.report}
+    return Outcome(figures | written, describe(figures, args.output), (), partial(make_page, found, figures))
+
+
+def _recorded(args: argparse.Namespace) -> CellRecord:
+    new = ElectrochemicalCell(args.cell, args.model or usual_model(args.cell), args.n_series or 1)
+    new_Ah = capacity_Ah(new)
+    ratio = 1.0 if args.aged_to is None else args.aged_to
+    cell = aged(new, ratio, args.resistance or 1.0)
+    degC = ROOM_DEGC if args.ambient_degc is None else args.ambient_degc
+    seed = {} if args.seed is None else {"seed": args.seed}
+    log = record_cell(cell, args.record or "day", degC, new_Ah=new_Ah, **seed)
+    return CellRecord(cell, log, new_Ah, capacity_Ah(cell))
+
+
+def summary(found: CellRecord, record: str) -> dict[str, Any]:
+    """The object of --json."""
+    log, cell = found.log, found.cell
+    soc, temperature_degC = log.extra["soc_true"], log.temperature_degC
+    assert temperature_degC is not None
+    return {
+        "command": "simulate",
+        "cell": cell.parameter_set,
+        "model": cell.model,
+        "n_series": cell.n_series,
+        "record": record,
+        "capacity_new_Ah": found.new_Ah,
+        "capacity_Ah": found.capacity_Ah,
+        "resistance_ratio": cell.resistance_ratio,
+        "duration_s": log.duration_s,
+        "samples": len(log),
+        "soc_initial": float(soc[0]),
+        "soc_final": float(soc[-1]),
+        "voltage_min_V": float(log.voltage_V.min()),
+        "voltage_max_V": float(log.voltage_V.max()),
+        "temperature_min_degC": float(temperature_degC.min()),
+        "temperature_max_degC": float(temperature_degC.max()),
+        "notes": [str(note) for note in log.notes],
+    }
+
+
+def describe(found: dict[str, Any], output: str | None) -> str:
+    """Text for people."""
+    title = f"{found['cell']}, {found['model']}: {found['record']}"
+    parts = [title, wording.fields(result(found))]
+    if output and found["record"] != "day":
+        parts.append(f"next: ohmward identify {output} --capacity-ah {found['capacity_new_Ah']:.3g}{_cells(found)}")
+    elif output:
+        parts.append(f"next: ohmward soc {output} --battery FILE.toml --initial-soc 1 --truth soc_true")
+    return wording.paragraphs(*parts)
+
+
+def _cells(found: dict[str, Any]) -> str:
+    return f" --n-series {found['n_series']}" if found["n_series"] > 1 else ""
+
+
+def result(found: dict[str, Any]) -> dict[str, str]:
+    """The key figures with their units, by name."""
+    age = found["capacity_Ah"] / found["capacity_new_Ah"]
+    low, high = found["temperature_min_degC"], found["temperature_max_degC"]
+    return {
+        "duration": f"{wording.duration(found['duration_s'])}, {wording.grouped(found['samples'])} samples",
+        "capacity": f"{found['capacity_Ah']:.4g} Ah"
+        + (f", {wording.percent(age, 0)} of a new cell's" if age < 1 else ""),
+        "state of charge": f"{wording.percent(found['soc_initial'])} to {wording.percent(found['soc_final'])}",
+        "voltage": f"{found['voltage_min_V']:.3f} to {found['voltage_max_V']:.3f} V",
+        "temperature": f"{low:.1f} to {high:.1f} degC",
+    }
+
+
+def make_page(found: CellRecord, figures: dict[str, Any]) -> Page:
+    """Key figures; voltage, current, temperature and the true state of charge on one clock."""
+    log = found.log
+    truth = Figure(
+        "State of charge", TIME, "State of charge [%]", [Series(log.time_s, 100 * log.extra["soc_true"], "true")]
+    )
+    what = f"{figures['record']} of {figures['cell']}, model {figures['model']}, simulated with PyBaMM"
+    page = Page(log.name, what, FOOTER).numbers(result(figures))
+    return page.plot(truth, voltage_figure(log), current_figure(log), temperature_figure(log))

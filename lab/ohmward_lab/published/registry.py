@@ -1,0 +1,28 @@
+"""Estimators of the state of charge that reproduce a publication, by name, for `ohmward.battery.soc.registry`."""
+
+from __future__ import annotations
+
+from ohmward.battery.battery import Battery, require_rc
+from ohmward.battery.soc.protocol import Estimator
+from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, thevenin_filter
+from ohmward_lab.published.hybrid import Hybrid
+from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
+
+
+def _adaptive_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
+    return adaptive_soc_of(require_rc(battery), battery.rc_noise, battery.sensor)
+
+
+def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:
+    return Hybrid(thevenin_filter("ekf")(battery, settings), rc_filter("curve")(battery, settings))
+
+
+PUBLISHED: dict[str, Choice] = {
+    "published.aekf": Choice("Thevenin model, adaptive extended Kalman filter", thevenin_filter("ekf", matching=True)),
+    "published.aukf": Choice("Thevenin model, adaptive unscented Kalman filter", thevenin_filter("ukf", matching=True)),
+    "published.hybrid": Choice("Thevenin model, initialised and corrected at rests by the RC model", _hybrid),
+    "published.rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", rc_filter("curve")),
+    "published.rc-aukf": Choice(
+        "RC model, joint adaptive unscented filter of its parameters feeding rc", _adaptive_soc
+    ),
+}

@@ -1,0 +1,136 @@
+"""Cases I and II of [T], figures 5.6 to 5.9: a slip held on the slippery floor, after 0.12 on the normal one in II."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.report import TIME, Figure, Series
+from ohmward.traction import RLMA, RollingResistance
+from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import Contact
+from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.reproduce.row import Result, ResultRow
+from ohmward_lab.simulate.closed_loop import ClosedLoopRun, Scenario, find_scenario, run
+from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
+from ohmward_lab.simulate.closed_loop.ground import SLIP_STIFFNESS_S_PER_M
+
+#: Case I as printed: speed at first, slip and friction; and what [T] draws: 6 s and 1.5 m of it.
+_SPEED_M_S, _SLIP, _FRICTION = 0.2, -0.18, 0.2
+_PRINTED_S, _PRINTED_M = 6.0, 1.5
+#: The robot has stopped where it is slower [m/s].
+_STOPPED_M_S = 0.005
+_STEP_S = 1e-3
+
+_WHY = {
+    "slip-case-1": (
+        "[T] shows pictures that follow the wanted slip, without a number. Starts at 1 m/s, because at 0.2 m/s the "
+        "drive is over before an observer has seen it; `default` is the observer of this package in place of [T]'s AUKF"
+    ),
+    "slip-case-2": (
+        "from rest, with a drag of 32 v^2 that ends the acceleration: a robot that holds a slip holds a thrust; the "
+        "friction of both floors is ours, [T] gives none"
+    ),
+}
+
+
+class Stop(NamedTuple):
+    """Time [s] and way [m] until the robot has stopped."""
+
+    time_s: float
+    way_m: float
+
+
+def stop_as_printed() -> Stop:
+    """Case I as printed: both driven wheels hold -0.18 on a friction of 0.2 from 0.2 m/s; Euler steps of 1 ms."""
+    law, rolling = CoulombCreep(_FRICTION, SLIP_STIFFNESS_S_PER_M), RollingResistance()
+    weight_N = RLMA.mass_kg * GRAVITY
+    driven_N = weight_N * float(RLMA.loads[: RLMA.driven, 0].sum())
+    v, way_m, steps = _SPEED_M_S, 0.0, 0
+    while v > _STOPPED_M_S:
+        rim_m_s = v * (1 + _SLIP)
+        force_N = float(law.force_N(Contact(rim_m_s - v, rim_m_s, v, driven_N)) + rolling.force_N(v, weight_N))
+        way_m += v * _STEP_S
+        v += force_N / RLMA.mass_kg * _STEP_S
+        steps += 1
+    return Stop(steps * _STEP_S, way_m)
+
+
+def case_1() -> Result:
+    """Figures 5.6 and 5.7: braking at -0.18 on the slippery floor; and the case as it is printed."""
+    stop = stop_as_printed()
+    why = "at this slip on this friction the robot has stopped long before"
+    rows = (
+        ResultRow(
+            "Case I as printed, from 0.2 m/s: time until it stands",
+            "s",
+            _PRINTED_S,
+            stop.time_s,
+            stop.time_s,
+            None,
+            why,
+        ),
+        ResultRow("Case I as printed: way until it stands", "m", _PRINTED_M, stop.way_m, stop.way_m),
+    )
+    result = _case("slip-case-1", "Case I")
+    return Result((*rows, *result.rows), result.figures)
+
+
+def case_2() -> Result:
+    """Figures 5.8 and 5.9: 0.12 on the normal floor, from 6 s on -0.18 on the slippery one."""
+    return _case("slip-case-2", "Case II")
+
+
+def _case(scenario: str, name: str) -> Result:
+    published, default = drive(scenario, "aukf"), drive(scenario, "ukf")
+    rows = []
+    for k, (ours, theirs) in enumerate(zip(figures(published).slip, figures(default).slip, strict=True)):
+        what = f"{name}, slip of {ours.slip_ratio:g}"
+        why = _WHY[scenario] if k == 0 else ""
+        rows.append(ResultRow(f"{what}: RMS error once settled", "", None, None, ours.rms_error, theirs.rms_error, why))
+        rows.append(ResultRow(f"{what}: time until within 0.02", "s", None, None, ours.settle_s, theirs.settle_s))
+    speeds = [_speed_error_mm_s(r) for r in (published, default)]
+    rows.append(ResultRow(f"{name}, speed of the observer: RMS error", "mm/s", None, None, speeds[0], speeds[1]))
+    return Result(tuple(rows), _figures(name, published))
+
+
+@cache
+def drive(scenario: str, method: str) -> ClosedLoopRun:
+    """The case with slip and speed from this observer."""
+    packaged: Scenario = find_scenario(scenario)
+    observer = packaged.observer
+    return run(packaged if observer is None else replace(packaged, observer=replace(observer, method=method)))
+
+
+def _speed_error_mm_s(found: ClosedLoopRun) -> float:
+    score = figures(found).score
+    return float("nan") if score is None else 1e3 * score.speed_rmse_m_s
+
+
+def _figures(name: str, found: ClosedLoopRun) -> tuple[Figure, ...]:
+    """Speeds, slip of a front wheel with the wanted one, torque of its motor."""
+    truth, rows = found.history.truth, found.rows
+    t = truth.time_s
+    commands = found.scenario.commands
+    wanted = np.full(t.size, np.nan)
+    for command in commands:
+        wanted[t >= command.from_s] = np.nan if command.slip_ratio is None else command.slip_ratio
+    rim = found.scenario.model.wheel.radius_m * truth.wheel_speed_rad_s[:, 0]
+    speeds = [
+        Series(t, truth.speed_m_s, "robot", "dashed", "reference"),
+        Series(t, rim, "rim of a front wheel", role="comparison"),
+    ]
+    if rows.estimate is not None:
+        speeds.append(Series(rows.time_s, rows.estimate.speed_m_s, "observer", role="estimate"))
+    slip = [
+        Series(t, wanted, "wanted", "dashed", "reference"),
+        Series(t, true_slip(found.history, found.scenario.model)[:, 0], "true", role="estimate"),
+    ]
+    return (
+        Figure(f"{name}: speed", TIME, "Speed [m/s]", speeds),
+        Figure("Slip of a front wheel", TIME, "Slip ratio", slip),
+        Figure("Torque of its motor", TIME, "Torque [N m]", [Series(t, truth.torque_N_m[:, 0], "motor")]),
+    )

@@ -1,0 +1,364 @@
+"""Commands over time, and the controller of torque for the driven wheels at its own rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
+from ohmward.errors import InputError
+from ohmward.filters.gate import choose
+from ohmward.trace import clip, where
+from ohmward.traction.control import (
+    Limits,
+    Measurement,
+    Report,
+    SlidingMode,
+    SlipCommand,
+    SlipController,
+    SpeedCommand,
+    SpeedController,
+    Uncertainty,
+    WheelSpeedCascade,
+    WheelSpeedDrive,
+    driven_wheel,
+)
+from ohmward.traction.control.slip_controller import SlipState
+from ohmward.traction.control.slip_law import SlipLaw
+from ohmward.traction.control.wheel_speed_drive import DriveState
+from ohmward.traction.robot.robot import Robot
+from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
+from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward_lab.traction.set_point_seeker import OBJECTIVES, SeekerState, SetPointSeeker
+from ohmward_lab.traction.slip_pid import SlipPid
+
+#: Keys of a command that each mode takes; the first one is required.
+MODES: dict[str, tuple[str, ...]] = {
+    "speed": ("speed_m_s", "yaw_rate_rad_s"),
+    "slip": ("slip_ratio", "reverse"),
+    "seek": ("slip_ratio", "reverse"),
+    "torque": ("torque_Nm",),
+    "wheel-speed": ("speed_m_s", "yaw_rate_rad_s"),
+    "ramp": ("speed_m_s", "yaw_rate_rad_s"),
+}
+LAWS = ("sliding-mode", "fuzzy", "slip-ratio", "pid", "cascade")
+#: Time [s] between two steps of the cascade; drives take a new wheel speed at 50 Hz.
+CASCADE_S = 0.02
+_TIMING = ("from_s", "mode")
+#: Rolling resistance over load that the search for least energy assumes: a hard floor's.
+RESISTANCE = 0.01
+#: Acceleration limit that disables the ramp.
+NO_RAMP_M_S2 = 1e6
+
+
+@dataclass(frozen=True)
+class Command:
+    """Command from a time on; its mode says which keys it takes.
+
+    Attributes:
+        from_s: time at which it begins, >= 0.
+        mode: of the controller from then on; none is that of the controller's settings.
+        speed_m_s: forward, < 0 in reverse; 0 stops.
+        yaw_rate_rad_s: > 0 to the left.
+        slip_ratio: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0.
+        reverse: drive backwards with that slip.
+        torque_Nm: of each driven wheel.
+    """
+
+    from_s: float = 0.0
+    speed_m_s: float | None = None
+    yaw_rate_rad_s: float | None = None
+    slip_ratio: float | None = None
+    reverse: bool | None = None
+    torque_Nm: float | None = None
+    mode: str | None = None
+
+    def __post_init__(self) -> None:
+        require_between("commands.from_s", self.from_s, 0.0, math.inf)
+        if self.mode is not None:
+            require_one_of("commands.mode", self.mode, MODES)
+        for name in ("speed_m_s", "yaw_rate_rad_s", "torque_Nm"):
+            if getattr(self, name) is not None:
+                require_finite(f"commands.{name}", getattr(self, name))
+        if self.slip_ratio is not None and not -1 < self.slip_ratio < 1:
+            raise InputError(f"commands.slip_ratio must be between -1 and 1 (0.12 is 12 %), got {self.slip_ratio:g}")
+
+
+@dataclass(frozen=True)
+class Control:
+    """The controller and its limits.
+
+    Attributes:
+        mode: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque"
+            without feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp".
+        objective: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`.
+        law: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which
+            asks a wheel-speed PI for speeds at 50 Hz.
+        slip_bound: in mode "speed", >= 0.001 and < 1.
+        acceleration_m_s2: of the ramps, > 0.
+        torque_limit_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.
+        friction: that the laws assume, with an error of up to as much, > 0.
+        interval_s: between steps, > 0 and at most 0.02.
+    """
+
+    mode: str = "speed"
+    law: str = "sliding-mode"
+    slip_bound: float = 0.12
+    acceleration_m_s2: float = 0.5
+    torque_limit_Nm: float = 12.0
+    torque_rate_Nm_per_s: float = 5000.0
+    friction: float = 0.5
+    interval_s: float = 0.001
+    objective: str = "traction"
+
+    def __post_init__(self) -> None:
+        require_one_of("controller.mode", self.mode, MODES)
+        require_one_of("controller.objective", self.objective, OBJECTIVES)
+        require_one_of("controller.law", self.law, LAWS)
+        require_each_positive(
+            "controller.", self, "acceleration_m_s2", "torque_limit_Nm", "torque_rate_Nm_per_s", "friction"
+        )
+        require_between("controller.slip_bound", self.slip_bound, 0.001, 0.999)
+        require_between("controller.interval_s", self.interval_s, 1e-4, CASCADE_S)
+
+    def mode_of(self, command: Command) -> str:
+        """Mode of a command: its own, or that of these settings."""
+        return command.mode or self.mode
+
+    def check(self, command: Command) -> None:
+        """Refuse a command that does not fit the mode or the limits.
+
+        Raises:
+            InputError: a key that the mode needs is missing, one that it does not know is there, a torque too large.
+        """
+        mode = self.mode_of(command)
+        where_from = "controller.mode" if command.mode is None else "commands.mode"
+        used = MODES[mode]
+        given = [f.name for f in fields(command) if f.name not in _TIMING and getattr(command, f.name) is not None]
+        if used[0] not in given:
+            raise InputError(f'commands.{used[0]} is missing; {where_from} = "{mode}" needs it')
+        if unused := [name for name in given if name not in used]:
+            raise InputError(
+                f'commands.{unused[0]} is not taken by {where_from} = "{mode}", which takes '
+                f"{', '.join(used)}; remove it or choose another mode"
+            )
+        if mode == "seek" and not 0 < (command.slip_ratio or 0.0) < 1:
+            raise InputError(
+                f"commands.slip_ratio must be between 0 and 1 where a slip is sought, got {command.slip_ratio:g}; "
+                "seeking is driving: start from 0.05"
+            )
+        if mode == "seek" and self.law == "cascade":
+            raise InputError(
+                'controller.law = "cascade" cannot seek: it changes wheel speeds at 50 Hz; take another law'
+            )
+        if command.torque_Nm is not None and abs(command.torque_Nm) > self.torque_limit_Nm:
+            raise InputError(
+                f"commands.torque_Nm must be within ± {self.torque_limit_Nm:g} (controller.torque_limit_Nm), got "
+                f"{command.torque_Nm:g}; lower it or raise the limit"
+            )
+
+
+class WheelCommand(NamedTuple):
+    """Command for the wheels.
+
+    travel_m_s: (driven,) of the wheels' centres.
+    slip_ratio, direction: numbers, the same for all wheels.
+    torque_Nm: (driven,) of the wheels.
+    """
+
+    travel_m_s: Any
+    slip_ratio: Any
+    direction: Any
+    torque_Nm: Any
+
+
+class InitialState(Protocol):
+    """State of a controller that takes over from the torque [N m] that is given now."""
+
+    def __call__(self, m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        """The state; `m` as at its first step."""
+        ...
+
+
+class Controller(NamedTuple):
+    """A controller: `init(measurement, torque_Nm)` and `step(state, command, measurement, dt_s)`.
+
+    step returns the state after it, the torque to hold, and a
+    `Report`; all of it traces.
+    """
+
+    init: InitialState
+    step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
+
+
+def wheel_command(command: Command, robot: Robot) -> WheelCommand:
+    """The command for this robot's wheels."""
+    motion = np.zeros(robot.freedoms)
+    motion[0], motion[-1] = command.speed_m_s or 0.0, command.yaw_rate_rad_s or 0.0
+    travel = robot.rolling[: robot.driven] @ motion
+    torque = np.full(robot.driven, command.torque_Nm or 0.0)
+    return WheelCommand(travel, command.slip_ratio or 0.0, -1.0 if command.reverse else 1.0, torque)
+
+
+def make_controller(control: Control, robot: Robot) -> Controller:
+    """The controller that the settings name, for all driven wheels of this robot."""
+    one = wheel_controller(control, robot)
+
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> tuple:
+        given = np.broadcast_to(torque_Nm, robot.driven)
+        return tuple(one.init(of_wheel(m, k), given[k]) for k in range(robot.driven))
+
+    def step(states: tuple, command: WheelCommand, m: Measurement, dt_s: Any) -> tuple[tuple, np.ndarray, Report]:
+        steps = [one.step(state, of_wheel(command, k), of_wheel(m, k), dt_s) for k, state in enumerate(states)]
+        after, torques, reports = zip(*steps, strict=True)
+        return tuple(after), np.array(torques), Report(*(np.array(values) for values in zip(*reports, strict=True)))
+
+    return Controller(init, step)
+
+
+def of_wheel(values: Any, k: int) -> Any:
+    """Element k of each field that is an array, the other fields as they are."""
+    return type(values)(*(v[k] if isinstance(v, np.ndarray) else v for v in values))
+
+
+def wheel_controller(control: Control, robot: Robot) -> Controller:
+    """The controller that the settings name, for one driven wheel."""
+    limits = Limits(control.torque_limit_Nm, control.torque_rate_Nm_per_s)
+    if control.mode == "torque":
+        return _open_loop(limits)
+    if control.mode in ("wheel-speed", "ramp"):
+        acceleration = control.acceleration_m_s2 if control.mode == "ramp" else NO_RAMP_M_S2
+        return _wheel_speed_loop(WheelSpeedDrive(limits), robot.wheel.radius_m, acceleration)
+    wheel = driven_wheel(robot)
+    sliding = SlidingMode(Uncertainty(force_N=control.friction * wheel.load_N))
+    if control.mode == "speed":
+        loop = SpeedController(wheel, sliding, limits, acceleration_m_s2=control.acceleration_m_s2)
+        return _speed_loop(loop, control.slip_bound)
+    if control.law == "cascade":
+        return _cascade(WheelSpeedCascade(wheel), WheelSpeedDrive(limits))
+    laws: dict[str, SlipLaw] = {
+        "sliding-mode": sliding,
+        "fuzzy": FuzzySlidingMode(sliding),
+        "slip-ratio": SlipRatioSlidingMode(sliding.uncertainty),
+        "pid": SlipPid(),
+    }
+    slip_loop = SlipController(wheel, laws[control.law], limits)
+    if control.mode == "seek":
+        return _seeking_loop(slip_loop, SetPointSeeker(control.objective, resistance_coefficient=RESISTANCE))
+    return _slip_loop(slip_loop)
+
+
+def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        return loop.init(m)._replace(torque_Nm=torque_Nm)
+
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SpeedCommand(command.travel_m_s, slip_bound), m, dt_s)
+
+    return Controller(init, step)
+
+
+def _slip_loop(loop: SlipController) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        return loop.init(m)._replace(torque_Nm=torque_Nm)
+
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        return loop.step(state, SlipCommand(command.slip_ratio, command.direction), m, dt_s)
+
+    return Controller(init, step)
+
+
+class SeekingLoop(NamedTuple):
+    """States of the slip controller and of the seeker; the slip ratio that was asked for and the one to hold."""
+
+    slip: SlipState
+    seeker: SeekerState
+    asked: Any
+    held: Any
+
+
+def _seeking_loop(loop: SlipController, seeker: SetPointSeeker) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> SeekingLoop:
+        zero = 0.0 * m.wheel_speed_rad_s
+        return SeekingLoop(loop.init(m)._replace(torque_Nm=torque_Nm), seeker.init(zero), zero, zero)
+
+    def step(state: SeekingLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        new = command.slip_ratio != state.asked
+        before = choose(new, seeker.init(command.slip_ratio + 0.0 * state.asked), state.seeker)
+        held = where(new, command.slip_ratio, state.held)
+        slip, torque, report = loop.step(state.slip, SlipCommand(held, command.direction), m, dt_s)
+        adhesion = command.direction * report.force_N / loop.wheel.load_N
+        after, set_point = seeker.step(before, report.slip_ratio, adhesion, dt_s)
+        return SeekingLoop(slip, after, command.slip_ratio + 0.0 * held, set_point.slip_ratio), torque, report
+
+    return Controller(init, step)
+
+
+class CascadeLoop(NamedTuple):
+    """States of the cascade and of the drive; reference [rad/s], report and age [s] of the cascade's last step."""
+
+    outer: Any
+    drive: Any
+    reference_rad_s: Any
+    report: Report
+    age_s: Any
+
+
+def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> CascadeLoop:
+        state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
+        motor = DriveState(torque_Nm, torque_Nm)
+        return CascadeLoop(state, motor, state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
+
+    def step(state: CascadeLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        slip_command = SlipCommand(command.slip_ratio, command.direction)
+        due = state.age_s > CASCADE_S - 0.5 * dt_s
+        now = outer.step(state.outer, slip_command, m, CASCADE_S)
+        before = state.outer, state.reference_rad_s, state.report
+        after, reference, report = (choose(due, new, old) for new, old in zip(now, before, strict=True))
+        motor, torque = drive.step(state.drive, reference, m.wheel_speed_rad_s, dt_s)
+        age_s = where(due, 0.0, state.age_s) + dt_s
+        return CascadeLoop(after, motor, reference, report, age_s), torque, report
+
+    return Controller(init, step)
+
+
+class RampLoop(NamedTuple):
+    """State of the drive, and the rim's speed [m/s] that the ramp has reached."""
+
+    drive: Any
+    rim_m_s: Any
+
+
+def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2: float) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> RampLoop:
+        return RampLoop(DriveState(torque_Nm, torque_Nm), radius_m * m.wheel_speed_rad_s)
+
+    def step(state: RampLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        change = acceleration_m_s2 * dt_s
+        rim = clip(command.travel_m_s, state.rim_m_s - change, state.rim_m_s + change)
+        motor, torque = drive.step(state.drive, rim / radius_m, m.wheel_speed_rad_s, dt_s)
+        return RampLoop(motor, rim), torque, _report_without_slip(torque)
+
+    return Controller(init, step)
+
+
+def _open_loop(limits: Limits) -> Controller:
+    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+        return torque_Nm + 0.0 * m.wheel_speed_rad_s
+
+    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
+        torque = limits.apply(command.torque_Nm + 0.0 * state, state, dt_s)
+        return torque, torque, _report_without_slip(torque)
+
+    return Controller(init, step)
+
+
+def _report_without_slip(torque_Nm: Any) -> Report:
+    """Report of a controller without slip."""
+    nothing = math.nan + 0.0 * torque_Nm
+    return Report(nothing, nothing, nothing, nothing, torque_Nm, 0.0 * torque_Nm)

@@ -1,0 +1,125 @@
+"""Result of a simulated drive: the log that the robot would have written, and the truth."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Note
+from ohmward.traction.control import Report
+from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward_lab.simulate.closed_loop.scenario import Scenario
+from ohmward_lab.simulate.robot_truth import RobotTruth
+
+#: Decimals of a time [s] in a log: nanoseconds.
+_TIME_DIGITS = 9
+
+
+class Instant(NamedTuple):
+    """One instant of the truth; stacked over time every field has (K,) in front.
+
+    truth: of the robot.
+    report: of the controller.
+    current_A, voltage_V, soc, temperature_degC: of the battery, current > 0 charges.
+    energy_J: balance since the start.
+    """
+
+    truth: RobotTruth
+    report: Report
+    current_A: Any
+    voltage_V: Any
+    soc: Any
+    temperature_degC: Any
+    energy_J: EnergyBalance
+
+
+class RunRow(NamedTuple):
+    """One row of the log: sample, estimate and truth at the time at which the sample was taken.
+
+    estimate: None without an observer.
+    current_A, voltage_V: of the battery as measured, means since the row before.
+    soc: true state of charge.
+    """
+
+    time_s: Any
+    sample: SlipSample
+    estimate: SlipEstimate | None
+    truth: RobotTruth
+    current_A: Any
+    voltage_V: Any
+    soc: Any
+
+
+class ClosedLoopRun(NamedTuple):
+    """A whole drive.
+
+    history: the truth over time, (K, ...).
+    rows: the log, (T, ...).
+    warnings: deviations from the commands, in sentences.
+    seconds: computing time, compilation included.
+    """
+
+    scenario: Scenario
+    history: Instant
+    rows: RunRow
+    warnings: tuple[str, ...]
+    seconds: float
+
+
+def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
+    """The log as the columns (T,) of a file: measurements, then truths."""
+    rows, robot = run.rows, run.scenario.model
+    places = [p.name for p in robot.places]
+    sample = rows.sample
+    measured = {
+        "time_s": np.round(rows.time_s, _TIME_DIGITS),
+        **{f"{p}_wheel_speed_rad_s": sample.wheel_speed_rad_s[:, k] for k, p in enumerate(places)},
+        **{f"{p}_motor_current_A": sample.current_A[:, k] for k, p in enumerate(places[: robot.driven])},
+        "yaw_rate_rad_s": sample.yaw_rate_rad_s,
+        "acceleration_m_s2": sample.acceleration_m_s2,
+        "pitch_rad": sample.pitch_rad,
+        "speed_m_s": sample.speed_m_s,
+        "speed_std_m_s": sample.speed_std_m_s,
+        "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "current_A": rows.current_A,
+        "voltage_V": rows.voltage_V,
+    }
+    present = {name: values for name, values in measured.items() if np.isfinite(values).any()}
+    return present | truths(run)
+
+
+def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
+    """Columns (T,) of the truth."""
+    truth, robot = run.rows.truth, run.scenario.model
+    slips = {f"{p.name}_slip_true": truth.slip_ratio[:, k] for k, p in enumerate(robot.places) if p.driven}
+    sideways = {"lateral_speed_true_m_s": truth.lateral_speed_m_s} if robot.freedoms == 3 else {}
+    return {
+        "speed_true_m_s": truth.speed_m_s,
+        "yaw_rate_true_rad_s": truth.yaw_rate_rad_s,
+        **sideways,
+        **slips,
+        "soc_true": run.rows.soc,
+    }
+
+
+def drive_log(run: ClosedLoopRun) -> DriveLog:
+    """The log as `read_drive` would read it from a file."""
+    rows, sample = run.rows, run.rows.sample
+    body: dict[str, Any] = {
+        name: getattr(sample, name) if np.isfinite(getattr(sample, name)).any() else None
+        for name in ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s")
+    }
+    age = None if body["speed_m_s"] is None else columns(run)["speed_age_s"]
+    return DriveLog(
+        run.scenario.name or "simulated drive",
+        np.round(rows.time_s, _TIME_DIGITS),
+        sample.wheel_speed_rad_s,
+        sample.current_A,
+        **body,
+        speed_age_s=age,
+        extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
+        notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
+    )

@@ -1,0 +1,131 @@
+"""A drive to be simulated: robot, battery, ground, sensors, observer, controller and commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ohmward.checks import require_between, require_finite, require_one_of
+from ohmward.errors import InputError
+from ohmward.traction.robot.file import load_robot
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
+from ohmward_lab.simulate.closed_loop.control import Command, Control
+from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
+from ohmward_lab.simulate.closed_loop.observing import Observing
+from ohmward_lab.simulate.closed_loop.sensing import Sensing
+from ohmward_lab.simulate.closed_loop.supply import Pack
+
+PLANTS = ("own", "mujoco")
+SHORTEST_S, LONGEST_S = 0.01, 86400.0
+#: Robots by name. RLMA's electronics draw what a small computer does; [T] does not say.
+ROBOTS: Mapping[str, Robot] = {"rlma": replace(RLMA, idle_W=10.0), "robotino": ROBOTINO}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything that a run depends on: the same scenario gives the same run.
+
+    Attributes:
+        duration_s: at least 0.01 and one interval of the sensors, at most a day.
+        commands: over time, the first from 0 s on.
+        robot: "rlma", "robotino", or a robot file.
+        plant: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours.
+        battery: its kind and start.
+        ground: patches; the one without an edge lies under all others.
+        grade: of the ground along x.
+        sensors: of the robot.
+        observer: of its speed and slip.
+        controller: of its torque.
+        start_speed_m_s: speed along x at which the robot rolls at the start; an observer is told of it.
+        drag_N_s2_per_m2: drag over the square of the speed, >= 0.
+        seed: draws what is random in the sensors.
+        name: in words.
+
+    Raises:
+        InputError: a value out of its range, or parts that do not fit each other.
+    """
+
+    duration_s: float
+    commands: tuple[Command, ...]
+    robot: str = "rlma"
+    plant: str = "own"
+    battery: Pack = field(default_factory=Pack)
+    ground: tuple[Patch, ...] = ()
+    grade: Grade = field(default_factory=Grade)
+    sensors: Sensing = field(default_factory=Sensing)
+    observer: Observing = field(default_factory=Observing)
+    controller: Control = field(default_factory=Control)
+    start_speed_m_s: float = 0.0
+    drag_N_s2_per_m2: float = 0.0
+    seed: int = 1
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)
+        require_between("seed", self.seed, 0, 2**32)
+        require_one_of("plant", self.plant, PLANTS)
+        require_finite("start_speed_m_s", self.start_speed_m_s)
+        require_between("drag_N_s2_per_m2", self.drag_N_s2_per_m2, 0.0, math.inf)
+        if self.observer.method == "momentum" and self.start_speed_m_s:
+            raise InputError(
+                'observer.method = "momentum" knows its speed from a standstill; leave out start_speed_m_s'
+            )
+        self._check_commands()
+        self.sensors.encoder_wheels(self.model)
+        _ = self.surface
+        if self.sensors.interval_s < self.controller.interval_s:
+            raise InputError(
+                f"sensors.interval_s must be at least controller.interval_s = {self.controller.interval_s:g}, got "
+                f"{self.sensors.interval_s:g}; sensors sample in the steps of the controller"
+            )
+
+    @cached_property
+    def model(self) -> Robot:
+        """The robot itself.
+
+        Raises:
+            InputError: a name that is not known, or a file that cannot be read.
+        """
+        if self.robot in ROBOTS:
+            return ROBOTS[self.robot]
+        if not self.robot.endswith(".toml"):
+            raise InputError(f"robot must be one of {', '.join(ROBOTS)}, or a robot file (.toml); got {self.robot!r}")
+        return load_robot(self.robot)
+
+    @cached_property
+    def surface(self) -> GroundSurface:
+        """The ground under the robot's wheels."""
+        return surface(self.ground, [p.name for p in self.model.places])
+
+    def _check_commands(self) -> None:
+        times = [c.from_s for c in self.commands]
+        if not times or times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
+            raise InputError(f"commands must begin with from_s = 0 and follow each other in time, got from_s = {times}")
+        if times[-1] >= self.duration_s:
+            raise InputError(
+                f"commands.from_s must be below duration_s = {self.duration_s:g}, got {times[-1]:g}; drive for longer"
+            )
+        for command in self.commands:
+            self.controller.check(command)
+            _check_speed(command, self.model, self.battery)
+
+
+def _check_speed(command: Command, robot: Robot, pack: Pack) -> None:
+    """Refuse a speed at which the motors would need more than the battery's voltage."""
+    if command.speed_m_s is None:
+        return
+    most = pack.battery.voltage_min_V / robot.motor.wheel_constant_Nm_per_A * robot.wheel.radius_m
+    motion = np.zeros(robot.freedoms)
+    motion[0], motion[-1] = command.speed_m_s, command.yaw_rate_rad_s or 0.0
+    fastest = float(np.max(np.abs(robot.rolling[: robot.driven] @ motion)))
+    if fastest > most:
+        raise InputError(
+            f"commands.speed_m_s must keep the wheels below {most:.3g} m/s, where the motors need all of the "
+            f"{pack.battery.voltage_min_V:.3g} V of an empty battery; {command.speed_m_s:g} with yaw_rate_rad_s = "
+            f"{command.yaw_rate_rad_s or 0.0:g} takes {fastest:.3g} m/s; ask for less"
+        )

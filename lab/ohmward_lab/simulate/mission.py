@@ -1,0 +1,128 @@
+"""Load of a battery through a day of a field or warehouse robot: driving, a tool, idling, charging at noon.
+
+Power on the shaft: P = (m a + m g (c_rr cos(grade) + sin(grade))) v; the battery gives P / eta, takes back eta_r P when
+braking, and feeds the electronics always. The current is that power over the nominal voltage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
+from ohmward_lab.simulate.profile import Profile, join
+
+_GRAVITY_M_S2 = 9.81
+_HOUR_S = 3600.0
+_GRID_S = 1.0
+
+
+@dataclass(frozen=True)
+class MissionRobot:
+    """A 50 kg robot with 12 V drives, of the kind that carries crates or hoes between rows.
+
+    Attributes:
+        mass_kg, payload_kg: without and with load, which changes from trip to trip.
+        rolling: coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil.
+        speed_m_s: (slowest, fastest) speed of a leg.
+        acceleration_m_s2: when starting and braking.
+        grade_std: standard deviation of the slope of a leg.
+        efficiency, regeneration: battery to wheel; share of the braking power that comes back.
+        idle_W: computer, lidar, radio.
+        tool_W: mower or lift while it works, in a third of the legs.
+        nominal_V: what turns power into current.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    mass_kg: float = 50.0
+    payload_kg: float = 20.0
+    rolling: float = 0.045
+    speed_m_s: tuple[float, float] = (0.3, 0.9)
+    acceleration_m_s2: float = 0.5
+    grade_std: float = 0.02
+    efficiency: float = 0.65
+    regeneration: float = 0.4
+    idle_W: float = 9.0
+    tool_W: float = 25.0
+    nominal_V: float = 12.5
+
+    def __post_init__(self) -> None:
+        require_each_positive("robot.", self, "mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V")
+        require_each_not_negative("robot.", self, "payload_kg", "rolling", "grade_std", "idle_W", "tool_W")
+        for name in ("efficiency", "regeneration"):
+            require_between(f"robot.{name}", getattr(self, name), 0.0, 1.0)
+
+
+def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionRobot | None = None) -> Profile:
+    """Nine and a half hours from 07:30: work, a break, work, charging at noon, work, docked without a load.
+
+    The work takes about 16 Ah, more than a battery of 12 Ah holds: without the charge the day would not end well.
+    charge_current_A: of the charger [A] before its constant-voltage phase.
+    """
+    robot = robot or MissionRobot()
+    work = [drive(rng, robot, hours * _HOUR_S) for hours in (1.6, 1.6, 3.2)]
+    idle_A = -robot.idle_W / robot.nominal_V
+    day = join(
+        [
+            _constant(600.0, 0.0),
+            work[0],
+            _constant(0.4 * _HOUR_S, idle_A),
+            work[1],
+            _constant(1.75 * _HOUR_S, charge_current_A),
+            work[2],
+            _constant(0.7 * _HOUR_S, 0.0),
+        ]
+    )
+    return day._replace(ambient_degC=ambient_degC(day.time_s, start_hour=7.5))
+
+
+def ambient_degC(time_s: np.ndarray, start_hour: float) -> np.ndarray:
+    """Outdoor temperature [degC] over a day in spring: 12 at four in the morning, 24 at four in the afternoon."""
+    hour = start_hour + time_s / _HOUR_S
+    return 18.0 - 6.0 * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
+
+
+def drive(rng: np.random.Generator, robot: MissionRobot, duration_s: float) -> Profile:
+    """Legs of 5 to 40 m with stops between them, on ground of changing slope and roughness."""
+    time_s = np.arange(0.0, duration_s, _GRID_S)
+    speed, grade, mass, tool = np.zeros((4, time_s.size))
+    start = 0
+    payload_kg = 0.0
+    while start < time_s.size:
+        leg = leg_speed(rng, robot)
+        rows = slice(start, start + leg.size)
+        if rng.random() < 0.1:
+            payload_kg = robot.payload_kg * rng.integers(0, 2)
+        speed[rows] = leg[: speed[rows].size]
+        grade[rows] = rng.normal(0.0, robot.grade_std)
+        mass[rows] = robot.mass_kg + payload_kg
+        tool[rows] = robot.tool_W * (rng.random() < 1 / 3)
+        start += leg.size
+    rough = 1.0 + 0.25 * rng.standard_normal(time_s.size)
+    power = shaft_power_W(speed, mass, grade, robot.rolling * rough)
+    battery = np.where(power > 0.0, power / robot.efficiency, power * robot.regeneration) + tool * (speed > 0.0)
+    return Profile(time_s, -(battery + robot.idle_W) / robot.nominal_V, np.zeros(time_s.size))
+
+
+def leg_speed(rng: np.random.Generator, robot: MissionRobot) -> np.ndarray:
+    """Speed [m/s] each second of one leg: a ramp up, a cruise, a ramp down, a stop of 2 to 30 s."""
+    cruise = rng.uniform(*robot.speed_m_s)
+    ramp_s = cruise / robot.acceleration_m_s2
+    moving_s = rng.uniform(5.0, 40.0) / cruise + ramp_s
+    t = np.arange(0.0, moving_s + rng.uniform(2.0, 30.0), _GRID_S)
+    return cruise * np.clip(np.minimum(t, moving_s - t) / ramp_s, 0.0, 1.0)
+
+
+def shaft_power_W(speed_m_s: np.ndarray, mass_kg: np.ndarray, grade: np.ndarray, rolling: np.ndarray) -> np.ndarray:
+    """Power [W] at the wheels, < 0 when they brake; grade is the slope's tangent, all (T,)."""
+    angle = np.arctan(grade)
+    acceleration = np.gradient(speed_m_s, _GRID_S)
+    resistance = _GRAVITY_M_S2 * (rolling * np.cos(angle) + np.sin(angle))
+    return mass_kg * (acceleration + resistance) * speed_m_s
+
+
+def _constant(duration_s: float, current_A: float) -> Profile:
+    return Profile(np.array([0.0, duration_s]), np.full(2, current_A), np.zeros(2))

@@ -1,0 +1,159 @@
+"""The sensors of a robot's wheels and body: one board that samples all at once, and a link that is late and lossy.
+
+`sample_board` is called with the truth at any rate and returns the frames that have arrived by then. Two rates are two
+boards.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.checks import require_between, require_each_not_negative, require_each_positive
+from ohmward.errors import InputError
+from ohmward.traction.robot.robot import RLMA
+from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.sensors import Sensor
+
+_SAME_TIME_S = 1e-9
+
+MOTOR_CURRENT = Sensor(low=-60.0, high=60.0, resolution=0.03, noise_std=0.1)
+GYRO = Sensor(low=-8.7, high=8.7, resolution=2.7e-4, noise_std=2e-3, offset=2e-3)
+ACCELEROMETER = Sensor(low=-39.2, high=39.2, resolution=1.2e-3, noise_std=0.02, offset=0.05)
+#: Of an attitude filter: 0.1 degree of noise and 0.15 of offset.
+PITCH = Sensor(low=-1.6, high=1.6, resolution=1e-4, noise_std=0.0017, offset=0.0026)
+
+
+@dataclass(frozen=True)
+class RobotSensors:
+    """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link.
+
+    Attributes:
+        interval_s: between samples.
+        delay_s, jitter_s: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken.
+        drop_share: share of the frames that never arrive.
+        encoder_wheels: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1).
+        counts_per_turn: of each encoder.
+        motor_wheels: wheels with a motor whose current is measured.
+        torque_constant_N_m_per_A: torque at the wheel over motor current (K_m times gear ratio and efficiency).
+        motor_current, gyro, accelerometer: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis.
+        pitch: error of an attitude filter [rad]; None where there is none.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    interval_s: float = 0.01
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    drop_share: float = 0.0
+    encoder_wheels: tuple[int, ...] = (0, 1, 2, 3)
+    counts_per_turn: int = 4096
+    motor_wheels: tuple[int, ...] = (0, 1)
+    torque_constant_N_m_per_A: float = RLMA.motor.torque_constant_Nm_per_A
+    motor_current: Sensor = MOTOR_CURRENT
+    gyro: Sensor = GYRO
+    accelerometer: Sensor = ACCELEROMETER
+    pitch: Sensor | None = None
+
+    def __post_init__(self) -> None:
+        require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
+        require_each_not_negative("robot_sensors.", self, "delay_s", "jitter_s")
+        require_between("robot_sensors.drop_share", self.drop_share, 0.0, 1.0)
+        for name in ("encoder_wheels", "motor_wheels"):
+            if min(getattr(self, name), default=0) < 0:
+                raise InputError(f"robot_sensors.{name} must number wheels from 0 on, got {getattr(self, name)}")
+
+
+class SensorFrame(NamedTuple):
+    """Measurements of the board at one instant.
+
+    time_s, arrival_s: times [s] at which it was taken, and at which it arrives.
+    encoder_count: one for each of `encoder_wheels`, counted from the reset, whole numbers.
+    motor_current_A: one for each of `motor_wheels`, > 0 drives forward.
+    gyro_rad_s, specific_force_m_s2: (3,) forward, left, up.
+    pitch_rad: > 0 with the nose up; nan without an attitude filter.
+    """
+
+    time_s: float
+    arrival_s: float
+    encoder_count: np.ndarray
+    motor_current_A: np.ndarray
+    gyro_rad_s: np.ndarray
+    specific_force_m_s2: np.ndarray
+    pitch_rad: float = math.nan
+
+
+class Board(NamedTuple):
+    """Time [s] at which the next frame is due, and the frames that are still under way."""
+
+    next_s: float = 0.0
+    under_way: tuple[SensorFrame, ...] = ()
+
+
+def sample_board(
+    board: Board, truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator
+) -> tuple[Board, tuple[SensorFrame, ...]]:
+    """Take a frame of `truth` if one is due; the board after it and the frames that have arrived by now.
+
+    Call it at least every `interval_s`; where calls come later than frames are due, the frames come late too.
+    """
+    now = truth.time_s + _SAME_TIME_S
+    under_way = board.under_way
+    if now >= board.next_s:
+        frame = measure(truth, sensors, rng)
+        dropped = rng.random() < sensors.drop_share
+        under_way = under_way if dropped else (*under_way, frame)
+        board = board._replace(next_s=max(board.next_s + sensors.interval_s, now))
+    arrived = sorted((frame for frame in under_way if frame.arrival_s <= now), key=lambda frame: frame.arrival_s)
+    waiting = tuple(frame for frame in under_way if frame.arrival_s > now)
+    return board._replace(under_way=waiting), tuple(arrived)
+
+
+def record(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> list[SensorFrame]:
+    """Frames of a whole drive that arrive before its end, in the order of arrival; truth: stacked over time."""
+    board = Board(float(truth.time_s[0]))
+    frames: list[SensorFrame] = []
+    for instant in zip(*truth, strict=True):
+        board, arrived = sample_board(board, RobotTruth(*instant), sensors, rng)
+        frames.extend(arrived)
+    return frames
+
+
+def measure(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) -> SensorFrame:
+    """Frame of the board at this instant."""
+
+    def measured(sensor: Sensor, true: np.ndarray) -> np.ndarray:
+        return sensor.measure(true, np.full(true.size, truth.time_s), rng)
+
+    current_A = truth.torque_N_m[list(sensors.motor_wheels)] / sensors.torque_constant_N_m_per_A
+    turns = truth.wheel_angle_rad[list(sensors.encoder_wheels)] / (2 * np.pi)
+    return SensorFrame(
+        time_s=float(truth.time_s),
+        arrival_s=float(truth.time_s + sensors.delay_s + sensors.jitter_s * rng.random()),
+        encoder_count=np.floor(turns * sensors.counts_per_turn).astype(int),
+        motor_current_A=measured(sensors.motor_current, current_A),
+        gyro_rad_s=measured(sensors.gyro, truth.gyro_rad_s),
+        specific_force_m_s2=measured(sensors.accelerometer, truth.specific_force_m_s2),
+        pitch_rad=float(measured(sensors.pitch, pitch(truth))[0]) if sensors.pitch else math.nan,
+    )
+
+
+def pitch(truth: RobotTruth) -> np.ndarray:
+    """(1,) slope of the ground along the robot [rad], > 0 with the nose up."""
+    return np.array([math.asin(math.sin(truth.grade_rad) * math.cos(truth.heading_rad))])
+
+
+def wheel_speed(before: SensorFrame, after: SensorFrame, sensors: RobotSensors) -> np.ndarray:
+    """Mean speed of the encoder wheels between two frames [rad/s], to within a count.
+
+    Raises:
+        InputError: `after` was not taken after `before`.
+    """
+    if not after.time_s > before.time_s:
+        raise InputError(f"after must be taken later than before, got {after.time_s:g} s and {before.time_s:g} s")
+    counts = after.encoder_count - before.encoder_count
+    return 2 * np.pi / sensors.counts_per_turn * counts / (after.time_s - before.time_s)

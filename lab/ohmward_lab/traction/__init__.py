@@ -1,0 +1,1 @@
+"""Observers, laws and controllers of a robot that only studies use."""
