@@ -6,9 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from ohmward.battery.file import load_battery
+from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.part import LOG, is_live
 from ohmward.onboard.plausible import no_such_part
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
@@ -16,9 +19,13 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.store import StoreSink
+from ohmward.onboard.sources.replay import replays_in_step
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import Robot
+
+#: Folder of the state of a robot whose setup names none.
+STATE = "ohmward-state"
 
 
 def assemble(setup: Setup) -> Process:
@@ -28,17 +35,32 @@ def assemble(setup: Setup) -> Process:
         InputError: a file that cannot be read; a control of a simulated robot that there is not.
         OhmwardError: the folder of its state cannot be used.
     """
-    folder = StateFolder(Path(setup.state), Path(setup.consumption) if setup.consumption else None, setup.learn)
+    folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
-    folder.begin(estimation)
-    sources, sinks = connect_simulated_drives(setup.source, sinks_of(setup))
-    process = Process(estimation, sources, sinks, folder.clock, setup.strict)
-    process.companions.append(("snapshots", folder.writer(estimation, process.now_s)))
+    sources, sinks = connect_simulated_drives(replays_in_step(setup.source), sinks_of(setup))
+    process = Process(estimation, sources, sinks, strict=setup.strict)
+    if folder:
+        folder.begin(estimation)
+        process.companions.append(("snapshots", folder.writer(estimation, process.now_s)))
     for signal, fault in wiring_faults(setup, estimation.robot):
         if setup.strict:
             raise InputError(f"{signal}: {fault}")
         process.tell(Diagnostic(f"wiring of {signal}", Level.ERROR, fault))
     return process
+
+
+def state_folder(setup: Setup) -> StateFolder | None:
+    """Folder of the state; None for replays and simulations, which begin anew each time unless the setup names one.
+
+    Raises:
+        OhmwardError: it cannot be used.
+    """
+    live = not setup.source or any(map(is_live, setup.source))
+    if setup.state is None and not live:
+        LOG.info("state: nothing is live, so that nothing is kept; to keep it, name a folder: state = ...")
+        return None
+    consumption = Path(setup.consumption) if setup.consumption else None
+    return StateFolder(Path(setup.state or STATE), consumption, setup.learn, live=live)
 
 
 def sinks_of(setup: Setup) -> list[AnySink]:
@@ -64,15 +86,20 @@ def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]
                 yield signal, absent
 
 
-def estimation_of(setup: Setup, folder: StateFolder) -> Estimation:
+def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
     """The estimators of a setup, without the state of before.
+
+    folder: of what was learnt on earlier days; None begins with the files alone.
 
     Raises:
         InputError: a file that cannot be read.
     """
-    table, days = folder.consumption()
+    table, days = folder.consumption() if folder else (None, 0.0)
+    if folder is None and setup.consumption and Path(setup.consumption).exists():
+        table = load_consumption(setup.consumption)
+    battery_of = folder.battery if folder else load_battery
     return Estimation(
-        folder.battery(setup.battery) if setup.battery else None,
+        battery_of(setup.battery) if setup.battery else None,
         load_robot(setup.robot) if setup.robot else None,
         table,
         setup.delay_s,

@@ -26,7 +26,8 @@ class Setup:
         battery: path of the battery file; without it no charge and no range.
         robot: path of the robot file or the name of a packaged robot; without it no speed, slip and pose.
         consumption: path of the consumption table, which learns; by default in the state's folder.
-        state: folder of what survives a loss of power: snapshots, tables and the store.
+        state: folder of what survives a loss of power: snapshots and tables; `ohmward-state` unless given. Where all
+            sources are replays and simulations, nothing is kept unless it is given.
         learn: let the battery file learn from day to day, in that folder.
         strict: refuse to start while a source or sink cannot; by default the process starts with what it has.
         delay_s: messages wait so long for others with an earlier time, >= 0.
@@ -38,7 +39,7 @@ class Setup:
     battery: str | None = None
     robot: str | None = None
     consumption: str | None = None
-    state: str = "ohmward-state"
+    state: str | None = None
     learn: bool = False
     strict: bool = False
     delay_s: float = 0.0

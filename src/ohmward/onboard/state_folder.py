@@ -46,15 +46,21 @@ class StateFolder:
         consumption: path of the consumption table; by default in the folder.
         learn: keep a battery file that learns.
         clock: of this machine.
+        live: the state is that of a robot, not of a replay or a simulation.
 
     Raises:
-        OhmwardError: it cannot be made, or another process uses it.
+        OhmwardError: it cannot be made, another process uses it, or a replay would overwrite the state of a robot.
     """
 
     def __init__(
-        self, path: Path, consumption: Path | None = None, learn: bool = False, clock: SystemClock | None = None
+        self,
+        path: Path,
+        consumption: Path | None = None,
+        learn: bool = False,
+        clock: SystemClock | None = None,
+        live: bool = True,
     ):
-        self.path, self.learn, self.clock = path, learn, clock or SystemClock()
+        self.path, self.learn, self.clock, self.live = path, learn, clock or SystemClock(), live
         self.consumption_path = consumption or path / CONSUMPTION
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -66,6 +72,8 @@ class StateFolder:
         _lock(self._lock.fileno(), path)
         found = read_snapshot(path)
         self.before, self.notes = found.content or {}, [found.note] if found.note else []
+        if self.before and self.before.get("live", True) != live:
+            self._begin_anew()
         self.away_s = self._away_s()
 
     def battery(self, given: str) -> Battery:
@@ -141,8 +149,19 @@ class StateFolder:
         """Give the folder back."""
         self._lock.close()
 
+    def _begin_anew(self) -> None:
+        """Forget a replay on a robot; never a robot in a replay."""
+        if not self.live:
+            raise OhmwardError(
+                f"state = {str(self.path)!r} is that of a robot, which a replay or a simulation would overwrite; "
+                "leave state out, or name another folder"
+            )
+        self.before = {}
+        self.notes.append(f"{self.path} is the state of a replay or a simulation: the robot begins anew")
+
     def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
         clocks = {"boot": boot_id(), "monotonic_s": self.clock.now_s(), "unix_s": self.clock.unix_s()}
+        clocks["live"] = self.live
         found = remember(estimation, now_s)
         return found | clocks if found else {}
 

@@ -1,13 +1,13 @@
-"""Replay of a recorded log, in real time or faster."""
+"""Replay of recorded logs, in real time or faster; those of one process keep step."""
 
 from __future__ import annotations
 
 import asyncio
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import cast, get_args
+from typing import ClassVar, cast, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign
 from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import EndedError
+from ohmward.onboard.part import EndedError, Source
 from ohmward.traction.robot.file import load_robot
 
 #: Columns of a log and the signals that they are.
@@ -41,6 +41,7 @@ class ReplaySource:
         name: in diagnostics.
     """
 
+    live: ClassVar[bool] = False
     path: str
     robot: str | None = None
     current_sign: str = "auto"
@@ -54,13 +55,22 @@ class ReplaySource:
 
     async def run(self, put: Put) -> None:
         """Put every sample at its time; it is received on the log's clock, so that a faster replay gives the same."""
-        log = await asyncio.to_thread(self._read)
-        samples = _of_drive(log) if isinstance(log, DriveLog) else _of_battery(log)
-        began_s, first_s = time.monotonic(), float(log.time_s[0])
-        for stamp_s, values in samples:
-            wait_s = (stamp_s - first_s) / self.rate - (time.monotonic() - began_s)
-            await asyncio.sleep(max(wait_s, 0.0))
-            put(Message(stamp_s, began_s + stamp_s - first_s, self.name, values))
+        await self.replay(put, ReplayClock([self.name]))
+
+    async def replay(self, put: Put, clock: ReplayClock) -> None:
+        """The same, in step with the others on the clock."""
+        try:
+            log = await asyncio.to_thread(self._read)
+            samples = _of_drive(log) if isinstance(log, DriveLog) else _of_battery(log)
+            first_s = float(log.time_s[0])
+            first_s -= await clock.begin(self.name, log)
+            for stamp_s, values in samples:
+                wait_s = (stamp_s - first_s) / self.rate - (time.monotonic() - clock.began_s)
+                await asyncio.sleep(max(wait_s, 0.0))
+                await clock.turn(self.name, stamp_s - first_s)
+                put(Message(stamp_s, clock.began_s + stamp_s - first_s, self.name, values))
+        finally:
+            clock.leave(self.name)
         raise EndedError(f"{self.path} was replayed to its end")
 
     def _read(self) -> Log | DriveLog:
@@ -69,6 +79,79 @@ class ReplaySource:
             if self.robot
             else read_log(self.path, current_sign=cast(CurrentSign, self.current_sign))
         )
+
+
+class ReplayClock:
+    """Time that the replays of a process have in common.
+
+    They begin when all have read their logs. Logs of the same time, by their dates, stay beside each other; others
+    begin at once.
+
+    Args:
+        names: of the replays.
+
+    Attributes:
+        began_s: monotonic time of the beginning, nan before.
+    """
+
+    def __init__(self, names: Iterable[str]):
+        self.began_s = math.nan
+        self._spans: dict[str, tuple[float, float] | None] = {}
+        self._next_s = dict.fromkeys(names, -math.inf)
+        self._all_read = asyncio.Event()
+
+    async def begin(self, name: str, log: Log | DriveLog) -> float:
+        """Wait for the others to read; time from the beginning to the first sample of the log [s]."""
+        start_s = log.start_unix_s
+        self._spans[name] = (
+            None if start_s is None else (start_s + float(log.time_s[0]), start_s + float(log.time_s[-1]))
+        )
+        self._begin()
+        await self._all_read.wait()
+        spans = [span for span in self._spans.values() if span is not None]
+        own, first_s = self._spans[name], min((first for first, _ in spans), default=0.0)
+        overlap = len(spans) == len(self._spans) and max(f for f, _ in spans) <= min(last for _, last in spans)
+        return own[0] - first_s if own and overlap else 0.0
+
+    async def turn(self, name: str, time_s: float) -> None:
+        """Wait until no other replay has an earlier sample."""
+        self._next_s[name] = time_s
+        while min(self._next_s.values()) < time_s:
+            await asyncio.sleep(0.0)
+
+    def leave(self, name: str) -> None:
+        """Wait for a replay no longer: it has ended, or its log cannot be read."""
+        self._next_s.pop(name, None)
+        self._begin()
+
+    def _begin(self) -> None:
+        if self._next_s.keys() <= self._spans.keys() and not self._all_read.is_set():
+            self.began_s = time.monotonic()
+            self._all_read.set()
+
+
+@dataclass(frozen=True)
+class ReplayInStep:
+    """A replay on the clock of all replays of a process."""
+
+    live: ClassVar[bool] = False
+    source: ReplaySource
+    clock: ReplayClock
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        return self.source.name
+
+    async def run(self, put: Put) -> None:
+        """Put the samples of the log."""
+        await self.source.replay(put, self.clock)
+
+
+def replays_in_step(sources: Sequence[Source]) -> list[Source]:
+    """The sources of a process, with one clock for all its replays."""
+    clock = ReplayClock([source.name for source in sources if isinstance(source, ReplaySource)])
+    return [ReplayInStep(source, clock) if isinstance(source, ReplaySource) else source for source in sources]
 
 
 def _of_battery(log: Log) -> Iterator[tuple[float, dict[str, float]]]:
@@ -86,5 +169,7 @@ def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:
 
 
 def _rows(time_s: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[tuple[float, dict[str, float]]]:
+    """Time and values of every row that has any; what was not measured is left out, as by a sensor."""
     for stamp_s, *row in zip(time_s.tolist(), *(column.tolist() for column in columns.values()), strict=True):
-        yield stamp_s, dict(zip(columns, row, strict=True))
+        if values := {signal: v for signal, v in zip(columns, row, strict=True) if v == v}:
+            yield stamp_s, values
